@@ -301,7 +301,7 @@ def margins_of(experiment: Experiment) -> Margins:
         for label, loop in experiment.loops.items():
             laws.append(_of_law(label, loop, along))
             reporter().advance(1)
-    period = next(iter(experiment.loops.values())).period
+    period = experiment.loop.period
     return Margins(experiment, laws, period or None)
 
 

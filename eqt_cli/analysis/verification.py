@@ -173,7 +173,7 @@ class _Verifier:
     @property
     def _of_estimate(self) -> tuple[str, ...]:
         """The signals of a filter with a covariance, where the laws read its estimate."""
-        vehicle = next(iter(self.experiment.loops.values())).vehicle
+        vehicle = self.experiment.loop.vehicle
         return OF_ESTIMATE if vehicle.knows_covariance else ()
 
     @property
@@ -302,7 +302,7 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certif
         for label, loop in experiment.loops.items()
         if (law := loop.inside.controller.formula) is not None
     }
-    any_loop = next(iter(experiment.loops.values()))
+    any_loop = experiment.loop
     if any_loop.inside is not any_loop:
         G = any_loop.group
         any_loop = replace(any_loop, gains=Gains(np.eye(G.size), np.eye(G.dimension)))

@@ -208,11 +208,6 @@ def _unset(component: type) -> Iterator[str]:
                 yield name
 
 
-def registry_of(plural: str) -> Registry[Any]:
-    """Return the registry of a kind, whose module has been imported."""
-    return next(registry for registry in _registries if registry.plural == plural)
-
-
 @lru_cache(maxsize=1)
 def extensions() -> dict[str, Any]:
     """Return the extensions by name; each names its components and commands, without their code."""
@@ -409,4 +404,4 @@ KINDS = {
 def registry(kind: str) -> Registry[Any]:
     """Return the registry of a kind, by its plural."""
     importlib.import_module(f"eqt_cli.{KINDS[kind]}")
-    return registry_of(kind)
+    return next(each for each in _registries if each.plural == kind)

@@ -19,7 +19,7 @@ from eqt_cli.base.registry import extensions
 from eqt_cli.base.version import __version__
 from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, Command, Group, example, spread
 
-_UsageError: type[Exception] = typer.BadParameter.__mro__[1]
+_UsageError: Any = typer.BadParameter.__base__
 """Usage error of the parser; typer's own or click's, depending on the version of typer."""
 
 _REWRITTEN = (

@@ -238,7 +238,8 @@ def _laid_out(
     if any(column.is_text for column in others):
         return None, []
     for count in range(2, len(others) + 1):
-        groups = _shared_out(others, count)
+        size = -(-len(others) // count)
+        groups = [others[start : start + size] for start in range(0, len(others), size)]
         grids = [grid for group in groups if (grid := _fitted([*keys, *group], room)) is not None]
         if len(grids) == len(groups):
             return grids, []
@@ -266,12 +267,6 @@ def _grown(widths: list[int], wanted: list[int], room: int) -> list[int]:
         grown[index] += more
         spare -= more
     return grown
-
-
-def _shared_out(columns: list[_Column], count: int) -> list[list[_Column]]:
-    """Split columns into `count` groups of similar size."""
-    size = -(-len(columns) // count)
-    return [columns[start : start + size] for start in range(0, len(columns), size)]
 
 
 def _body(

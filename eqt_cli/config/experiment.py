@@ -204,6 +204,11 @@ class Experiment:
         return replace(self, config=self.config.model_copy(update={"ensemble": ensemble}))
 
     @property
+    def loop(self) -> ClosedLoop:
+        """The loop of the first law; all have the same group, reference and vehicle."""
+        return next(iter(self.loops.values()))
+
+    @property
     def engine(self) -> Engine:
         """The engine that integrates the runs."""
         return self.solver.engine
@@ -230,8 +235,7 @@ class Experiment:
     @cached_property
     def remarks(self) -> list[EqtWarning]:
         """Remarks for the user that are not errors."""
-        inertia = next(iter(self.loops.values())).inertia
-        broken = not_rigid(self.group, inertia, self.config.time.duration)
+        broken = not_rigid(self.group, self.loop.inertia, self.config.time.duration)
         if not broken or self.config.rigid is False:
             return []
         return [

@@ -253,7 +253,7 @@ MEASUREMENTS = 3, 7
 
 def try_vehicle(experiment: Experiment, problems: Problems) -> None:
     """Note what parts of the user's lack, raise, or return in a shape that does not fit."""
-    loop = next(iter(experiment.loops.values()))
+    loop = experiment.loop
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     for each in vehicle_parts(loop):
         if not each.is_foreign:
@@ -414,7 +414,7 @@ class _Light(SolveIvp):
 
 def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -> Horizon:
     """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
-    system = ReferenceSystem.of(next(iter(experiment.loops.values())))
+    system = ReferenceSystem.of(experiment.loop)
     stop = float(experiment.times[-1])
     instants = np.array([t for t in system.instants(stop) if 0 < t < stop])
     times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants, *also])
@@ -554,7 +554,7 @@ def _component_remarks(experiment: Experiment) -> Placed:
 
 def _noise_remarks(experiment: Experiment) -> Placed:
     """Remark on a noise of measured rotations that says nothing about them."""
-    vehicle, G = next(iter(experiment.loops.values())).vehicle, experiment.group
+    vehicle, G = experiment.loop.vehicle, experiment.group
     for path, sensor in vehicle.sensors().items():
         if vehicle.control is None or not path.startswith("sensors.pose"):
             continue
@@ -573,7 +573,7 @@ def _noise_remarks(experiment: Experiment) -> Placed:
 def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Remark on the effects of rounding, stiffness and instability, at the section to change."""
     along, texts = (along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))])
-    loop = next(iter(experiment.loops.values()))
+    loop = experiment.loop
     texts.append(("inertia", in_other_order(loop.group, loop.inertia)))
     try:
         with blamed(), threadpool_limits(1):  # threads slow down small matrices
@@ -613,7 +613,7 @@ def ill_conditioned(experiment: Experiment) -> str:
     units that make its diagonal 1 (Higham 2002, Theorem 7.2 and Section 7.3). So units do not
     matter, but nearly dependent axes do. If ε κ exceeds `rtol`, no step can be that accurate.
     """
-    loop, rtol = next(iter(experiment.loops.values())), experiment.engine.rtol
+    loop, rtol = experiment.loop, experiment.engine.rtol
     times, matrices = over_horizon(loop.inertia, experiment.config.time.duration)
     roots = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
     numbers = np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
@@ -792,7 +792,7 @@ def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None
     In space, the momentum of body and wheels is that of the start and the integral of all forces.
     Numbers that are drawn for each run have their mean values.
     """
-    loop = next(iter(experiment.loops.values()))
+    loop = experiment.loop
     if loop.vehicle.wheels is None or not shown.finite.all():
         return None
     G, wheels, t, Q, V = loop.group, loop.vehicle.wheels[1], shown.times, shown.pose, shown.velocity
@@ -817,7 +817,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
 
     Numbers that are drawn for each run have their mean values.
     """
-    loop = next(iter(experiment.loops.values()))
+    loop = experiment.loop
     if not loop.vehicle.limits:
         return []
     shown = shown or reference_over_horizon(experiment)

@@ -139,11 +139,17 @@ class Study:
         The experiment at the first point: its group, laws, gains and distributions.
     common
         The configuration that points change; None if that of `base` serves.
+    planned
+        The plans of all pieces, where another process or the whole study has made them.
+    whole
+        The study of which this is a piece.
     """
 
     sweep: Sweep | None
     base: Experiment
     common: ConfigSource | None = None
+    planned: Plans | None = None
+    whole: Study | None = None
 
     @property
     def source(self) -> ConfigSource:
@@ -195,9 +201,10 @@ class Study:
 
     @cached_property
     def vehicles(self) -> list[Vehicle]:
-        """Vehicles at the first point of each shape."""
-        experiments = (self.experiment(points[0]) for points in self.shapes)
-        return [next(iter(experiment.loops.values())).vehicle for experiment in experiments]
+        """Vehicles at the first point of each shape; all pieces have the same metrics."""
+        if self.whole is not None:
+            return self.whole.vehicles
+        return [self.experiment(points[0]).loop.vehicle for points in self.shapes]
 
     # Storage.
 
@@ -219,6 +226,8 @@ class Study:
     @cached_property
     def plan(self) -> Plan:
         """Plan of the parts, if all points have the same shape."""
+        if self.planned is not None and not self.is_ragged:
+            return self.planned.plans[0]
         base, runs = self.base, self.base.config.ensemble.runs
         state_length = max(loop.state_length for loop in base.loops.values())
         limit = PART_BYTES // (8 * base.config.time.samples * state_length)
@@ -248,13 +257,18 @@ class Study:
         """Whether shapes of arrays can depend on a key."""
         if self.sweep is None or VEHICLE not in marks_of(key):
             return SHAPES in marks_of(key)
-        vehicle, values = next(iter(self.base.loops.values())).vehicle, self.sweep.values_of(key)
+        vehicle, values = self.base.loop.vehicle, self.sweep.values_of(key)
         return key not in self.sweep.always or decides_parts(key, values, vehicle)
 
     @property
     def is_ragged(self) -> bool:
         """Whether the points differ in shape."""
         return len(self.shapes) > 1
+
+    @property
+    def pieces(self) -> list[Study]:
+        """The points of each shape as a study."""
+        return [self.piece(index) for index in range(len(self.shapes))]
 
     def piece(self, index: int) -> Study:
         """Return the points of one shape as a study; the study itself if all are equal."""
@@ -269,16 +283,14 @@ class Study:
         store = {"store": self.resolved["store"]}  # all pieces store the same
         source = replace(self.source, data=self.source.data | store)
         sweep = self.sweep.only(self.shapes[index])
-        piece = Study(sweep, build(at_point(source, sweep, 0), trust_plugins=True), source)
-        piece.__dict__["vehicles"] = self.vehicles  # all pieces have the same metrics
-        if "plans" in self.__dict__:
-            piece.__dict__["plan"] = self.plans.plans[index]
-        return piece
+        base = build(at_point(source, sweep, 0), trust_plugins=True)
+        plans = self.planned and Plans(self.planned.plans[index : index + 1])
+        return Study(sweep, base, source, plans, self)
 
     @cached_property
     def plans(self) -> Plans:
         """Plans of all pieces."""
-        return Plans(tuple(self.piece(index).plan for index in range(len(self.shapes))))
+        return self.planned or Plans(tuple(piece.plan for piece in self.pieces))
 
     # Identity.
 
@@ -332,17 +344,16 @@ class Study:
 
     # Pickling for other processes.
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {"source": self.source, "sweep": self.sweep, "plans": self.plans}
+    def __reduce__(self) -> tuple[Callable[..., Study], tuple[Any, ...]]:
+        return _built_again, (self.source, self.sweep, self.plans)
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        source, plans = state.pop("source"), state["plans"]
-        for path in source.data.get("plugins", []):
-            load_plugin(Path(path), source.stored_plugins[path])
-        first = at_point(source, state["sweep"], 0)
-        self.__dict__.update(state, base=build(first, trust_plugins=True), common=source)
-        if not self.is_ragged:
-            self.__dict__["plan"] = plans.plans[0]
+
+def _built_again(source: ConfigSource, sweep: Sweep | None, plans: Plans) -> Study:
+    """Return a study in another process, whose parts are planned."""
+    for path in source.data.get("plugins", []):
+        load_plugin(Path(path), (source.stored_plugins or {})[path])
+    base = build(at_point(source, sweep, 0), trust_plugins=True)
+    return Study(sweep, base, source, plans)
 
 
 # Finds registered laws among the points of a sweep over the options of laws -----------------------
@@ -394,7 +405,7 @@ class _Torques:
 
     def __init__(self, study: Study) -> None:
         base, random = study.base, np.random.default_rng(0)
-        loop, G = next(iter(base.loops.values())), base.group
+        loop, G = base.loop, base.group
         Q, Qd = G.exp(random.standard_normal((2, STATES, G.dimension)))
         V, Vd = random.standard_normal((2, STATES, G.dimension))
         self.loop, self.start = loop, (Q, V, Qd, Vd)

@@ -390,7 +390,7 @@ class Recorded(NDArrayOperatorsMixin):
             return np.result_type(*(getattr(each, "dtype", each) for each in inputs))
         if function not in COPIED:
             raise NotRecordable
-        return self.recording.copied(partial(_of_values, function), *inputs, **options)
+        return self.recording.copied(function, *inputs, **options)
 
     def __array__(self, *_: Any, **__: Any) -> Array:
         raise NotRecordable
@@ -401,10 +401,6 @@ class Recorded(NDArrayOperatorsMixin):
 
 COPIED = {np.where, np.concatenate, np.linalg.inv, np.linalg.solve}
 """Functions whose results depend on values only, and that take no `out`."""
-
-
-def _of_values(function: Callable[..., Any], *arguments: Any, **options: Any) -> Array:
-    return function(*map(_value, arguments), **options)
 
 
 def _product(recording: RecordedCalls, a: Any, b: Any) -> Any:

@@ -306,11 +306,6 @@ def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
     return quantity.with_choices(values)
 
 
-def _vehicle(experiment: Experiment) -> Vehicle:
-    """Return the vehicle, which all laws share."""
-    return next(iter(experiment.loops.values())).vehicle
-
-
 def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
     """Return the variables of an experiment's result with their units, in the file's order.
 
@@ -321,7 +316,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         the vehicle of the experiment.
     """
     quantities, group = [], experiment.group
-    vehicle = _vehicle(experiment)
+    vehicle = experiment.loop.vehicle
     vehicles = vehicles or [vehicle]
     for quantity in QUANTITIES.values():
         # Points with and without thrusters or wheels have different shapes.
@@ -382,7 +377,7 @@ def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
         along("col", np.arange(G.size), "column of a pose matrix", units="1"),
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
     ]
-    members = _vehicle(experiment).members.items()
+    members = experiment.loop.vehicle.members.items()
     variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and most]
     if 0 < most < runs:
         stored = np.arange(most)
@@ -478,7 +473,7 @@ class Layout:
 
 def in_root(study: Study) -> list[Quantity]:
     """Return the quantities in the root of a result: only metrics if points differ in shape."""
-    first, *others = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    first, *others = [Layout(piece) for piece in study.pieces]
     return _shared(first, others) if study.is_ragged else first.quantities
 
 
@@ -491,7 +486,7 @@ def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
 @contextmanager
 def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
     """Open the result file of a study for writing; the file appears when the block ends."""
-    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    layouts = [Layout(piece) for piece in study.pieces]
     blanks, coords = _root(study, layouts)
     laws = law_names(study)
     if laws is not None:
@@ -588,7 +583,7 @@ Destination = Assembly | _Spread
 def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[str]) -> str:
     """Return what readers show of an experiment, in JSON; a swept tolerance is none."""
     laws = {label: loop.controller for label, loop in experiment.loops.items()}
-    about = description(config, _vehicle(experiment).departures) | {
+    about = description(config, experiment.loop.vehicle.departures) | {
         "titles": experiment.titles,
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
@@ -644,7 +639,7 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
 
 def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     """Return the attributes that describe a result and allow running it again."""
-    groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
+    groups = {piece.base.group.name: None for piece in study.pieces}
     swept = set(map(section_of, study.sweep.sets)) if study.sweep else set[str]()
     return {
         "title": study.name,

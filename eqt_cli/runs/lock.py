@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from ctypes import wintypes
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import import_module
@@ -24,6 +23,9 @@ from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import OTHERS, __version__, numeric
 from eqt_cli.config.parts import Plans
+
+if sys.platform != "win32":
+    import fcntl
 
 # Records the origin of a result: versions, machine, commit. Nothing here affects numbers ----------
 
@@ -151,39 +153,12 @@ _MOST_READ = 4096
 _CAREFULLY = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC"))
 """Flags for opening a file without following links or waiting for pipes."""
 
-if sys.platform == "win32":
-    import ctypes
-    import msvcrt
 
-    _FAIL_AT_ONCE, _EXCLUSIVE = 1, 2
-
-    class _Place(ctypes.Structure):
-        """OVERLAPPED structure. The locked byte lies far behind the text, which stays readable."""
-
-        _fields_ = (
-            ("Internal", ctypes.c_void_p),
-            ("InternalHigh", ctypes.c_void_p),
-            ("Offset", wintypes.DWORD),
-            ("OffsetHigh", wintypes.DWORD),
-            ("hEvent", wintypes.HANDLE),
-        )
-
-    _kernel = ctypes.WinDLL("kernel32", use_last_error=True)
-
-    def _flock(handle: int, *, shared: bool) -> None:
-        """Lock an open file, or raise at once: `EACCES` if another process holds the lock."""
-        file = wintypes.HANDLE(msvcrt.get_osfhandle(handle))
-        flags = _FAIL_AT_ONCE | (0 if shared else _EXCLUSIVE)
-        place = _Place(OffsetHigh=0x7FFF_FFFF)
-        if not _kernel.LockFileEx(file, flags, 0, 1, 0, ctypes.byref(place)):
-            raise ctypes.WinError(ctypes.get_last_error())
-
-else:
-    import fcntl
-
-    def _flock(handle: int, *, shared: bool) -> None:
-        """Lock an open file, or raise at once."""
-        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+def _flock(handle: int, *, shared: bool) -> None:
+    """Lock an open file, or raise at once."""
+    if sys.platform == "win32":
+        raise OSError(errno.ENOLCK, "no locks")
+    fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
 @contextmanager

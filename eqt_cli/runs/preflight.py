@@ -213,7 +213,7 @@ def _beginning(problem: Problem, share: float) -> Problem:
 
 def result_size(study: Study) -> int:
     """Return the size of the variables of the result file, bytes."""
-    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    layouts = [Layout(piece) for piece in study.pieces]
     if not study.is_ragged:
         return layouts[0].size(layouts[0].blanks())
     return sum(
@@ -225,7 +225,7 @@ def result_size(study: Study) -> int:
 
 def parts_size(study: Study) -> int:
     """Return the size of the files of all parts, which exist until the result is packed, bytes."""
-    return sum(_parts_bytes(study.piece(index)) for index in range(len(study.shapes)))
+    return sum(map(_parts_bytes, study.pieces))
 
 
 def _parts_bytes(study: Study) -> int:
@@ -279,8 +279,7 @@ def check_memory(study: Study) -> None:
         With the key to change, the required size and the available size.
     """
     memory = _memory()
-    pieces = (study.piece(index) for index in range(len(study.shapes)))
-    needed = max(_part_memory(piece) for piece in pieces)
+    needed = max(map(_part_memory, study.pieces))
     if memory is not None and needed > memory:
         _refuse(
             study,
@@ -294,7 +293,7 @@ def _part_memory(study: Study) -> int:
     """Return the bytes of the states, signals and measurement errors of the largest part."""
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
-    vehicle = next(iter(base.loops.values())).vehicle
+    vehicle = base.loop.vehicle
     sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
     sizes |= {dim: len(names) for dim, names in vehicle.members.items()}
     signals = sum(

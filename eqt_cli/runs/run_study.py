@@ -405,7 +405,7 @@ def pack(
                 place.put(name, values[::decimate])
         with step(PACKING, len(task)):
             states, work = _put_parts(task, file.places)
-        pieces = [study.piece(index) for index in range(len(study.shapes))]
+        pieces = study.pieces
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
         deadline = time.monotonic() + max(LEAST_SECONDS, seconds.get("simulation", 0.0))
         with lock.timed(seconds, "cross-check"), step(CHECKING, redone):

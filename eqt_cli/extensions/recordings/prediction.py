@@ -154,7 +154,7 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
     EqtError
         If a part has a state that the recording does not hold, or numbers drawn for each run.
     """
-    loop = next(iter(experiment.loops.values()))
+    loop = experiment.loop
     configured = loop.vehicle.configured or loop.vehicle
     vehicle = replace(
         configured, control=None, pose_sensors=(), velocity_sensors=(), estimator=None
