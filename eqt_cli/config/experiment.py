@@ -330,9 +330,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     problems = Problems(source.place)
     plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
-    parts = _Parts(source, trust_plugins, problems)
-    group, sections, laws = parts.group, parts.sections, parts.laws
-    parts.read_controllers()
+    read = _Sections(source, trust_plugins, problems)
+    group, sections, laws = read.group, read.sections, read.laws
+    read.read_controllers()
     task, initial = sections["task"], sections["initial"]
     desired = inertia = start = solver = None
     gains: dict[str, Gains | None] = {}
@@ -350,17 +350,17 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         for law in laws.values():
             check_calls(law.law, vehicle, solver.engine, problems.at("controllers", law.index))
     if group:
-        gains = parts.gains(group)
+        gains = read.gains(group)
         if inertia and vehicle and desired and sections["time"]:
-            desired = parts.with_model(group, inertia, vehicle, desired)
+            desired = read.with_model(group, inertia, vehicle, desired)
         if isinstance(thresholds := sections["settling_threshold"], dict):
             check_thresholds(thresholds, group, problems.at("settling_threshold"))
     if initial:
-        start = parts.start(initial, desired)
-    config = parts.config(desired, start)
+        start = read.start(initial, desired)
+    config = read.config(desired, start)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
-    complete = parts.resolved(config) | {
+    complete = read.resolved(config) | {
         **desired.resolved,
         "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
@@ -381,8 +381,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.poses,
         start.velocities,
         solver,
-        replace(source, stored_plugins=plugins | parts.code),
-        desired.files | start.files | parts.files,
+        replace(source, stored_plugins=plugins | read.code),
+        desired.files | start.files | read.files,
     )
     try_vehicle(experiment, problems)
     problems.raise_if_any()
@@ -393,7 +393,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     return experiment
 
 
-class _Parts:
+class _Sections:
     """The sections of a configuration, and what is made of them.
 
     Attributes
@@ -567,10 +567,10 @@ class _Parts:
         if problems or not (G and desired and start):
             return None
         config = Config.model_construct(set(self.source.data), **self.sections)
-        parts: dict[str, Any] = {"reference": desired.reference}
-        parts |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
-        for place, part in parts.items():
-            check_horizon(part, place, G, config.time.duration, problems)
+        over_time: dict[str, Any] = {"reference": desired.reference}
+        over_time |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
+        for place, component in over_time.items():
+            check_horizon(component, place, G, config.time.duration, problems)
         if start.rows is None:
             return config
         if "runs" not in config.ensemble.model_fields_set:

@@ -23,7 +23,7 @@ MANY_PARTS = 4000
 
 @dataclass(frozen=True)
 class Slab:
-    """A block of a part's entries that is rectangular in (point, run).
+    """Entries of a part that are rectangular in (point, run).
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class StudyPart:
         return np.arange(self.start, self.stop)
 
     def slabs(self, limit: int) -> Iterator[Slab]:
-        """Yield the entries as at most three rectangular blocks.
+        """Yield the entries as at most three slabs.
 
         Only the first `limit` runs of each point count, and `rows` count those.
         """

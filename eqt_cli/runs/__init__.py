@@ -1,1 +1,1 @@
-"""From a study to its result: blocks of runs, executors, the cross-check and the writer."""
+"""From a study to its result: parts, executors, the cross-check and the writer."""
