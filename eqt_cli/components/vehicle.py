@@ -125,7 +125,7 @@ class Vehicle:
         return dataclasses.replace(
             self,
             inertia=inertia,
-            forces=in_currents(G, acting, true),
+            forces=in_currents(G, acting, true) if acting else (),
             actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
             moving_sensors=tuple(
                 flying(f"{VELOCITY}[{k}]")

@@ -584,7 +584,7 @@ def vehicle_from(
     at_forces = (
         at_plant.at("forces") if plant.forces is not None else problems.at("model", "forces")
     )
-    _check_currents(currents(vehicle.forces), at_forces)
+    _check_currents(vehicle.forces, at_forces)
     without_clock = clock is None and not problems.at("control")
     if vehicle.measures and without_clock:
         at_sensors.add("act at control instants; set control.period")
@@ -658,11 +658,12 @@ def known_forces(
     if known == "plant":
         return vehicle.forces
     known_parts = tuple(part.of_run(G, None) for part in _right(known).values())
-    return in_currents(G, known_parts, vehicle.model)
+    return in_currents(G, known_parts, vehicle.model) if known_parts else ()
 
 
-def _check_currents(moving: Mapping[int, Any], problems: Problems) -> None:
+def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
     """Note a second current that would move the masses."""
+    moving = currents(forces) if forces else {}
     for index, drag in moving.items():
         first = next(iter(moving))
         if drag.current != moving[first].current:
