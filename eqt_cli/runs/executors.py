@@ -20,7 +20,6 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import islice
 from multiprocessing import connection, get_context, parent_process
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from threadpoolctl import threadpool_limits
@@ -477,16 +476,10 @@ class Dask(Executor):
     scheduler
         Address of a running scheduler; None starts a cluster of `workers` processes here, which
         talk to each other by TLS with a certificate of their own.
-    tls_ca, tls_cert, tls_key
-        PEM files for a scheduler at tls://HOST:PORT: of its authority, and your certificate and
-        key. Default: those of Dask's own configuration.
     """
 
     name: ClassVar[str] = "dask"
     scheduler: str | None = None
-    tls_ca: str | None = None
-    tls_cert: str | None = None
-    tls_key: str | None = None
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         if not items:
@@ -533,14 +526,9 @@ class Dask(Executor):
         if self.scheduler:
             try:
                 return stack.enter_context(
-                    Client(
-                        self.scheduler,
-                        timeout=CONNECT_WITHIN,
-                        set_as_default=False,
-                        security=self._security(),
-                    )
+                    Client(self.scheduler, timeout=CONNECT_WITHIN, set_as_default=False)
                 )
-            # RuntimeError: TLS files for an address without TLS; TypeError: the reverse.
+            # RuntimeError: encryption is required of a plain address; TypeError: the reverse.
             except (OSError, ValueError, RuntimeError, TypeError) as error:
                 raise EqtError(
                     f"scheduler {self.scheduler}: cannot be reached: {error}",
@@ -558,26 +546,6 @@ class Dask(Executor):
         stack.enter_context(dask.config.set(settings))
         cluster = stack.enter_context(self._local_cluster())
         return stack.enter_context(Client(cluster, set_as_default=False))
-
-    def _security(self) -> Any:
-        """Return how this process shows a scheduler who it is; None: as Dask is configured."""
-        from distributed import Security
-
-        files = {name: getattr(self, name) for name in ("tls_ca", "tls_cert", "tls_key")}
-        if not any(files.values()):
-            return None
-        for name, file in files.items():
-            if not file or not Path(file).is_file():
-                raise EqtError(
-                    f"executor dask: {name}: expected a PEM file, got {file or 'none'}; "
-                    f"TLS needs {', '.join(files)}"
-                )
-        return Security(
-            require_encryption=True,
-            tls_ca_file=self.tls_ca,
-            tls_client_cert=self.tls_cert,
-            tls_client_key=self.tls_key,
-        )
 
     def _local_cluster(self) -> Any:
         """Start a cluster on this machine; try again if its workers die during the start.

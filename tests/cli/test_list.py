@@ -61,7 +61,7 @@ def test_one_kind(eqt):
         ("designs", "sobol", ["points", "seed", "axes"]),
         ("designs", "grid", []),  # its section is the axes
         ("executors", "local", ["workers"]),
-        ("executors", "dask", ["workers", "scheduler", "tls_ca", "tls_cert", "tls_key"]),
+        ("executors", "dask", ["workers", "scheduler"]),
     ],
 )
 def test_options(eqt, kind, name, options):

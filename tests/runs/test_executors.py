@@ -282,18 +282,19 @@ def test_threads_take_an_item_when_it_can_begin(task):
 
 @pytest.fixture
 def certificate(tmp_path):
-    """A certificate, its key, and who says that it is valid, in Dask's words and as files."""
+    """A certificate, its key, and who says that it is valid, also as Dask's settings."""
     from distributed import Security
 
     security = Security.temporary()
     content = {
-        "tls_ca": security.tls_ca_file,
-        "tls_cert": security.tls_client_cert,
-        "tls_key": security.tls_client_key,
+        "ca-file": security.tls_ca_file,
+        "client.cert": security.tls_client_cert,
+        "client.key": security.tls_client_key,
     }
     for name, text in content.items():
         (tmp_path / f"{name}.pem").write_text(text, encoding="utf-8")
-    return security, {name: str(tmp_path / f"{name}.pem") for name in content}
+    files = {name: str(tmp_path / f"{name}.pem") for name in content}
+    return security, {f"distributed.comm.tls.{name}": file for name, file in files.items()}
 
 
 @pytest.mark.slow("starts a cluster")
@@ -316,32 +317,19 @@ def test_nobody_else_gives_orders_to_a_local_cluster(monkeypatch, certificate):
 @pytest.mark.slow("starts a cluster")
 @NEEDS_DASK
 def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, certificate, monkeypatch):
+    from dask.config import set as configured
     from distributed import LocalCluster
 
-    from eqt_cli.runs import executors as dask
-
-    security, files = certificate
+    security, settings = certificate
     with LocalCluster(
         1, 1, processes=False, protocol="tls", security=security, dashboard_address="127.0.0.1:0"
     ) as cluster:
         address = cluster.scheduler_address
-        done = dask.Dask(1, scheduler=address, **files).outcomes(task, [2])
-        assert list(done) == [Outcome(2, 0)]
+        executor = executors.get("dask")(1, scheduler=address)
+        with configured(settings):
+            assert list(executor.outcomes(task, [2])) == [Outcome(2, 0)]
         with pytest.raises(EqtError, match=r"^scheduler tls://.*: cannot be reached: TLS expects"):
-            list(dask.Dask(1, scheduler=address).outcomes(task, [2]))
-    with pytest.raises(EqtError, match=r"^scheduler tcp://.*: cannot be reached: encryption requ"):
-        list(dask.Dask(1, scheduler="tcp://127.0.0.1:9", **files).outcomes(task, [2]))
-
-
-@NEEDS_DASK
-def test_files_of_a_certificate_are_given_together(task, tmp_path):
-    given = tmp_path / "ca.pem"
-    given.touch()
-    executor = executors.get("dask")(1, scheduler="tls://a:1", tls_ca=str(given), tls_key="b.pem")
-    assert error_of(list, executor.outcomes(task, [1])) == (
-        "executor dask: tls_cert: expected a PEM file, got none; TLS needs tls_ca, tls_cert, "
-        "tls_key"
-    )
+            list(executor.outcomes(task, [2]))
 
 
 @NEEDS_DASK
