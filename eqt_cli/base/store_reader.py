@@ -1,6 +1,5 @@
 """Reads result files, which may be damaged or hostile: their structure is checked first."""
 
-import copy
 import operator
 import re
 import struct
@@ -438,6 +437,9 @@ class ResultFile:
         The variables and the coordinates, in the order of writing.
     """
 
+    of_all_points: tuple[str, ...] = (*"path _view _file _root _points _heaps _open".split(),)
+    """Attributes that a view of one point shares."""
+
     def __init__(self, path: str | Path, oldest: int = files.FORMAT) -> None:
         self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
@@ -506,7 +508,9 @@ class ResultFile:
             )
         if not 0 <= point < points:
             raise ResultError(f"{self.path}: has no point {point}; choose one of 0 to {points - 1}")
-        view = copy.copy(self)
+        view = type(self).__new__(type(self))  # which has computed nothing of another point
+        for name in (name for name in self.of_all_points if hasattr(self, name)):
+            setattr(view, name, getattr(self, name))
         merged = dict(self.attributes)
         if self._points:
             with _guard(self.path):

@@ -283,12 +283,15 @@ class Tracking:
         following = Following(**values | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
         return with_fields(following, V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)
 
+    @cached_property
+    def _of_law(self) -> dict[str, Any]:
+        return {}
+
     def once(self, name: str, compute: Callable[[Tracking], T]) -> T:
-        """Return a law's own quantity of this state, which is computed once."""
-        computed = vars(self)
-        if name not in computed:
-            computed[name] = compute(self)
-        value: T = computed[name]
+        """Return a quantity that a law alone has of this state, which is computed once."""
+        if name not in self._of_law:
+            self._of_law[name] = compute(self)
+        value: T = self._of_law[name]
         return value
 
     @cached_property

@@ -240,18 +240,11 @@ class KnownResult(ResultFile):
     Labels, titles and all other texts are safe to display.
     """
 
+    of_all_points = (*ResultFile.of_all_points, "custom_names", "loops_of")
+
     def _check(self) -> None:
         check_attributes(self)
         check_coordinates(self)
-
-    def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
-        """Return a view of one point, as `ResultFile.at`."""
-        view = super().at(point, attributes)
-        for kind in type(self).__mro__:
-            for name, value in vars(kind).items():  # drop cached values of the whole result
-                if isinstance(value, cached_property):
-                    view.__dict__.pop(name, None)
-        return view
 
     def point(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """Return a point of a sweep as the result of a single experiment.

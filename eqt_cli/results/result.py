@@ -456,6 +456,8 @@ class Result(StoredRuns):
     _wished: tuple[tuple[str, str], ...] = ()
     """Units of a user, each with the quantity that has it, or with "" for all."""
 
+    of_all_points = (*StoredRuns.of_all_points, "_wished")
+
     def in_units(self, texts: Sequence[str]) -> "Result":
         """Return this result with its numbers and signals in other units.
 
