@@ -565,19 +565,16 @@ def at_equal_cost(
             log = low > 0
             costs = [low * (high / low) ** x if log else low + x * (high - low) for x in shares]
             places += [(one, other, cost) for cost in costs]
-    if not places:
-        return []
     pairs = [_compared(one, other, cost, how.confidence) for one, other, cost in places]
-    of_law = {front.law: front for front in fronts}
-    errors = np.array([[of_law[x].at(p.cost) for x in (p.better, p.worse)] for p in pairs])
+    if not pairs:
+        return []
+    by_law = {front.law: front for front in fronts}
+    errors = np.array([[by_law[law].at(p.cost) for law in (p.better, p.worse)] for p in pairs])
     found = decide(errors, np.zeros(errors.shape[:2]), how.confidence)
+    wins = (found.winner != NOBODY).tolist()
     return [
-        replace(
-            pair,
-            winner=found.without_winner if winner == NOBODY else pair.better,
-            p_value=float(p_value),
-        )
-        for pair, winner, p_value in zip(pairs, found.winner, found.p_values, strict=True)
+        replace(pair, winner=pair.better if won else found.without_winner, p_value=p_value)
+        for pair, won, p_value in zip(pairs, wins, found.p_values.tolist(), strict=True)
     ]
 
 

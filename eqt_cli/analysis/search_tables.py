@@ -108,34 +108,29 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     shown = replace(comparison, pairs=between, levels=[], judgements=[])
     pairs = text_tables(shown, _WRITE, brief=True)
     if "pairs" in pairs:
-        notes = [*pairs["pairs"].notes, *_ranking(result, record["objectives"][0], tuned)]
-        pairs["pairs"] = replace(pairs["pairs"], notes=notes)
+        ranking = _ranking(result, record["objectives"][0], tuned)
+        pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking])
     winners = _winners(result, record, comparison, _violated(cases, record))
     searches = searches_table(result, record)
     made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
     return [table for table in made if table.blocks]
 
 
-def _ranking(result: Result, name: str, tuned: Collection[str]) -> Iterator[str]:
+def _ranking(result: Result, name: str, tuned: Collection[str]) -> str:
     """Say which of the tuned laws are better than which, each pair as a point of a map."""
     laws = [k for k, label in enumerate(result.labels) if label in tuned]
-    pairs = list(combinations(laws, 2))
-    costs = result.quantity(name).cost(result.counted(name))[np.array(pairs)]
-    failed = np.count_nonzero(~result.good[np.array(pairs)], axis=-1)
-    found = decide(costs, failed, Resampling.confidence)
+    pairs = np.array(list(combinations(laws, 2)))
+    costs = result.quantity(name).cost(result.counted(name))[pairs]
+    found = decide(costs, np.count_nonzero(~result.good[pairs], axis=-1), Resampling.confidence)
     verdicts: dict[str, list[str]] = {}
-    for pair, winner in zip(pairs, found.winner.tolist(), strict=True):
-        first, second = (result.titles[k] for k in pair)
-        better, other = f"{found.without_winner}:", f"{first} – {second}"
+    for pair, winner in zip(pairs.tolist(), found.winner.tolist(), strict=True):
+        both, verdict = [result.titles[k] for k in pair], f"{found.without_winner}:"
         if winner != NOBODY:
-            better, other = f"{(first, second)[winner]} is better than", (second, first)[winner]
-        verdicts.setdefault(better, []).append(other)
-    yield (
-        f"By {result.quantity(name).described}, a law is better where it is {RULE}, after Holm "
-        f"(1979) over the pairs. "
-        + "; ".join(f"{words} {listed(others)}" for words, others in verdicts.items())
-        + "."
-    )
+            verdict = f"{both.pop(winner)} is better than"
+        verdicts.setdefault(verdict, []).append(" – ".join(both))
+    said = "; ".join(f"{verdict} {listed(laws)}" for verdict, laws in verdicts.items())
+    measure = result.quantity(name).described
+    return f"By {measure}, a law is better where it is {RULE}, after Holm (1979). {said}."
 
 
 def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:

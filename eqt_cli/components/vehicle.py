@@ -398,6 +398,11 @@ class Vehicle:
         moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
         return next(moving, len(self.actuators))
 
+    @property
+    def moving(self) -> tuple[Actuator, ...]:
+        """The actuators from the first that `moves`; only these may change between ticks."""
+        return self.actuators[self._at_instants :]
+
     def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
         """Return the held command, as it leaves the actuators that act at instants."""
         return states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]

@@ -406,6 +406,16 @@ def signal_of(name: str) -> Signal | None:
     return next(matching, None)
 
 
+def holds(vehicle: Vehicle) -> dict[str, float]:
+    """Return the signals that are held between ticks, with the time between two changes, s."""
+    if vehicle.control is None:
+        return {}
+    period = vehicle.tick if vehicle.clocks else vehicle.control.period
+    held = [] if vehicle.moving else ["torque", "torque_norm"]
+    held += [] if any(part.limits for part in vehicle.moving) else ["at_limit"]
+    return dict.fromkeys(held, period)
+
+
 def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
     """Compute all signals at the sample times, and the energy balance L + W.
 

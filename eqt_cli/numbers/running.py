@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -17,6 +17,9 @@ from eqt_cli.base.errors import TraceError
 # sample in order, so that both round alike.
 
 
+ROUNDING = 1e-6
+"""Share of a period by which an instant may differ from a sample that it equals."""
+
 Cut = Callable[[Array, Array], tuple[Array, Array]]
 """Cuts times ``(samples,)`` and values ``(runs, samples, …)`` to a window."""
 
@@ -30,10 +33,16 @@ class SampledRuns:
     ----------
     times : (samples,)
         Times of the samples, s.
+    holds
+        Signals that are held between two changes, with the time from one to the next, s.
+    hold
+        This time of the values here; 0 for values that are not held.
     """
 
-    def __init__(self, times: Array) -> None:
-        self.times = times
+    hold = 0.0
+
+    def __init__(self, times: Array, holds: Mapping[str, float] | None = None) -> None:
+        self.times, self.holds = times, holds or {}
 
     @property
     def duration(self) -> float:
@@ -41,8 +50,8 @@ class SampledRuns:
         return float(self.times[-1] - self.times[0])
 
     def integral(self, values: Any) -> Any:
-        """Return ∫x dt, by the trapezoidal rule."""
-        return self.weighted(trapezoidal_weights(self.times), values)
+        """Return ∫x dt, by the trapezoidal rule, or of held values as `held_weights`."""
+        return self.weighted(self._weights(self.times), values)
 
     def mean(self, values: Any) -> Any:
         """Return the mean over time, by the trapezoidal rule."""
@@ -52,12 +61,15 @@ class SampledRuns:
         """Return the mean over the last share of the time, by the trapezoidal rule."""
         late = self.times >= self.times[-1] - share * self.duration
         times, weights = self.times[late], np.zeros(len(self.times))
-        weights[late] = trapezoidal_weights(times)
+        weights[late] = self._weights(times)
         return self.weighted(weights, values) / float(times[-1] - times[0])
 
     def simpson(self, values: Any) -> Any:
-        """Return ∫x dt, by Simpson's rule."""
-        return self.weighted(simpson_weights(self.times), values)
+        """Return ∫x dt, by Simpson's rule, or of held values as `held_weights`."""
+        return self.weighted((self._weights if self.hold else simpson_weights)(self.times), values)
+
+    def _weights(self, times: Array) -> Array:
+        return held_weights(times, self.hold) if self.hold else trapezoidal_weights(times)
 
     @property
     def time(self) -> Array:
@@ -109,6 +121,28 @@ def trapezoidal_weights(times: Array) -> Array:
     """Return the weights of samples in an integral by the trapezoidal rule, s."""
     halves = np.diff(times) / 2
     return np.append(halves, 0.0) + np.append(0.0, halves)
+
+
+def changes_missed(times: Array, hold: float) -> Array:
+    """Return how many multiples of `hold` lie between each two neighbouring samples."""
+    ends = times / hold
+    return np.ceil(ends[1:] - ROUNDING) - np.floor(ends[:-1] + ROUNDING) - 1
+
+
+def held_weights(times: Array, hold: float) -> Array:
+    """Return the weights of samples in an integral of a value that changes at multiples of `hold`.
+
+    Where it changes at samples only, each value counts until the next sample, which is exact.
+    Where samples are multiples of `hold` that skip others, trapezoids connect values that each
+    begin at their sample; so the sum over all multiples is half of `hold` ahead at both ends. Other
+    samples see the held value at any phase, and trapezoids are right in the mean.
+    """
+    steps, weights = np.diff(times), trapezoidal_weights(times)
+    if not changes_missed(times, hold).any():
+        return np.append(steps, 0.0)
+    if np.abs(times / hold - np.round(times / hold)).max() < ROUNDING:
+        weights[[0, -1]] += [hold / 2, -hold / 2]
+    return weights
 
 
 def simpson_weights(times: Array) -> Array:

@@ -12,7 +12,7 @@ from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.engines.engine import Status
 from eqt_cli.loop.signals import SIGNALS, signal_of
-from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
 
 # Metrics: numbers per run that follow from its signals, each with formula, names and unit ---------
@@ -61,7 +61,7 @@ def time_mean(over: SampledRuns, values: Any) -> Any:
 
 
 def effort(over: SampledRuns, torque_norm: Any) -> Any:
-    """∫‖τ‖² dt, by Simpson's rule on the samples."""
+    """∫‖τ‖² dt, by Simpson's rule on the samples; of a held torque, a sum over them."""
     return over.simpson(torque_norm * torque_norm)
 
 
@@ -91,8 +91,15 @@ def integral_of_square(over: SampledRuns, values: Any) -> Any:
 
 
 def actuator_work(over: SampledRuns, torque: Any, velocity: Any) -> Any:
-    """∫|⟨τ, V⟩| dt; the pairing is a power on every group, whatever the units."""
-    return over.integral(absolute((torque * velocity).sum(axis=-1)))
+    """∫|⟨τ, V⟩| dt; the pairing is a power on every group, whatever the units.
+
+    A held torque is constant from sample to sample, and the velocity is not.
+    """
+    power = absolute((torque * velocity).sum(axis=-1))
+    if not over.hold or changes_missed(over.times, over.hold).any():
+        return SampledRuns(over.times).integral(power)
+    ends = absolute((torque[:, :-1] * velocity[:, 1:]).sum(axis=-1))
+    return ((power[:, :-1] + ends) / 2 * np.diff(over.times)).sum(axis=-1)
 
 
 def settling_time(over: SampledRuns, error: Any, threshold: float) -> Any:
@@ -184,6 +191,10 @@ def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
         "long_name": f"mean ||tau|| over the first {window_s:g} s",
         "label": f"mean {{}}, first {window_s:g} s",
     }
+
+
+INTEGRALS = (time_mean, effort, mean_turn, integral_of_square, actuator_work, root_mean_square)
+"""Formulas that are as accurate as the samples are close."""
 
 
 # The table ---------------------------------------------------------------------------------------

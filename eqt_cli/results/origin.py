@@ -20,6 +20,7 @@ from pydantic import (
     FiniteFloat,
     Json,
     NonNegativeInt,
+    PositiveFloat,
     TypeAdapter,
     ValidationError,
 )
@@ -156,6 +157,9 @@ class Experiment(BaseModel):
         Departures of the loop from the one of the theorems, as verify says them.
     thrusters
         Place, m, and direction of each thruster in the body; a planar one has z = 0.
+    holds
+        Signals that are held between ticks, with the time between two changes, s; none where the
+        clock or the actuators are swept.
     """
 
     titles: dict[str, Words] = {}
@@ -169,6 +173,7 @@ class Experiment(BaseModel):
     loop: Words = ""
     departures: Words = ""
     thrusters: list[tuple[Arrow, Arrow]] = []
+    holds: dict[str, PositiveFloat] = {}
 
 
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import partial
@@ -72,8 +73,10 @@ class Window:
             )
         return Window(self.start, min(self.stop, horizon))
 
-    def cut(self, times: Array, values: Array) -> tuple[Array, Array]:
+    def cut(self, times: Array, values: Array, held: bool = False) -> tuple[Array, Array]:
         """Return the samples within the window, with linearly interpolated values at its ends.
+
+        Values that are `held` between samples are not interpolated.
 
         A window that ends after the last sample is cut there.
 
@@ -93,14 +96,14 @@ class Window:
         inside = np.flatnonzero((times >= start - tolerance) & (times <= stop + tolerance))
         if not inside.size:
             ends = np.array([start, stop])
-            return ends, np.stack([_at(times, values, t) for t in ends], axis=1)
+            return ends, np.stack([_at(times, values, t, held) for t in ends], axis=1)
         cut_times, cut = times[inside], values[:, inside]
         if cut_times[0] > start + tolerance:
             cut_times = np.concatenate([[start], cut_times])
-            cut = np.concatenate([_at(times, values, start)[:, None], cut], axis=1)
+            cut = np.concatenate([_at(times, values, start, held)[:, None], cut], axis=1)
         if cut_times[-1] < stop - tolerance:
             cut_times = np.concatenate([cut_times, [stop]])
-            cut = np.concatenate([cut, _at(times, values, stop)[:, None]], axis=1)
+            cut = np.concatenate([cut, _at(times, values, stop, held)[:, None]], axis=1)
         return cut_times, cut
 
     def __str__(self) -> str:
@@ -112,10 +115,11 @@ WHOLE = Window()
 """The whole horizon."""
 
 
-def _at(times: Array, values: Array, t: float) -> Array:
-    """Interpolate values at one time between two samples."""
+def _at(times: Array, values: Array, t: float, held: bool) -> Array:
+    """Interpolate values at one time between two samples, or return the earlier, if they hold."""
     right = int(np.clip(np.searchsorted(times, t), 1, len(times) - 1))
     fraction = (t - times[right - 1]) / (times[right] - times[right - 1])
+    fraction *= not held
     return (1 - fraction) * values[:, right - 1] + fraction * values[:, right]
 
 
@@ -283,6 +287,11 @@ class Quantity:
         is_number = self.per is ValuePer.RUN and self.of is not None and not self.settings
         return is_number and self.stored and self._of_norm
 
+    def hold(self, holds: Mapping[str, float]) -> float:
+        """Return the time between two changes of its first signal, s; 0 if that is not held."""
+        signal = signal_of(self.signals[0])
+        return holds.get(signal.name, 0.0) if signal else 0.0
+
     @property
     def _of_norm(self) -> bool:
         signal = signal_of(self.signals[0]) if self.signals else None
@@ -367,9 +376,11 @@ class Quantity:
         """
         assert self.of is not None
         columns = [signals[name] for name in self.signals]
-        window = window.within(over.times)
+        window, hold = window.within(over.times), self.hold(over.holds)
         if window != WHOLE.within(over.times):
-            over, columns = over.within(window.cut, columns)
+            over, columns = over.within(partial(window.cut, held=hold > 0), columns)
+        over = copy(over)
+        over.hold = hold
         return self.of(over, *columns, **settings)
 
     def is_same_as(self, other: Quantity) -> bool:

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -20,8 +21,8 @@ from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import in_wished, offered, size_of, split
 from eqt_cli.engines.engine import Status
 from eqt_cli.loop.signals import MIXED, signal_of
-from eqt_cli.numbers.running import SampledRuns
-from eqt_cli.results.metrics import METRICS, QUANTITIES, quantity_of
+from eqt_cli.numbers.running import SampledRuns, changes_missed
+from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, quantity_of
 from eqt_cli.results.origin import KnownResult, check_status, law_title
 from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
 
@@ -418,6 +419,10 @@ HEADLINE: dict[str, Callable[[Array], Any]] = {
 """Metrics of a summary, and how each is combined over runs."""
 
 
+FOR_SAMPLING = 20
+"""Number of stored runs that show the error of an integral over samples."""
+
+
 @dataclass(frozen=True)
 class PerRun:
     """A quantity over a window, for every run of every controller.
@@ -433,6 +438,9 @@ class PerRun:
         Whether the number of a run lies beyond the horizon.
     runs
         Number of evaluated runs of each controller: those with a trajectory, or all.
+    sampling
+        Error from the distance of the samples, 0 where it is none and NaN where it is not known,
+        and how many changes of a held value lie between two samples.
     """
 
     quantity: Quantity
@@ -441,6 +449,7 @@ class PerRun:
     values: Array
     censored: Array
     runs: int
+    sampling: tuple[float, int] = (math.nan, 0)
 
     def __repr__(self) -> str:
         """Return a description without the values."""
@@ -748,12 +757,40 @@ class Result(StoredRuns):
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         unit, factor = self.shown_in(quantity.name, unit)
-        return PerRun(quantity, window, unit, values * factor, censored, len(runs))
+        error, missed = self._sampling(quantity, window)
+        sampling = (error * factor, missed)
+        return PerRun(quantity, window, unit, values * factor, censored, len(runs), sampling)
 
     def _computed(self, quantity: Quantity, window: Window, controller: int) -> Array:
         signals = {name: self.read(name, controller=controller) for name in quantity.signals}
         with np.errstate(all="ignore"):  # failed runs hold NaN
-            return quantity.measure(SampledRuns(self.times), signals, window)
+            return quantity.measure(SampledRuns(self.times, self.described.holds), signals, window)
+
+    def _sampling(self, quantity: Quantity, window: Window) -> tuple[float, int]:
+        """Return the error of an integral over samples, and how many changes they miss.
+
+        The error is the change where every other sample is left out, in the mean over
+        `FOR_SAMPLING` stored runs of the law for which it is largest; of smooth values a third of
+        it (Richardson). 0 where a held value changes at samples only; NaN of what is no integral,
+        or without trajectories.
+        """
+        if quantity.of not in INTEGRALS or not self._has_signals(quantity):
+            return math.nan, 0
+        hold, odd = quantity.hold(self.described.holds), (len(self.times) - 1) // 2 * 2 + 1
+        missed = int(changes_missed(self.times, hold).max()) if hold else 0
+        if hold and not missed:
+            return 0.0, 0
+        some = {self.run_dimension: slice(min(FOR_SAMPLING, len(self.stored_runs)))}
+
+        def values(step: int) -> Array:
+            read = {name: np.concatenate(self.read(name, **some)) for name in quantity.signals}
+            signals = {name: values[:, :odd:step] for name, values in read.items()}
+            over = SampledRuns(self.times[:odd:step], self.described.holds)
+            return np.asarray(quantity.measure(over, signals, window))
+
+        changes = np.abs(values(1) - values(2)).reshape(len(self.labels), -1)
+        error = mean_over_runs(changes) / (1 if hold else 3)
+        return float(np.max(error, where=np.isfinite(error), initial=0.0)), missed
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
         """Return the stored metrics that are this number over any window."""

@@ -24,7 +24,7 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
-from eqt_cli.loop.signals import at_state, knows_energy, of_pose
+from eqt_cli.loop.signals import at_state, holds, knows_energy, of_pose
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
@@ -340,8 +340,10 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     values = {key: getattr(config, key) for key in sorted(keys)}
     K = common_weight(problem.batched_loop(extra_axes=1).gains.K)
     balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
-    key = tuple(m.name for m in metrics), tuple(values.items()), K.tobytes(), balanced
-    numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced)
+    held = holds(problem.loop.vehicle)
+    known = (K.tobytes(), balanced, *held.items())
+    key = tuple(m.name for m in metrics), tuple(values.items()), known
+    numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held)
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
     return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
@@ -404,6 +406,8 @@ class Numbers:
         The gain K of the runs, or one with its critical points.
     balanced
         Whether the energy balance L + W is known.
+    holds
+        Signals that are held between ticks, with the time between two changes.
     """
 
     key: Hashable
@@ -412,10 +416,11 @@ class Numbers:
     group: MatrixLieGroup = field(compare=False)
     K: Array = field(compare=False)
     balanced: bool = field(compare=False)
+    holds: Mapping[str, float] = field(compare=False)
 
     def __call__(self, over: SampledRuns, sampled: Mapping[str, Any]) -> dict[str, Any]:
         """Return the metrics and the indicators of their reliability, by name."""
-        signals = dict(sampled)
+        signals, over.holds = dict(sampled), self.holds
         if not self.balanced:
             signals["energy_balance"] = np.nan * signals["energy_balance"]
         numbers = {

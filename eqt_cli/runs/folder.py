@@ -49,7 +49,7 @@ from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.schema import Config
 from eqt_cli.config.source import description
 from eqt_cli.config.study import Study, law_names, section_of
-from eqt_cli.loop.signals import MIXED, Signal
+from eqt_cli.loop.signals import MIXED, Signal, holds
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, SIGNAL
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.lock import LOCK, MANIFEST, PART_ENTRIES, PARTS, PartFiles
@@ -589,7 +589,9 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],
     }
-    return json.dumps(about | ({"rtol": None} if "solver" in swept else {}), ensure_ascii=False)
+    about |= {"rtol": None} if "solver" in swept else {}
+    about |= {} if swept & {"control", "actuators"} else {"holds": holds(experiment.loop.vehicle)}
+    return json.dumps(about, ensure_ascii=False)
 
 
 def _scale_attributes(study: Study, key: str) -> dict[str, Attribute]:

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import simpson
 
-from eqt_cli.numbers.running import SampledRuns, simpson_weights, trapezoidal_weights
+from eqt_cli.numbers.running import SampledRuns, held_weights, simpson_weights, trapezoidal_weights
+from eqt_cli.results.quantity import Window
 
 STEPS = st.lists(st.floats(0.01, 10.0), min_size=1, max_size=12)
 
@@ -20,6 +21,29 @@ def test_weights_are_those_of_numpy_and_scipy(steps):
     np.testing.assert_allclose(
         simpson_weights(times), simpson(unit, x=times), rtol=1e-9, atol=1e-12 * times[-1]
     )
+
+
+@pytest.mark.parametrize("samples", [51, 101, 501, 1001])
+def test_the_integral_of_a_held_value_is_the_sum_over_its_ticks(samples):
+    """With a tick of 0.1 s in 5 s, and samples at all ticks; values of size 1."""
+    held = np.random.default_rng(4).normal(size=51)
+    times = np.linspace(0, 5, samples)
+    values = held[np.floor(times / 0.1 + 1e-9).astype(int)]
+    assert held_weights(times, 0.1) @ values == pytest.approx(0.1 * held[:50].sum(), abs=1e-12)
+
+
+def test_the_integral_of_a_held_ramp_is_right_where_samples_skip_ticks():
+    """The sum over ticks is 0.1 (0 + 0.1 + … + 4.9); trapezoids of a ramp are exact."""
+    times = np.linspace(0, 5, 11)
+    assert held_weights(times, 0.1) @ times == pytest.approx(0.01 * 49 * 50 / 2)
+
+
+def test_a_window_of_held_values_is_not_interpolated():
+    """1 until 0.1, then 3, then 0; from 0.05 s to 0.15 s it is 0.05 + 0.15."""
+    times, values = np.array([0, 0.1, 0.2, 0.3]), np.array([[1.0, 3.0, 0.0, 0.0]])
+    cut, inside = Window(0.05, 0.15).cut(times, values, held=True)
+    assert inside[0].tolist() == [1.0, 3.0, 3.0]
+    assert held_weights(cut, 0.1) @ inside[0] == pytest.approx(0.2)
 
 
 def test_a_sum_goes_from_sample_to_sample():
