@@ -311,7 +311,7 @@ def _every_function(given: dict[str, Array]) -> Mapping[str, Array]:
     """Return a bounded field in which every elementary function, a quotient and a choice act."""
     x, y, z = np.split(given["state"], 3)
     mixed = sum(apply(name, 0.5 + 0.4 * sin(x + shift)) for shift, name in enumerate(INSIDE))
-    mixed = mixed + apply("acosh", 1.5 + sin(y)) + sin(1e9 * z)
+    mixed = mixed + apply("acosh", 2.5 + sin(y)) + sin(1e9 * z)
     turned = where(less(x, y), z, -z / (1.0 + y * y))
     return {
         "derivative": np.concatenate(

@@ -153,6 +153,9 @@ def test_the_spread_of_runs_and_of_their_differences(make_result):
     assert pair.cohen_d == pytest.approx(2 / np.sqrt(13))
     assert (pair.relative, pair.first_better) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
     assert np.isnan(replace(pair, mean_second=0.0).relative)
+    other = pair.swapped()
+    assert (other.first, other.difference, other.mean_first) == ("b", -pair.difference, 3.0)
+    assert other.first_better == pytest.approx(2 / 3)
 
 
 def test_one_run_has_no_spread_and_none_has_no_mean(make_result):

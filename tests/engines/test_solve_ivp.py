@@ -539,6 +539,23 @@ def test_samples_within_and_at_the_ends_of_steps():
     np.testing.assert_array_equal(ends.y, found.y[:, [0, -1]])
 
 
+def test_steps_follow_the_relative_error_at_any_scale():
+    times = np.linspace(0.0, 5.0, 26)
+    start = np.array([1.0, 0.5])
+
+    def solved(scale: float) -> np.ndarray:
+        return solve(
+            lambda t, y: np.array([y[1], -y[0]]),
+            (0.0, 5.0),
+            scale * start,
+            t_eval=times,
+            atol=scale * 1e-12,
+        ).y
+
+    # A power of two scales every product exactly.
+    np.testing.assert_array_equal(solved(1024.0), 1024.0 * solved(1.0))
+
+
 def test_a_solution_without_end_needs_ever_smaller_steps():
     with np.errstate(all="ignore"):
         found = solve(lambda t, y: y * y, (0.0, 2.0), np.ones(1), t_eval=None)

@@ -52,6 +52,22 @@ def _datasets(path: Path) -> dict[str, Any]:
     return found
 
 
+def test_the_field_by_which_a_device_is_tested_is_defined_everywhere() -> None:
+    """Every function is finite at each of three states, whatever their values."""
+    field = devices._every_function(
+        {
+            "state": np.linspace(-1e3, 1e3, 3000),
+            "parameters": np.array([0.5]),
+            "time": np.array([0.25]),
+        }
+    )["derivative"]
+    x, y, z = np.split(np.linspace(-1e3, 1e3, 3000), 3)
+    assert len(field) == 3000
+    np.testing.assert_array_equal(field[:1000], np.where(x < y, z, -z / (1 + y * y)))
+    np.testing.assert_array_equal(field[2000:], np.cos(0.25) - z)
+    assert np.isfinite(field).all()
+
+
 @needs_device
 @pytest.mark.slow("drivers compile each law for 1 to 3 s")
 @pytest.mark.parametrize("case", CASES)
