@@ -244,6 +244,7 @@ def test_a_claim_about_controllers_that_are_not_there_says_so(eqt, folder):
     assert says in out.splitlines()
 
 
+@pytest.mark.slow("runs another experiment")
 def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     """Of a sampled loop, EqT and GT differ; of three runs, there are no intervals."""
     eqt("run", "c.yaml", "--set", "control.period=0.25", "--quiet")

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from case_tables import slow
 from slow_cases import mostly_slow
 
 from eqt_cli.base.option_types import option_names
@@ -45,24 +46,27 @@ def complete(eqt, monkeypatch):
     return offered
 
 
+COMPLETED = "one case of each kind of name is tried every time"
+
+
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
         ("eqt pl", ["plot"]),
-        ("eqt run c.yaml --exe", ["--executor"]),
+        slow(COMPLETED, "eqt run c.yaml --exe", ["--executor"]),
         ("eqt run c.yaml --executor l", ["local"]),
-        ("eqt run c.yaml --engine n", ["native"]),
-        ("eqt verify c.yaml --engine s", ["solve_ivp"]),
-        ("eqt run c.yaml --set gains.k", ["gains.kp=", "gains.kd="]),
+        slow(COMPLETED, "eqt run c.yaml --engine n", ["native"]),
+        slow(COMPLETED, "eqt verify c.yaml --engine s", ["solve_ivp"]),
+        slow(COMPLETED, "eqt run c.yaml --set gains.k", ["gains.kp=", "gains.kd="]),
         ("eqt sweep c.yaml --grid controllers[0].gy", ["controllers[0].gyroscopic="]),
-        ("eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
+        slow(COMPLETED, "eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
         ("eqt plot out --figure pap", ["paper"]),
-        ("eqt report out --figure tor", ["torque"]),
+        slow(COMPLETED, "eqt report out --figure tor", ["torque"]),
         ("eqt plot out --figure paper --option lo", ["log=", "log_torque="]),
-        ("eqt plot out --width p", ["page"]),
-        ("eqt list con", ["controllers", "configs"]),
-        ("eqt config new --from pap", ["paper"]),
-        ("eqt show out --table --format j", ["jsonl"]),
+        slow(COMPLETED, "eqt plot out --width p", ["page"]),
+        slow(COMPLETED, "eqt list con", ["controllers", "configs"]),
+        slow(COMPLETED, "eqt config new --from pap", ["paper"]),
+        slow(COMPLETED, "eqt show out --table --format j", ["jsonl"]),
         ("eqt run no", []),  # the shell then completes file names
     ],
 )

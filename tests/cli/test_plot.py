@@ -121,6 +121,7 @@ def test_an_option_of_one_figure_is_refused_by_it(refused, result):
     )
 
 
+@pytest.mark.slow("runs a sweep")
 def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt):
     grid = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=1,2", "--grid", "ensemble.seed=1,2")
     brief = ("--set", "controllers=[eqt]", "--set", "time.duration=0.1")

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-import pytest
+from slow_cases import mostly_slow
 
 LOADED = (
     "import sys\n"
@@ -15,7 +15,7 @@ LOADED = (
 )
 
 
-@pytest.mark.parametrize(
+@mostly_slow(
     "command",
     [
         "compare RESULT",
@@ -26,6 +26,8 @@ LOADED = (
         "plot RESULT --format json --option log=true --out OUT",
         "report RESULT --quick --figure paper --out OUT/page.html",
     ],
+    ["compare RESULT"],
+    "one command shows what all do",
 )
 def test_a_result_is_read_without_its_experiment(command, paper_result, tmp_path):
     given = command.replace("RESULT", str(paper_result)).replace("OUT", str(tmp_path)).split()

@@ -132,6 +132,7 @@ OTHER_SHEETS = [
 
 
 @pytest.mark.parametrize(("name", "result", "width"), OTHER_SHEETS)
+@pytest.mark.slow("draws every figure again")
 def test_other_sheets_are_as_good(name, result, width, drawn, request):
     found = drawn(name, request.getfixturevalue(result), width)
     assert_inside(found.drawing, width)
