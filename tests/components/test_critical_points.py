@@ -206,6 +206,8 @@ def test_multiples_of_the_identity_have_one_weight():
         found = distance_to_unstable(G, common_weight(K), Q)
         assert common_weight(K).shape == shape
         assert found.tobytes() == distance_to_unstable(G, K, Q).tobytes()
+    each = [distance_to_unstable(G, K[0], q) for K, q in zip(multiples, Q, strict=True)]
+    assert distance_to_unstable(G, multiples[:, 0], Q).tobytes() == np.array(each).tobytes()
 
 
 def test_distance_in_a_product_adds_the_squares_of_its_blocks():

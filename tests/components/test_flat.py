@@ -193,3 +193,9 @@ def test_known_forces_must_not_turn_with_the_body(experiment):
         assert "needs known forces that do not depend on the attitude, and drag does" in refusal(
             EqtError, experiment, **sections
         )
+
+
+def test_the_file_of_the_path_is_a_file_of_the_reference():
+    path = {"kind": "waypoints", "file": "plan.csv"}
+    assert FlatReference(of=path).files == {"of": "plan.csv"}
+    assert FlatReference(position=[0, 0, 0]).files == {}

@@ -119,6 +119,7 @@ def test_a_body_axis_is_a_direction_in_space(along, fits):
         ((0, 3), 1e-14, None),
         ((0, 3), 1e-9, "couples rotation and translation"),
         ((4, 4), 1e-9, "masses that differ by direction"),
+        ((3, 3), 1e-9, "masses that differ by direction"),
         ((3, 4), 1e-9, "masses that differ by direction"),
     ],
 )

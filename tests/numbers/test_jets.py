@@ -213,6 +213,13 @@ def test_a_choice_has_the_derivatives_of_the_chosen():
     found = where(apply("less", t, 0.0), t * t, 3.0)
     np.testing.assert_array_equal(found.derivative(1), [-2.0, 0.0])
     np.testing.assert_array_equal(found.derivative(2), [2.0, 0.0])
+    longer = Jet.time(np.array([-1.0, 2.0]), 3)
+    for chosen in (
+        where(apply("less", t, 0.0), t, longer),
+        where(apply("less", t, 0.0), longer, t),
+    ):
+        assert chosen.order == 2
+        np.testing.assert_array_equal(chosen.derivative(1), [1.0, 1.0])
 
 
 def test_traced_it_costs_what_derivatives_by_hand_cost():

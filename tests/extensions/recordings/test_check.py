@@ -133,6 +133,15 @@ def test_velocities_are_not_compared_where_rows_are_missing():
     )
 
 
+@pytest.mark.parametrize(
+    ("step", "unit"), [(6.0, "ms"), (900.0, "ms"), (1500.0, "us"), (3e7, "ns")]
+)
+def test_the_unit_of_time_is_the_largest_that_gives_usual_steps(step, unit):
+    text = "".join(f"{step * k!r} 0 0 0 0 0 0 1\n" for k in range(4))
+    (note,) = check(text, "tum").notes
+    assert note.endswith(f"add `units: {{t: {unit}}}` to the mapping if t is in {unit}")
+
+
 def test_noise_is_no_mistake():
     noise = 0.02 * np.random.default_rng(0).normal(size=MADE["p"].shape)
     assert check(recording(p=MADE["p"] + noise)).notes == []
