@@ -49,6 +49,8 @@ class VehicleRuns:
         Numbers of the runs.
     windows
         Some of the runs at other times, over which momentum is balanced; None without good runs.
+    rtol, atol
+        Tolerances of the engine that solved the problem.
     """
 
     problem: Problem
@@ -56,6 +58,8 @@ class VehicleRuns:
     seed: int
     numbers: Array
     windows: "VehicleRuns | None" = None
+    rtol: float = 0.0
+    atol: float = 0.0
 
     @property
     def loop(self) -> ClosedLoop:

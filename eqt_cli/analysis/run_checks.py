@@ -676,14 +676,16 @@ def _ratio(excess: Excess) -> float:
 
 
 class MomentumBalance(LargestExcess):
-    """The momentum 𝕀V changes over a window by ∫(ad*_V 𝕀V + τ + Σ f) dt, with the plant's 𝕀.
+    """The momentum changes over a window by ∫(ad*_V P + τ + Σ f) dt, with the plant's 𝕀.
 
-    The momentum is that of the runs. The integral is taken over their states at the nodes of
-    Clenshaw-Curtis rules. Its error is estimated by coarser rules.
+    The momentum is P = 𝕀V of the runs; with wheels P = 𝕀V + A h, on which their torque does not
+    act. The integral is taken over their states at the nodes of Clenshaw-Curtis rules. Its error is
+    estimated by coarser rules. The bound of a part of the coordinates is relative to the largest
+    𝕀V, A h, and impulse in a window.
     """
 
     name: ClassVar[str] = "momentum balance"
-    statement: ClassVar[str] = "d(𝕀V)/dt − ad*_V 𝕀V = τ + forces"
+    statement: ClassVar[str] = "dP/dt − ad*_V P = τ + forces"
     section: ClassVar[float] = 9.02
 
     def applies(self, runs: Runs) -> bool:
@@ -691,31 +693,36 @@ class MomentumBalance(LargestExcess):
         return runs.vehicle is not None
 
     def excesses(self, runs: Runs) -> Iterator[Excess]:
-        """Yield the largest residual of every window; none without good runs."""
+        """Yield the largest residual of every window and part; none without good runs."""
         windows = runs.vehicle and runs.vehicle.windows
         if windows is None:
             return
         loop, times = windows.loop, windows.problem.times
         s = loop.tracking(times, windows.states)
         G, vehicle = s.G, loop.vehicle
-        inertia = vehicle.inertia_at(s)
-        momentum = inertia.momentum(s.V)
-        force = G.ad_star(s.V, momentum) + loop.torque(s)
+        body, stored = vehicle.inertia_at(s).momentum(s.V), vehicle.stored(G, s.V, s.vehicle)
+        momentum = body + stored
+        force = G.ad_star(s.V, momentum) + (0.0 if vehicle.wheels else loop.torque(s))
         for each in vehicle.forces:
             force = force + each.in_body(G, s.t, s.Q, s.V)
         fine = ORDERS[-1]
-        for start in range(1, len(times) - 1, fine + 1):  # without the ends of the horizon
+        starts = range(1, len(times) - 1, fine + 1)  # without the ends of the horizon
+        durations = [np.ptp(times[start : start + fine + 1]) for start in starts]
+        sizes = np.maximum(np.abs(body), np.abs(stored)).max(axis=(0, 1))
+        sizes = np.maximum(sizes, max(durations) * np.abs(force).max(axis=(0, 1)))
+        for start, duration in zip(starts, durations, strict=True):
             inside = slice(start, start + fine + 1)
-            P, f, duration = momentum[:, inside], force[:, inside], np.ptp(times[inside])
+            P, f = momentum[:, inside], force[:, inside]
             rules = [
                 duration / 2 * np.einsum("i,rij->rj", weights, f[:, :: fine // order])
                 for order, (_, weights) in CLENSHAW_CURTIS.items()
             ]
             lost = np.abs(np.diff(rules, axis=0)).sum(axis=0)
             residual = np.abs(P[:, -1] - P[:, 0] - rules[-1])
-            size = max(1.0, float(np.abs(P).max()), duration * float(np.abs(f).max()))
-            place = f"at t = {times[start]:.3g} s"
-            yield residual.max(), ENERGY_PER_RTOL * runs.rtol * size + lost.max(), place
+            for axes in (part.axes for part in G.parts):
+                bound = ENERGY_PER_RTOL * (windows.rtol * sizes[axes].max() + windows.atol)
+                bound = max(bound + lost[:, axes].max(), np.finfo(float).tiny)
+                yield residual[:, axes].max(), bound, f"at t = {times[start]:.3g} s"
 
 
 def _clenshaw_curtis(order: int) -> tuple[Array, Array]:

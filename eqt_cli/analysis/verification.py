@@ -38,6 +38,9 @@ FEW_RUNS = 3
 """Number of runs per law that are integrated again, for states that a result does not hold
 and for the nodes of the momentum balance."""
 
+TIGHTER, FINEST = 1e-3, 1e-12
+"""Factor of the tolerances with which momentum is balanced, and the least relative one."""
+
 JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
 """Metrics of a result that certificates use."""
 
@@ -256,8 +259,16 @@ class _Verifier:
         if not len(few):
             return runs
         problem = replace(runs.problem.select(few), times=window_times(runs))
-        again = self._engine(batch).solve(problem, self.workers)
-        windows = certificates.VehicleRuns(problem, again.states, seed, good[few])
+        engine = self._engine(batch)
+        if (factor := max(TIGHTER, FINEST / engine.rtol)) < 1:
+            engine = engine.tightened(factor)
+        again, tolerances = (
+            engine.solve(problem, self.workers),
+            (engine.rtol, getattr(engine, "atol", 0.0)),
+        )
+        windows = certificates.VehicleRuns(
+            problem, again.states, seed, good[few], None, *tolerances
+        )
         return replace(runs, windows=windows)
 
     def verification(self, runs: list[certificates.Runs], desired: Desired) -> Verification:

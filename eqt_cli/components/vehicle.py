@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, less, stack, where
+from eqt_cli.base.arrays import Array, apply_matrix, less, stack, where
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
 from eqt_cli.components.forces import Force, in_currents
@@ -359,6 +359,13 @@ class Vehicle:
         x = states.get(place, V[..., :0])
         h = wheels.momenta(x) + 0.0 * V[..., :1]
         return h, h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
+
+    def stored(self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]) -> Array:
+        """Return the momentum A h of the wheels in the body frame, ``(..., m)``; 0 without any."""
+        if self.wheels is None:
+            return 0.0 * V
+        place, wheels = self.wheels
+        return apply_matrix(wheels.matrix, wheels.momenta(states.get(place, V[..., :0])))
 
     def reactions(
         self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]

@@ -13,9 +13,11 @@ from eqt_cli.analysis.run_checks import (
     _off_identity,
     window_times,
 )
+from eqt_cli.analysis.verification import TIGHTER
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import ScaledInertia
+from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.batches import batches
@@ -41,13 +43,15 @@ CHECKS = (MomentumBalance, NoiseCovariance)
 HOLD = [Verdict.HOLDS] * 2
 
 
-def solved(folder, runs=4, config=CONFIG):
+def solved(folder, runs=4, config=CONFIG, label="eqt"):
     path = folder / "c.yaml"
     path.write_text(config, encoding="utf-8")
-    [batch] = batches(study(read_config(path)), "eqt", np.arange(runs))
+    [batch] = batches(study(read_config(path)), label, np.arange(runs))
     made = VehicleRuns(batch.problem, batch.engine.solve(batch.problem).states, 4, np.arange(runs))
     problem = replace(made.problem.select(np.arange(1)), times=window_times(made))
-    windows = VehicleRuns(problem, batch.engine.solve(problem).states, 4, np.arange(1))
+    engine = batch.engine.tightened(TIGHTER)
+    states, tolerances = engine.solve(problem).states, (engine.rtol, engine.atol)
+    windows = VehicleRuns(problem, states, 4, np.arange(1), None, *tolerances)
     return replace(made, windows=windows)
 
 
@@ -76,7 +80,7 @@ def with_velocity_sensor(runs, sensor):
 
 
 def failing(runs):
-    return {row.name for row in rows(runs) if row.verdict is Verdict.FAILS}
+    return {row.name for row in rows(runs) if row and row.verdict is Verdict.FAILS}
 
 
 def test_all_hold(runs):
@@ -141,6 +145,96 @@ def test_a_plant_whose_states_are_a_thousandth_off(runs):
     states = runs.windows.states.copy()
     states[:, 1:18, runs.problem.loop.layout.slices["momentum"]] *= (
         1 + np.linspace(0, 1e-3, 17)[:, None]
+    )
+    assert failing(replace(runs, windows=replace(runs.windows, states=states))) == {
+        MomentumBalance.name
+    }
+
+
+# A body with three wheels: moment of inertia (kg m²), largest momentum of a wheel (N m s), and the
+# duration of a turn (s), all rounded.
+SATELLITES = {
+    "1U CubeSat": (0.002, 0.002, 20),
+    "12U CubeSat": (0.2, 0.05, 60),
+    "satellite of 500 kg": (300, 10, 200),
+    "space station": (1e8, 1e4, 6000),
+}
+
+
+def satellite(name, clock=True):
+    J, h, T = SATELLITES[name]
+    sizes = [J, 0.9 * J, 0.6 * J]
+    return f"""group: SO3
+inertia: {sizes}
+gains: {{kp: {50 * J / T**2}, kd: {20 * J / T}}}
+reference:
+  {{kind: slew, from: {{rotvec: [0, 0, 0]}}, to: {{rotvec: [1.2, 0.8, -0.6]}}, duration: {T}}}
+controllers: [lee2010]
+actuators:
+  - kind: wheels
+    axes: [[1, 0.1, 0], [0, 1, 0.2], [0.3, 0, 1]]
+    start: [{h / 2}, {-h / 2}, {h / 3}]
+{f"control: {{period: {T / 20}}}" if clock else ""}
+initial: {{velocity: {{kind: fixed, coordinates: [{0.1 / T}, 0, {-0.2 / T}]}}}}
+ensemble: {{runs: 1}}
+time: {{duration: {T}, samples: 21}}
+solver: {{rtol: 1.0e-6, atol: 1.0e-10}}
+"""
+
+
+def with_more_gyroscopic_torque(part, G, V, x, exact=Wheels.reaction):
+    force, rate = exact(part, G, V, x)
+    return 1.01 * force, rate
+
+
+def with_less_torque_on_the_wheels(part, G, command, x, exact=Wheels.state_rate):
+    return 0.99 * exact(part, G, command, x)
+
+
+SOME = [pytest.param(name, marks=OF_MANY) for name in ("12U CubeSat", "satellite of 500 kg")]
+WHEEL_FAULTS = (
+    ("reaction", with_more_gyroscopic_torque),
+    pytest.param("state_rate", with_less_torque_on_the_wheels, marks=OF_MANY),
+)
+CLOCKS = [pytest.param(True, id="sampled"), pytest.param(False, id="continuous", marks=OF_MANY)]
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+@pytest.mark.parametrize("name", ["1U CubeSat", "space station", *SOME])
+def test_wheels_and_body_keep_their_momentum(name, clock, tmp_path):
+    """Without a force from outside, R(𝕁ω + A h) stays, here by NumPy from the states."""
+    vehicle = solved(tmp_path, 1, satellite(name, clock), "lee2010")
+    windows = vehicle.windows
+    s = windows.loop.tracking(windows.problem.times, windows.states)
+    J, h, _ = SATELLITES[name]
+    axes = np.array([[1, 0.1, 0], [0, 1, 0.2], [0.3, 0, 1]]).T
+    axes /= np.linalg.norm(axes, axis=0)
+    stored = s.vehicle["actuators_0"][0] @ axes.T
+    total = np.einsum("tij,tj->ti", s.Q[0], s.V[0] * [J, 0.9 * J, 0.6 * J] + stored)
+    assert np.abs(total - total[0]).max() < 1e-8 * h  # the tolerance of the windows is 1e-9
+    [row, _] = rows(vehicle)
+    assert row.verdict is Verdict.HOLDS
+    assert row.bound < 1e-6 * h
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+@pytest.mark.parametrize(("method", "fault"), WHEEL_FAULTS)
+@pytest.mark.parametrize("name", ["1U CubeSat", "space station", *SOME])
+def test_wheels_with_a_fault_of_one_percent(name, method, fault, clock, monkeypatch, tmp_path):
+    monkeypatch.setattr(Wheels, method, fault)
+    assert failing(solved(tmp_path, 1, satellite(name, clock), "lee2010")) == {MomentumBalance.name}
+
+
+@pytest.mark.parametrize("name", ["1U CubeSat", "space station", *SOME])
+def test_a_satellite_without_wheels_whose_states_are_one_percent_off(name, tmp_path):
+    before, _, after = satellite(name).partition("  - kind: wheels")
+    lag = "  - {kind: lag, time_constant: 0.1}\ncontrol:"
+    text = before + lag + after.partition("control:")[2]
+    runs = solved(tmp_path, 1, text, "lee2010")
+    assert failing(runs) == set()
+    states = runs.windows.states.copy()
+    states[:, 1:18, runs.problem.loop.layout.slices["momentum"]] *= (
+        1 + np.linspace(0, 0.01, 17)[:, None]
     )
     assert failing(replace(runs, windows=replace(runs.windows, states=states))) == {
         MomentumBalance.name
