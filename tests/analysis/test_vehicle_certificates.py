@@ -228,7 +228,7 @@ def test_wheels_with_a_fault_of_one_percent(name, method, fault, clock, monkeypa
 @pytest.mark.parametrize("name", ["1U CubeSat", "space station", *SOME])
 def test_a_satellite_without_wheels_whose_states_are_one_percent_off(name, tmp_path):
     before, _, after = satellite(name).partition("  - kind: wheels")
-    lag = "  - {kind: lag, time_constant: 0.1}\ncontrol:"
+    lag = f"  - {{kind: lag, time_constant: {SATELLITES[name][2] / 50}}}\ncontrol:"
     text = before + lag + after.partition("control:")[2]
     runs = solved(tmp_path, 1, text, "lee2010")
     assert failing(runs) == set()
