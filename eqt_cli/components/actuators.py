@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,10 @@ from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_limits
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # The base class of actuators; it knows no law, plant or engine ------------------------------------
+
+
+Needed: TypeAlias = tuple[Array, Any, Any]
+"""Values that a torque needs, with their lower and upper limits."""
 
 
 @dataclass(frozen=True)
@@ -152,8 +156,8 @@ class Actuator(VehiclePart):
         """
         return None
 
-    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """Return how much of the `limited` quantity a torque needs, and its limit, ``(n, k)`` each.
+    def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
+        """Return how much of the `limited` quantity a torque needs, with the limits, ``(n, k)``.
 
         Each row is at one of the last n times; None where this does not follow from a torque.
         """
@@ -179,12 +183,6 @@ class PassThrough(Actuator):
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the command."""
         return command
-
-
-def against(values: Array, low: Any, high: Any) -> tuple[Array, Array]:
-    """Return the magnitudes of values, and of the limits on their side of 0."""
-    below = values < 0
-    return where(below, 0.0 - values, values), where(below, 0.0 - low, high)
 
 
 actuators = Registry(
@@ -310,13 +308,13 @@ class Limit(Actuator):
         low, high = (np.broadcast_to(end, G.dimension) for end in ends)
         return low, high
 
-    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """Return magnitudes on the axes, or the norm times the largest limit, with their limits."""
+    def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
+        """Return the torque, or its norm times the largest limit, with the limits."""
         if not self.norm:
-            return against(torque, self.low, self.high)
+            return torque, self.low, self.high
         limit: Any = self.limit
         largest = limit.max()
-        return norm(torque / limit)[..., None] * largest, largest
+        return norm(torque / limit)[..., None] * largest, -largest, largest
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note limits given in both ways or in none, and limits with nothing between them."""
@@ -373,10 +371,11 @@ class MomentumLimit(Actuator):
         """Return the torque among the states."""
         return x[..., : G.dimension]
 
-    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """Return the magnitude of the integral from the first time on, and its limit, by axis."""
+    def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
+        """Return the integral from the first time on, with its limits, by axis."""
         pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
-        return np.abs(np.cumsum(pieces, axis=0)), self.momentum
+        momentum: Any = self.momentum
+        return np.cumsum(pieces, axis=0), -momentum, momentum
 
 
 SHIFT = 1.5 * 2.0**52
@@ -445,6 +444,7 @@ class RateLimit(Actuator):
         """Return the state."""
         return x
 
-    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
-        """Return the magnitude of the rate in the step before each time, and its limit, by axis."""
-        return np.abs(np.diff(torque, axis=0) / np.diff(times)[:, None]), self.rate
+    def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
+        """Return the rate in the step before each time, with its limits, by axis."""
+        rate: Any = self.rate
+        return np.diff(torque, axis=0) / np.diff(times)[:, None], -rate, rate

@@ -6,11 +6,12 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import Field
 
 from eqt_cli.base.arrays import Array, apply_matrix, clip, maximum, sqrt
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, Scale, Unit
-from eqt_cli.components.actuators import Actuator, against, of_each
+from eqt_cli.components.actuators import Actuator, Needed, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_numbers, drawn, lowest
@@ -96,6 +97,9 @@ class Thrusters(Actuator):
         `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits. `bounded`: thrusts
         within the limits whose torque is nearest to the command, by least squares over its m
         numbers as they are; solved at control instants.
+    least
+        Least singular value, relative to the largest, of B with each row divided by its norm. Below
+        it, a direction is not commanded, because small torques there would take large thrusts.
     """
 
     name: ClassVar[str] = "thrusters"
@@ -122,8 +126,10 @@ class Thrusters(Actuator):
     high_speed: Annotated[Numbers | None, Unit("rad/s")] = None
     weights: Numbers | None = None
     allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
+    least: Annotated[float, Field(ge=0, lt=1)] = 0.05
     inverse: Any = field(default=None, init=False, repr=False)
     scale: Any = field(default=None, init=False, repr=False)
+    passed: Any = field(default=None, init=False, repr=False)
 
     @property
     def limits(self) -> bool:
@@ -200,12 +206,19 @@ class Thrusters(Actuator):
             if speed in each:
                 each[name] = each["thrust_constant"] * each.pop(speed) ** 2
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
-        inverse = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST)
+        inverse, limited = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST), None
+        norms = _norms(B)
+        U, sizes, _ = np.linalg.svd(B / norms, full_matrices=False)
+        strong = sizes >= part.least * sizes[0]
+        if (~strong & (sizes > SMALLEST * sizes[0])).any():
+            kept = U[:, strong].T / norms[:, 0]
+            inverse = scale[:, None] * np.linalg.pinv(kept @ B * scale) @ kept
+            limited = B @ inverse
         none = dict.fromkeys(("weights", "moment_constant", *SPEEDS))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
-        kept = scale if self.sampled else None
+        none["scale"] = scale if self.sampled else None
         return with_fields(
-            part, **each, **none, matrix=B, thrusters=named, inverse=inverse, scale=kept
+            part, **each, **none, matrix=B, thrusters=named, inverse=inverse, passed=limited
         )
 
     def states(self, G: MatrixLieGroup) -> int:
@@ -257,6 +270,7 @@ class Thrusters(Actuator):
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return thrusts within limits whose torque is nearest to the command, run by run."""
         runs = command.shape[:-1]
+        command = command if self.passed is None else apply_matrix(self.passed, command)
         axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
         numbers = [
             np.broadcast_to(values, (*runs, *values.shape[-count:]))
@@ -280,19 +294,23 @@ class Thrusters(Actuator):
             there = (thrusts < self.low) | (thrusts > self.high)
         return np.array(there.any(axis=-1))
 
-    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
+    def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return thrusts and their limits; None if bounded, where other thrusts may do."""
-        if self.sampled:
-            return None
-        return against(apply_matrix(self.inverse, torque), self.low, self.high)
+        return None if self.sampled else (apply_matrix(self.inverse, torque), self.low, self.high)
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
-        """Yield a remark on the directions in which no thrust pushes."""
-        lost = unreachable(wanted @ self.columns(G))
-        if len(lost):
-            named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
-            rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
-            yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
+        """Yield remarks on the directions in which thrusts push not at all, or hardly."""
+        B = wanted @ self.columns(G)
+        yield from lost_directions(G, wanted, B)
+        weak = unreachable(B, self.least)
+        if len(weak) > len(unreachable(B)):
+            weak /= np.abs(weak).max(axis=1, keepdims=True)
+            named = ", ".join(_in_words(row, G.axis_names) for row in weak @ wanted)
+            yield (
+                f"push along {named} with less than {self.least:g} of their strength elsewhere "
+                "(the rows of B divided by their norms), which is given up: what a law asks for "
+                "there is lost; add thrusters, or set a smaller least"
+            )
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid matrix or invalid places, and numbers that do not fit them."""
@@ -384,11 +402,34 @@ class Thrusters(Actuator):
                 )
 
 
-def unreachable(B: Array) -> Array:
-    """Return the directions n with nᵀB = 0 as rows ``(m − rank, m)``, in few coordinates each."""
-    U, sizes, _ = np.linalg.svd(B)
-    rank = int((sizes > SMALLEST * max(sizes[0], np.finfo(float).tiny)).sum())
+def _norms(B: Array) -> Array:
+    """Return the norms of the rows, ``(m, 1)``; 1 for rows that are 0 beside the largest."""
+    norms: Array = np.linalg.norm(B, axis=1, keepdims=True)
+    return np.where(norms > SMALLEST * norms.max(), norms, 1.0)
+
+
+def lost_directions(G: MatrixLieGroup, wanted: Array, B: Array) -> Iterator[str]:
+    """Yield a remark on the wanted directions, ``(k, m)``, in which nothing pushes."""
+    lost = unreachable(B)
+    if len(lost):
+        named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
+        rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
+        yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
+
+
+def unreachable(B: Array, least: float = SMALLEST) -> Array:
+    """Return the directions n with nᵀB = 0 as rows ``(m − rank, m)``, in few coordinates each.
+
+    Singular values of B, with rows divided by their norms, count as 0 below `least` of the largest.
+    """
+    norms = _norms(B)
+    U, sizes, _ = np.linalg.svd(B / norms)
+    rank = int((sizes >= max(least, SMALLEST) * max(sizes[0], np.finfo(float).tiny)).sum())
     rows = U[:, rank:].T.copy()
+    if least > SMALLEST:
+        rows[np.abs(rows) < least * np.abs(rows).max(axis=1, keepdims=True, initial=0.0)] = 0.0
+    rows /= norms[:, 0]
+    rows /= np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
     done = 0
     for column in range(rows.shape[1]):  # Gauss-Jordan, largest entries first
         if done == len(rows):

@@ -1,5 +1,6 @@
 """Reaction wheels, each with an axis and a momentum of its own."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -11,6 +12,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Angle, Positive, Real, Unit
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.thrusters import lost_directions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -168,7 +170,10 @@ class Wheels(Actuator):
         each = of_each(part, OF_EACH, self.count)
         if "speed" in each:
             each["momentum"] = each["inertia"] * each.pop("speed")
-        inverse, each["start"] = np.linalg.pinv(A), each.get("start", np.zeros(self.count))
+        inverse, each["start"] = (
+            np.linalg.pinv(A, rcond=FLAT),
+            each.get("start", np.zeros(self.count)),
+        )
         if self.friction is not None:
             each["rubbing"] = np.array([self.friction.viscous, self.friction.coulomb])
         if self.bias is not None:
@@ -278,8 +283,15 @@ class Wheels(Actuator):
                 there = there | (np.abs(values) >= limit * (1 - NEAR)).any(axis=-1)
         return np.array(there)
 
+    def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
+        """Yield a remark on the turns about which no wheel has a torque."""
+        turns = wanted[np.abs(wanted[:, _turns(G)]).any(axis=1)]
+        A = np.zeros((G.dimension, self.count))
+        A[_turns(G)] = self.unit_axes()
+        yield from lost_directions(G, turns, turns @ A)
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note groups without wheels, axes that leave a direction out, and missing numbers."""
+        """Note groups without wheels, and missing numbers."""
         if _turns(G) is None:
             problems.add(f"wheels need a body that turns about three axes, got group {G.name}")
         if (self.axes is None) == (self.pyramid is None):
@@ -294,11 +306,7 @@ class Wheels(Actuator):
     def _check_numbers(self, problems: Problems) -> None:
         threes = map(list, combinations(range(self.count), 3))
         volumes = [abs(np.linalg.det(self.unit_axes()[:, three])) for three in threes]
-        if max(volumes, default=0.0) < FLAT:
-            problems.at("axes" if self.axes else "pyramid").add(
-                "no torque about one direction; add a wheel out of the plane of the others"
-            )
-        elif self.allocation == "min_max" and min(volumes) < FLAT:
+        if self.allocation == "min_max" and min(volumes, default=0.0) < FLAT:
             problems.at("allocation").add(
                 "min_max needs axes of which no three lie in a plane; use pseudo_inverse"
             )

@@ -827,26 +827,31 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         torque = torque - force.in_body(loop.group, times, pose, velocity)
     texts, wheels = [], wheels_needed(experiment, shown)
     if wheels is not None and wheels.are_too_much:
+        place = experiment.source.place((ACTUATORS,))
         texts.append(
-            f"{ACTUATORS}: the reference, with the forces of the plant, needs {wheels.in_words}; "
-            "no law can follow it there"
+            f"{place}: {ACTUATORS}: the reference, with the forces of the plant, needs "
+            f"{wheels.in_words}; no law can follow it there"
         )
     for index, actuator in enumerate(loop.vehicle.actuators):
-        sizes = actuator.most(loop.group, times, torque) if actuator.limits else None
-        if sizes is None or not len(sizes[0]):
+        found = actuator.needed(loop.group, times, torque) if actuator.limits else None
+        if found is None or not len(found[0]):
             continue
-        needed, limits = sizes
+        needed, low, high = np.broadcast_arrays(*found)
+        beyond = np.maximum(needed - high, low - needed)
+        limits = np.where(needed > high, high, low)
         with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0
-            over = np.where(needed > limits, needed / np.maximum(limits, 0.0), 0.0)
-        when, axis = np.unravel_index(np.argmax(over), needed.shape)
-        limit = float(np.broadcast_to(limits, needed.shape)[when, axis])
-        if needed[when, axis] > limit:
+            share = np.where(beyond > 0, beyond / np.abs(limits), 0.0)
+        axis = int(np.argmax(share.max(axis=0)))
+        when = int(np.argmax(beyond[:, axis]))
+        if beyond[when, axis] > 0:
             t = times[len(times) - len(needed) + when]
+            most = "most" if needed[when, axis] > high[when, axis] else "least"
             names = actuator.thruster_names
             name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
+            place = experiment.source.place((ACTUATORS, index))
             texts.append(
-                f"{ACTUATORS}[{index}]: {name} gives at most {actuator.limited}{limit:.4g}{unit}, "
-                f"but the reference alone needs {needed[when, axis]:.4g}{unit} at t = {t:.4g} s; "
-                "no law can follow it there"
+                f"{place}: {ACTUATORS}[{index}]: {name} gives at {most} {actuator.limited}"
+                f"{limits[when, axis]:.4g}{unit}, but the reference alone needs "
+                f"{needed[when, axis]:.4g}{unit} at t = {t:.4g} s; no law can follow it there"
             )
     return texts

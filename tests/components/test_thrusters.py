@@ -16,7 +16,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Thruster, Thrusters, unreachable
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
-from eqt_cli.config.preflight import remarks
+from eqt_cli.config.preflight import limits_below_reference, remarks
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.executors import Executor, Serial
@@ -359,6 +359,100 @@ def test_directions_without_thrust_are_said_by_their_coordinates():
     assert not list(Thrusters(matrix=np.eye(3).tolist()).remarks(SE2, np.eye(3)))
 
 
+# Directions in which a small torque takes large thrusts.
+
+
+def arms(rotors, off, shift):
+    """Rotors on arms of 0.2 m, in turn clockwise and not; the second is displaced, m."""
+    places = []
+    for k in set(range(rotors)) - set(off):
+        angle = 2 * np.pi * (k + 0.5) / rotors
+        place = [0.2 * np.cos(angle) + shift * (k == 1), 0.2 * np.sin(angle), 0]
+        places.append(Thruster(place, [0, 0, 1], turns=0.016 * (-1) ** k))
+    return places
+
+
+NEARLY_LOST = {
+    "hexarotor, 2 rotors off, 4 mm": (SE3, np.eye(6)[[0, 1, 2, 5]], arms(6, (0, 3), 0.004), "ωz"),
+    "hexarotor, 2 others off, 10 mm": (SE3, np.eye(6)[[0, 1, 2, 5]], arms(6, (2, 5), 0.01), "ωz"),
+    "boat, both thrusters astern, 1 mm": (
+        SE2,
+        np.eye(3),
+        [
+            Thruster([-0.5, 0.3], [1, 0]),
+            Thruster([-0.5, -0.3], [1, 0]),
+            Thruster([-0.6, 0.0], [0, 1]),
+            Thruster([-0.601, 0.0], [0, 1]),
+            Thruster([-0.5, 0.3], [1, 1e-3]),
+        ],
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NEARLY_LOST)
+@pytest.mark.parametrize("weights", [None, 3.0])
+def test_a_direction_of_hardly_any_thrust_is_given_up_and_named(name, weights):
+    """Against the singular values of B with rows of length 1."""
+    G, wanted, places, axis = NEARLY_LOST[name]
+    each = None if weights is None else [1.0 + weights * k for k in range(len(places))]
+    part = Thrusters(thrusters=places, weights=each)
+    B = wanted @ part.columns(G)
+    rows = np.linalg.norm(B, axis=1)
+    U, sizes, _ = np.linalg.svd(B / rows[:, None], full_matrices=False)
+    weak = sizes < 0.05 * sizes[0]
+    inverse = part.of_run(G, None).inverse
+    exact = Thrusters(thrusters=places, weights=each, least=0)
+    if axis is None:  # all directions have thrust
+        assert not weak.any() and not list(part.remarks(G, wanted))
+        np.testing.assert_array_equal(inverse, exact.of_run(G, None).inverse)
+        return
+    assert weak.sum() == 1 and sizes[-1] < 0.02 * sizes[0]
+    # A command of torques along the lost direction takes no thrust, all others what they ask for.
+    np.testing.assert_allclose(inverse @ wanted.T @ (rows * U[:, -1]), 0, atol=1e-10)
+    others = (rows * U[:, :-1].T).T
+    given = U.T / rows @ B @ inverse @ wanted.T @ others
+    np.testing.assert_allclose(given[:-1], np.eye(3), atol=1e-10)
+    assert np.abs(inverse).max() < 0.1 * np.abs(exact.of_run(G, None).inverse).max()
+    [told] = part.remarks(G, wanted)
+    assert f"+ {axis} with less than 0.05 of their strength elsewhere" in told
+    assert not list(exact.remarks(G, wanted))
+
+
+WITH_THRUSTERS = [
+    path
+    for path in sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+    if "kind: thrusters" in path.read_text(encoding="utf-8")
+]
+
+
+@pytest.mark.parametrize("path", WITH_THRUSTERS, ids=lambda path: path.stem)
+def test_no_shipped_configuration_gives_up_a_direction(path):
+    for loop in load_experiment(path).base.loops.values():
+        assert all(getattr(part, "passed", None) is None for part in loop.vehicle.actuators)
+
+
+@pytest.mark.parametrize(
+    ("torque", "limits", "said", "needs"),
+    [
+        ([0, 0, -0.5], "low: -0.2, high: 0.4", "at least -0.2 N", -0.5),
+        ([0, 0, 0.5], "low: -0.9, high: 0.4", "at most 0.4 N", 0.5),
+        ([0, 0, 0.1], "low: [-1, -1, 0.2], high: 1", "at least 0.2 N", 0.1),
+    ],
+)  # fmt: skip
+def test_the_limit_that_is_exceeded_is_named(experiment, torque, limits, said, needs):
+    found = experiment(
+        group="SE2",
+        inertia="[1, 2, 2]",
+        reference=f"{{torque: {torque}}}",
+        actuators=f"[{{kind: thrusters, matrix: [[1, -1, 0], [1, 1, 0], [0, 0, 1]], {limits}}}]",
+    )
+    assert limits_below_reference(found) == [
+        f"c.yaml:10:13: actuators[0]: 'thruster 3' gives {said}, but the reference alone needs "
+        f"{needs} N at t = 0 s; no law can follow it there"
+    ]
+
+
 # Whole experiments.
 
 FLIGHT = yaml.safe_load("""
@@ -456,7 +550,7 @@ def test_a_thruster_that_the_reference_asks_for_too_much_is_named(experiment):
         actuators="[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], name: side}, "
         "{at: [0, 1], along: [1, 0]}, {at: [0, -1], along: [1, 0]}], low: 0, high: 0.2}]",
     )
-    assert [str(remark).split("c.yaml")[-1] for remark in remarks(found)] == [
-        "actuators[0]: 'side' gives at most 0.2 N, but the reference alone needs 0.5 N at t = 0 s; "
-        "no law can follow it there"
+    assert [str(remark) for remark in remarks(found)] == [
+        "c.yaml:10:13: actuators[0]: 'side' gives at most 0.2 N, but the reference alone needs "
+        "0.5 N at t = 0 s; no law can follow it there"
     ]

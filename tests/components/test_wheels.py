@@ -162,7 +162,6 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
     ("options", "message"),
     [
         ({}, "expected either axes or pyramid, got neither"),
-        ({"axes": [[1, 0, 0], [0, 1, 0]]}, "no torque about one direction; add a wheel"),
         (
             {"axes": [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]], "allocation": "min_max"},
             "min_max needs axes of which no three lie in a plane; use pseudo_inverse",
@@ -225,6 +224,28 @@ def test_what_wheels_need_is_as_by_hand(experiment_of):
     assert np.abs(found.torque).max() == pytest.approx(0.042 * acceleration * share, rel=0.05)
     weak = experiment_of(cubesat.replace("momentum: 15 mN m s", "momentum: 4.5 mN m s"))
     [said] = limits_below_reference(weak)
-    assert said.startswith(
-        "actuators: the reference, with the forces of the plant, needs 4.6 of 4.5"
+    assert said.split("flight.yaml:")[-1].startswith(
+        "28:1: actuators: the reference, with the forces of the plant, needs 4.6 of 4.5"
     )
+
+
+@pytest.mark.parametrize(
+    ("axes", "lost"),
+    [
+        (pyramid().T[[0, 2]], "ωx − ωy"),
+        (pyramid().T[[0, 1]], "ωy − 0.999 ωz"),
+        (np.eye(3)[:2], "ωz"),
+    ],
+)
+def test_two_wheels_of_four_are_flown_with_a_remark(axes, lost):
+    """The direction is normal to both axes."""
+    wheels, G = Wheels(axes=axes.tolist()), group_named("SO3")
+    problems = Problems()
+    wheels.check(G, problems)
+    assert not problems
+    [said] = wheels.remarks(G, np.eye(3))
+    assert said == (f"with rank 2 of 3 cannot push along {lost}; what a law asks for there is lost")
+    normal, part = np.cross(*axes), wheels.of_run(G, None)
+    np.testing.assert_allclose(part.output(G, normal, np.zeros(2)), 0, atol=1e-12)
+    across = np.cross(normal, axes[0])
+    np.testing.assert_allclose(part.output(G, across, np.zeros(2)), across, atol=1e-12)
