@@ -286,9 +286,8 @@ class Wheels(Actuator):
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield a remark on the turns about which no wheel has a torque."""
         turns = wanted[np.abs(wanted[:, _turns(G)]).any(axis=1)]
-        A = np.zeros((G.dimension, self.count))
-        A[_turns(G)] = self.unit_axes()
-        yield from lost_directions(G, turns, turns @ A)
+        part = self if self.matrix is not None else self.of_run(G, None)
+        yield from lost_directions(G, turns, turns @ part.matrix)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without wheels, and missing numbers."""

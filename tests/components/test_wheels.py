@@ -245,6 +245,7 @@ def test_two_wheels_of_four_are_flown_with_a_remark(axes, lost):
     assert not problems
     [said] = wheels.remarks(G, np.eye(3))
     assert said == (f"with rank 2 of 3 cannot push along {lost}; what a law asks for there is lost")
+    assert list(wheels.of_run(G, None).remarks(G, np.eye(3))) == [said]
     normal, part = np.cross(*axes), wheels.of_run(G, None)
     np.testing.assert_allclose(part.output(G, normal, np.zeros(2)), 0, atol=1e-12)
     across = np.cross(normal, axes[0])
