@@ -79,11 +79,11 @@ class VehicleRuns:
             period, whitened = clock.every * vehicle.tick, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
-                own = sensor.drawn(random)
-                deviation = own.white_deviation(G, period)
+                each = sensor.drawn(random)
+                deviation = each.white_deviation(G, period)
                 if deviation is None:
                     break
-                errors, deviation = own.errors(G, count, period, random)[:, axes], deviation[axes]
+                errors, deviation = each.errors(G, count, period, random)[:, axes], deviation[axes]
                 whitened.append(errors[:, deviation > 0] / deviation[deviation > 0])
             if len(whitened) == len(self.numbers) and whitened and whitened[0].size:
                 yield np.array(whitened)
@@ -153,7 +153,7 @@ class Runs:
     estimate: dict[str, Array] | None = None
 
     @property
-    def own_function(self) -> str:
+    def energy_remark(self) -> str:
         """Name of the function L if it is not the paper's."""
         return "" if self.energy == Controller.energy else f"L = {self.energy}"
 

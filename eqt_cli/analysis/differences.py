@@ -111,16 +111,16 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     sources = [source_of(each) for each in both]
     texts = [{**(source.stored_plugins or {}), **source.files} for source in sources]
     known = {text: name for name, text in texts[0].items()}
-    own = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
+    renamings = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
     arrays = [_datasets(each) for each in both]
     names = list(dict.fromkeys(chain(*arrays)))
     compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
-    renaming = zip(sources, own, strict=True)
+    renaming = zip(sources, renamings, strict=True)
     configurations = [dict(_leaves(renamed(source.data, names))) for source, names in renaming]
     attributes = [
         {key: value for key, value in result.attributes.items() if key not in _APART}
         | {f"file {names[name]}": text for name, text in stored.items()}
-        for result, names, stored in zip(both, own, texts, strict=True)
+        for result, names, stored in zip(both, renamings, texts, strict=True)
     ]
     return Differences(
         _changes(*configurations),

@@ -161,8 +161,8 @@ def survivors(points: Scores, tried: Scores) -> Array:
     if points.objectives.shape[1] == 1:
         return np.where(lost, np.arange(size), size + np.arange(size))
     won = dominates(tried, points)
-    kept = np.concatenate([np.flatnonzero(~won), size + np.flatnonzero(~lost)])
-    scores = Scores.joined(points, tried).at(kept)
+    undominated = np.concatenate([np.flatnonzero(~won), size + np.flatnonzero(~lost)])
+    scores = Scores.joined(points, tried).at(undominated)
     ranked = ranks(scores)
     chosen: list[int] = []
     for rank in range(int(ranked.max()) + 1):
@@ -170,7 +170,7 @@ def survivors(points: Scores, tried: Scores) -> Array:
         while len(chosen) + len(alike) > size:
             alike = np.delete(alike, np.argmin(crowding(scores.objectives[alike])))
         chosen += alike.tolist()
-    return kept[np.array(chosen)]
+    return undominated[np.array(chosen)]
 
 
 @dataclass(frozen=True)
@@ -330,9 +330,9 @@ def _two_others(this: int, count: int, random: np.random.Generator) -> Array:
 
 def selected(population: Population, tried: Population) -> Population:
     """Return the survivors of a population and its trials; trial k competes with point k."""
-    kept = survivors(population.scores, tried.scores)
-    shares = np.concatenate([population.shares, tried.shares])[kept]
-    return Population(shares, Scores.joined(population.scores, tried.scores).at(kept))
+    chosen = survivors(population.scores, tried.scores)
+    shares = np.concatenate([population.shares, tried.shares])[chosen]
+    return Population(shares, Scores.joined(population.scores, tried.scores).at(chosen))
 
 
 # Combines the held-out runs of a tuning over cases into those of one experiment -------------------
@@ -570,11 +570,11 @@ def at_equal_cost(
         return []
     by_law = {front.law: front for front in fronts}
     errors = np.array([[by_law[law].at(p.cost) for law in (p.better, p.worse)] for p in pairs])
-    found = decide(errors, np.zeros(errors.shape[:2]), how.confidence)
-    wins = (found.winner != NOBODY).tolist()
+    decisions = decide(errors, np.zeros(errors.shape[:2]), how.confidence)
+    wins = (decisions.winner != NOBODY).tolist()
     return [
-        replace(pair, winner=pair.better if won else found.without_winner, p_value=p_value)
-        for pair, won, p_value in zip(pairs, wins, found.p_values.tolist(), strict=True)
+        replace(pair, winner=pair.better if won else decisions.without_winner, p_value=p_value)
+        for pair, won, p_value in zip(pairs, wins, decisions.p_values.tolist(), strict=True)
     ]
 
 
@@ -583,8 +583,8 @@ def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqu
     less, more = better.at(cost), worse.at(cost)
     saved = relative_difference(more - less, more, confidence)
     means = float(less.mean()), float(more.mean())
-    own, others = better.of_searches(cost), worse.of_searches(cost)
-    shares = [1 - one / other for one in own for other in others] or [math.nan]
+    errors, others = better.of_searches(cost), worse.of_searches(cost)
+    shares = [1 - one / other for one in errors for other in others] or [math.nan]
     return AtEqualCost(better.law, worse.law, cost, *means, *saved, min(shares), max(shares))
 
 

@@ -243,8 +243,8 @@ def feedforward(s: Tracking, P_E: Array) -> Array:
     if s.inertia.change is None:
         return transport
     velocity = s.inertia.velocity(G.Ad_star(s.Qd, P_E))
-    own = s.inertia.feedforward(velocity) + 0 * P_E
-    return transport + G.Ad_star(G.inverse(s.Qd), own)
+    of_reference = s.inertia.feedforward(velocity) + 0 * P_E
+    return transport + G.Ad_star(G.inverse(s.Qd), of_reference)
 
 
 Point = tuple[Any, Any, Any, Any, str, str]
@@ -663,7 +663,7 @@ class ForceStays(certificates.TrajectoryCheck):
         loop = runs.vehicle.loop
         law, s = loop.controller, loop.tracking(runs.vehicle.problem.times, runs.vehicle.states)
         assert isinstance(law, Cascade)
-        sizes = norm(law.commanded(s).asked)
+        sizes = norm(law.commanded(s).acceleration)
         least, typical = float(sizes.min()), float(np.median(sizes))
         angle = turn_of_distance(law.attitude_error(s)[:, 0]).max()
         remark = f"R(0) is up to {np.degrees(angle):.3g}° from R_c(0)"

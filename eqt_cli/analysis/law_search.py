@@ -47,7 +47,7 @@ class LawSearch:
         The experiment with this law only, its gains in the section `gains`.
     axes
         Ranges of the varied keys of `source`.
-    given
+    written
         The same keys, in the same order, as the user's configuration writes them.
     index
         Index of the law among the user's controllers.
@@ -59,7 +59,7 @@ class LawSearch:
     slug: str
     source: ConfigSource
     axes: dict[str, DrawnRange]
-    given: tuple[str, ...]
+    written: tuple[str, ...]
     index: int
     start: tuple[float, ...] | None
 
@@ -72,11 +72,11 @@ class LawSearch:
         """Translate a path of `source` into one of the user's configuration."""
         pairs = (
             pair
-            for own, given in zip(self.axes, self.given, strict=True)
-            for pair in zip(entries_of(own), entries_of(given), strict=True)
+            for key, written in zip(self.axes, self.written, strict=True)
+            for pair in zip(entries_of(key), entries_of(written), strict=True)
         )
-        own = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
-        return dict(pairs).get(path, own)
+        path = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
+        return dict(pairs).get(path, path)
 
     def at(self, values: dict[str, float]) -> ConfigSource:
         """Return the experiment with these values."""
@@ -86,17 +86,17 @@ class LawSearch:
         return replace(self.source, data=data)
 
 
-def range_of(given: TunedAxis, problems: Problems) -> DrawnRange | None:
+def range_of(listed: TunedAxis, problems: Problems) -> DrawnRange | None:
     """Return the range of a key, or None after noting its problems."""
-    if isinstance(given, list):
-        axis = DrawnRange(low=given[0], high=given[1])
-    elif isinstance(given, LogRange):
-        axis = DrawnRange(low=given.log[0], high=given.log[1], scale="log")
+    if isinstance(listed, list):
+        axis = DrawnRange(low=listed[0], high=listed[1])
+    elif isinstance(listed, LogRange):
+        axis = DrawnRange(low=listed.log[0], high=listed.log[1], scale="log")
     else:
-        axis = given
-    own = Problems()
-    axis.check(own)
-    for problem in own:
+        axis = listed
+    faults = Problems()
+    axis.check(faults)
+    for problem in faults:
         problems.add(problem.message)
     return None if problems else axis
 
@@ -124,20 +124,20 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
         data = without_search(base.source.data) | {"controllers": [entry]}
         if not keeps:
             of_law = {key: value for key, value in entry.items() if key != "gains"}
-            own = shared | entry.get("gains", {})
-            data |= {"controllers": [of_law], "gains": own}
-        keys = {own: key for key in ranges if (own := _own_key(key, index, keeps))}
-        axes = {own: ranges[key] for own, key in keys.items()}
+            gains = shared | entry.get("gains", {})
+            data |= {"controllers": [of_law], "gains": gains}
+        keys = {name: key for key in ranges if (name := _key_in_law(key, index, keeps))}
+        axes = {name: ranges[key] for name, key in keys.items()}
         label = str(entry["label"])
         slug = _slug(label, [other.slug for other in laws])
         data["name"] = f"{base.name}-{slug}"
         source = replace(base.source, data=data)
-        given = tuple(keys.values())
-        laws.append(LawSearch(label, slug, source, axes, given, index, _start(data, axes)))
+        written = tuple(keys.values())
+        laws.append(LawSearch(label, slug, source, axes, written, index, _start(data, axes)))
     return tuple(laws)
 
 
-def _own_key(key: str, index: int, keeps: bool) -> str:
+def _key_in_law(key: str, index: int, keeps: bool) -> str:
     """Return a key in the configuration of one law; empty if it belongs to another law.
 
     A law that `keeps` its gains does not read the section `gains`.
@@ -147,9 +147,9 @@ def _own_key(key: str, index: int, keeps: bool) -> str:
         return "" if keeps and path[0] == "gains" else key
     if path[1] != index:
         return ""
-    own = dotted(path[:2])
+    law = dotted(path[:2])
     moved = path[2] == "gains" and not keeps
-    return key.removeprefix(f"{own}.") if moved else f"controllers[0]{key[len(own) :]}"
+    return key.removeprefix(f"{law}.") if moved else f"controllers[0]{key[len(law) :]}"
 
 
 def _slug(label: str, taken: Sequence[str]) -> str:
@@ -174,8 +174,8 @@ def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ..
 def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
     """Note pairs of keys of a law that vary the same entry."""
     for law in laws:
-        for (one, own), (other, others) in combinations(zip(law.given, law.axes, strict=True), 2):
-            if any(overlap(a, b) for a in entries_of(own) for b in entries_of(others)):
+        for (one, key), (other, others) in combinations(zip(law.written, law.axes, strict=True), 2):
+            if any(overlap(a, b) for a in entries_of(key) for b in entries_of(others)):
                 problems.at(other).add(f"{other} overlaps with {one}; remove one of them")
 
 
@@ -214,7 +214,7 @@ GENERATIONS = "generations"
 _NUMBERED = files.FilePattern(r"\d+\.yaml", marked=True)
 
 
-def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
+def _search_entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
     """Return the entries that eqt writes in the folder of a search, beside those of the result.
 
     Parameters
@@ -230,11 +230,11 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
     winners = files.FolderPattern(slug, (*COPY_FOLDERS, files.FilePattern(_NUMBERED.name, marked)))
     run = files.FolderPattern(slug, RESULT_ENTRIES, MANIFEST)
     single = files.FilePattern(rf"({slug})\.yaml", marked)
-    own: tuple[files.Entry, ...] = (*COPY_FOLDERS, single, run if kind.runs else winners)
+    entries: tuple[files.Entry, ...] = (*COPY_FOLDERS, single, run if kind.runs else winners)
     return {
         kind.record: files.FilePattern(re.escape(kind.record)),
         GENERATIONS: files.FolderPattern(GENERATIONS, (files.FolderPattern(slug, (one_search,)),)),
-        kind.found: files.FolderPattern(kind.found, own),
+        kind.configs: files.FolderPattern(kind.configs, entries),
     }
 
 
@@ -263,9 +263,9 @@ class SearchFolder:
 
     def run_of(self, law: LawSearch) -> Path:
         """Return the result folder of the configuration that was found for a law."""
-        return self.path / self.kind.found / law.slug
+        return self.path / self.kind.configs / law.slug
 
-    def write_found(
+    def write_configs(
         self, law: LawSearch, studies: Sequence[Study], numbered: bool = False, comment: str = ""
     ) -> None:
         """Write the complete configurations that were found for a law, and remove earlier ones.
@@ -277,14 +277,16 @@ class SearchFolder:
         comment
             Lines to write above each configuration; each begins with ``#``.
         """
-        names = found_files(self.kind, law, len(studies), numbered)
+        names = config_files(self.kind, law, len(studies), numbered)
         mark = files.CONFIG_MARK.format(self.kind.command) + comment
         with files.refusals(self.path, "used", OTHER_FOLDER):
             for name, study in zip(names, studies, strict=True):
                 path = self.path / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 ResultFolder(path.parent).write_config(study, path.name, mark.encode())
-            for path in (self.path / self.kind.found / law.slug).glob("*.yaml") if numbered else ():
+            for path in (
+                (self.path / self.kind.configs / law.slug).glob("*.yaml") if numbered else ()
+            ):
                 if path.relative_to(self.path).as_posix() not in names:
                     files.remove_written(path, _NUMBERED)
 
@@ -299,7 +301,8 @@ class SearchFolder:
         slugs = "|".join(re.escape(law.slug) for law in laws)
         with files.refusals(self.path, "used", OTHER_FOLDER):
             files.check_entries(
-                self.path, (*RESULT_ENTRIES, *_own(self.kind, slugs, marked=False).values())
+                self.path,
+                (*RESULT_ENTRIES, *_search_entries(self.kind, slugs, marked=False).values()),
             )
 
     def claim(self, name: str, digest: str, force: bool) -> None:
@@ -311,8 +314,8 @@ class SearchFolder:
             If it holds another search or another result, and `force` is false.
         """
         record = self.record
-        own = _own(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
-        there = [name for name in own if files.kind_of(self.path / name)]
+        entries = _search_entries(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
+        there = [name for name in entries if files.kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         other = record is not None and record["digest"] != digest
@@ -324,15 +327,15 @@ class SearchFolder:
             force_too = [] if other else [Remedy("replace it with {}", "force")]
             raise EqtError(f"{self.path}: holds {holds}", OTHER_FOLDER, *force_too)
         with files.refusals(self.path, "used", OTHER_FOLDER):
-            for entry in (GENERATIONS, self.kind.found) if force else ():
-                files.remove_written(self.path / entry, own[entry])
-            files.remove_left_over(self.path, list(own.values()))
+            for entry in (GENERATIONS, self.kind.configs) if force else ():
+                files.remove_written(self.path / entry, entries[entry])
+            files.remove_left_over(self.path, list(entries.values()))
         if force or record is None:
             self.write_record({"name": name, "digest": digest})
 
 
-def found_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:
+def config_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:
     """Return the names of the configurations that were found for a law."""
     if not numbered:
-        return [f"{kind.found}/{law.slug}.yaml"] * count
-    return [f"{kind.found}/{law.slug}/{k + 1}.yaml" for k in range(count)]
+        return [f"{kind.configs}/{law.slug}.yaml"] * count
+    return [f"{kind.configs}/{law.slug}/{k + 1}.yaml" for k in range(count)]

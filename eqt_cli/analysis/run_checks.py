@@ -387,7 +387,7 @@ class LyapunovCheck(TrajectoryCheck):
     def check(self, runs: Runs) -> Row:
         """Judge the runs, and add the function L and its theorem."""
         row = self.judge(runs)
-        remark = joined(row.remark, runs.own_function)
+        remark = joined(row.remark, runs.energy_remark)
         return replace(row, statement=runs.theorem or row.statement, remark=remark)
 
     @abstractmethod
@@ -546,12 +546,12 @@ class Tracks(TrajectoryCheck):
 
     def check(self, runs: Runs) -> Row:
         """Judge the worse of the two errors."""
-        given = (
+        errors_of = (
             ("pose", runs.pose_error, runs.threshold),
             ("velocity", runs.velocity_error, LEFT * runs.desired_speed),
         )
         endings: dict[str, tuple[float, Verdict, str]] = {}
-        for name, errors, near in given:
+        for name, errors, near in errors_of:
             if errors is None or not len(errors):
                 return self.undecided(runs, "" if errors is not None else NOT_STORED)
             fifths = Fifths.of(runs.times, errors)

@@ -136,7 +136,7 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     A reference without states is replaced by one with states, so that it moves at random unless the
     law tracks none.
     """
-    G, own = loop.group, loop.reference
+    G, reference = loop.group, loop.reference
     at_rest = tracks_nothing(loop)
     loop = with_moving_reference(loop)
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
@@ -172,7 +172,7 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
         inputs,
         (lifted(poses[0]), lifted(vectors[0]), lifted(poses[1]), lifted(Vd)),
         gains,
-        own,
+        reference,
         (roundings * np.abs(vectors[0]).max(), roundings * np.abs(Vd).max()),
     )
 
@@ -191,7 +191,7 @@ def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
 
 
 def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
-    A, B = (random.standard_normal(given.shape) for given in (loop.gains.K, loop.gains.K_d))
+    A, B = (random.standard_normal(tensor.shape) for tensor in (loop.gains.K, loop.gains.K_d))
     return Gains(A @ A.T / len(A) + np.eye(len(A)), B + len(B) * np.eye(len(B)))
 
 
@@ -324,7 +324,7 @@ class ExactStates:
         )
 
     def _sample(self, parameters: Parameters) -> Sample:
-        loop, own = self._loop, self._loop.reference
+        loop, reference = self._loop, self._loop.reference
         at_rest, G, m = tracks_nothing(loop), loop.group, loop.group.dimension
         loop = with_moving_reference(loop)
         loop = replace(
@@ -353,7 +353,7 @@ class ExactStates:
             inputs=[(vectors[k], vectors[k + 1]) for k in (5, 7)],
             drawn=drawn,
             gains=loop.gains,
-            reference=own.with_functions(parameters.function),
+            reference=reference.with_functions(parameters.function),
             lost=(0.0, 0.0),
         )
 

@@ -106,9 +106,9 @@ class Searches(ABC, Generic[S]):
         problems = Problems(source.place)
         here = problems.at(name)
         ranges: dict[str, DrawnRange] = {}
-        for key, given in section.over.items():
+        for key, listed in section.over.items():
             at_key = here.at("over", key)
-            axis = range_of(given, at_key)
+            axis = range_of(listed, at_key)
             with at_key.catching():
                 varied = cls._axis(key, axis, base)
                 ranges |= {key: varied} if varied else {}
@@ -143,7 +143,7 @@ class Searches(ABC, Generic[S]):
     @property
     def folder(self) -> Path:
         """Default result folder."""
-        return Path("results") / f"{self.base.name}-{self.kind.found}"
+        return Path("results") / f"{self.base.name}-{self.kind.configs}"
 
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
         """Return the search for a law in each case by name; without cases, one named ''."""
@@ -341,12 +341,12 @@ def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
     solver = dict(data.get("solver") or {})
     if "max_error" not in solver:
         solver.setdefault("error_estimate", False)
-    own = {
+    changes = {
         "sweep": [{"zip": columns}],
         "store": {"trajectories": "none"},
         "solver": solver | {"cross_check": 0},
     }
-    return replace(law.source, data=data | own)
+    return replace(law.source, data=data | changes)
 
 
 def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
@@ -361,7 +361,7 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
 
 
 @dataclass(frozen=True)
-class Found:
+class Searched:
     """The outcome of a finished search.
 
     Attributes
@@ -381,7 +381,7 @@ class Found:
 
 def carry_out(
     search: Searches[Any], out: Path, executor: Executor, *, force: bool = False
-) -> Found:
+) -> Searched:
     """Carry out a search in a folder, reusing the generations that it already holds.
 
     Parameters
@@ -402,4 +402,4 @@ def carry_out(
             judged, outcome = search.conclude(folder, executor)
         record = search.settings | outcome
         folder.write_record(record)
-    return Found(search, judged, record)
+    return Searched(search, judged, record)

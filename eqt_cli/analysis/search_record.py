@@ -164,7 +164,7 @@ class Kind:
     command: str
     title: str
     record: str
-    found: str
+    configs: str
     fits: Callable[[dict[str, Any], Result], bool]
     runs: bool = False
 

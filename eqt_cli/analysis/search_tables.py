@@ -121,10 +121,10 @@ def _ranking(result: Result, name: str, tuned: Collection[str]) -> str:
     laws = [k for k, label in enumerate(result.labels) if label in tuned]
     pairs = np.array(list(combinations(laws, 2)))
     costs = result.quantity(name).cost(result.counted(name))[pairs]
-    found = decide(costs, np.count_nonzero(~result.good[pairs], axis=-1), Resampling.confidence)
+    decisions = decide(costs, np.count_nonzero(~result.good[pairs], axis=-1), Resampling.confidence)
     verdicts: dict[str, list[str]] = {}
-    for pair, winner in zip(pairs.tolist(), found.winner.tolist(), strict=True):
-        both, verdict = [result.titles[k] for k in pair], f"{found.without_winner}:"
+    for pair, winner in zip(pairs.tolist(), decisions.winner.tolist(), strict=True):
+        both, verdict = [result.titles[k] for k in pair], f"{decisions.without_winner}:"
         if winner != NOBODY:
             verdict = f"{both.pop(winner)} is better than"
         verdicts.setdefault(verdict, []).append(" – ".join(both))

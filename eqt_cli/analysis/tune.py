@@ -13,7 +13,7 @@ from eqt_cli.analysis.fronts import Constraint, Population, Scores, scores, sele
 from eqt_cli.analysis.law_search import (
     LawSearch,
     SearchFolder,
-    found_files,
+    config_files,
     require_metric,
     without_search,
 )
@@ -109,9 +109,9 @@ class Search(Searches[TuneSection]):
         store = dict(data.get("store") or {})
         few = min(MOST_TRAJECTORIES, ensemble["runs"])
         store.setdefault("trajectories", "none" if self.seeks_front else few)
-        own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
-        own |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
-        return replace(self.base.source, data=without_search(data) | own)
+        changes = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
+        changes |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
+        return replace(self.base.source, data=without_search(data) | changes)
 
     def so_far(self, law: LawSearch, population: Population) -> str:
         """Describe the best point of a law so far."""
@@ -130,7 +130,7 @@ class Search(Searches[TuneSection]):
         """Write the configurations of the winners so far."""
         so_far = Tuned(law, searches, self.seeks_front)
         studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
-        folder.write_found(law, studies, self.seeks_front)
+        folder.write_configs(law, studies, self.seeks_front)
 
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
         """Search for the best gains of each law, and run the winners on held-out initial states."""
@@ -236,14 +236,14 @@ def _objective_names(section: TuneSection) -> tuple[str, ...]:
 
 
 def _check_objectives(section: TuneSection, base: Experiment, problems: Problems) -> None:
-    given = section.objectives
-    if (section.objective is None) == (given is None):
+    several = section.objectives
+    if (section.objective is None) == (several is None):
         problems.add("expected either `objective`, a metric, or `objectives`, two of them")
-    elif given is not None and (len(given) != 2 or given[0] == given[1]):
-        problems.at("objectives").add(f"expected two different metrics, got {shown(given)}")
+    elif several is not None and (len(several) != 2 or several[0] == several[1]):
+        problems.at("objectives").add(f"expected two different metrics, got {shown(several)}")
     else:
         for index, name in enumerate(_objective_names(section)):
-            with problems.catching(*(("objectives", index) if given else ("objective",))):
+            with problems.catching(*(("objectives", index) if several else ("objective",))):
                 require_metric(name, base)
 
 
@@ -365,7 +365,7 @@ def _law_record(search: Search, tuned: Tuned) -> dict[str, Any]:
             for point, label, name in zip(
                 tuned.winners,
                 tuned.labels,
-                found_files(TUNE, tuned.law, len(tuned.winners), search.seeks_front),
+                config_files(TUNE, tuned.law, len(tuned.winners), search.seeks_front),
                 strict=True,
             )
         ],

@@ -163,15 +163,15 @@ class _Verifier:
         index = list(self.experiment.loops).index(label)
         shown = [name for name in (*SHOWN, *self._of_estimate) if results.has(name)]
         names = [*JUDGED, *self._by_parts, *shown, "status"]
-        kept = {name: results.read(name, controller=index) for name in names}
-        kept["time"] = results["time"]
-        return self._runs(batch, solution, label, kept, reference)
+        values = {name: results.read(name, controller=index) for name in names}
+        values["time"] = results["time"]
+        return self._runs(batch, solution, label, values, reference)
 
     @property
     def _by_parts(self) -> tuple[str, ...]:
         """Additional metrics if settling has thresholds by part."""
-        given = self.experiment.config.settling_threshold
-        return ("settling_time",) if isinstance(given, dict) and given else ()
+        threshold = self.experiment.config.settling_threshold
+        return ("settling_time",) if isinstance(threshold, dict) and threshold else ()
 
     @property
     def _of_estimate(self) -> tuple[str, ...]:
@@ -182,11 +182,11 @@ class _Verifier:
     @property
     def _threshold(self) -> float:
         """Threshold of the pose error: as configured, or the norm of the thresholds by part."""
-        given = self.experiment.config.settling_threshold
-        if not isinstance(given, dict):
-            return given
-        parts = (part for part in self.experiment.group.parts if part.name in given)
-        return math.hypot(*(as_distance(part, given[part.name]) for part in parts))
+        threshold = self.experiment.config.settling_threshold
+        if not isinstance(threshold, dict):
+            return threshold
+        parts = (part for part in self.experiment.group.parts if part.name in threshold)
+        return math.hypot(*(as_distance(part, threshold[part.name]) for part in parts))
 
     def _solved(self, label: str) -> tuple[Batch, Solution]:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
@@ -208,7 +208,7 @@ class _Verifier:
     ) -> certificates.Runs:
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
-        kept, estimate = (
+        signals, estimate = (
             {name: values[name][good[: len(values[name])]] for name in names if name in values}
             for names in (SHOWN, self._of_estimate)
         )
@@ -219,7 +219,7 @@ class _Verifier:
             threshold=self._threshold,
             settled=np.isfinite(values["settling_time"][good]) if self._by_parts else None,
             times=values.get("time", batch.problem.times),
-            **{"lyapunov": None, **kept},
+            **{"lyapunov": None, **signals},
             **{name: values[name][good] for name in JUDGED},
             failed=int(np.count_nonzero(~good)),
             departures=batch.problem.loop.departures,

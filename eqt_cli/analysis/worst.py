@@ -99,18 +99,18 @@ class WorstSearch(Searches[WorstSection]):
     def lines(self, shares: dict[str, tuple[float, ...]]) -> list[Line]:
         """Return the lines through the points that were found (in the unit cube, by law)."""
         at = {law.label: law.values(shares[law.label]) for law in self.laws}
-        given = {
+        written = {
             key: value
             for law in reversed(self.laws)
-            for key, value in zip(law.given, at[law.label].values(), strict=True)
+            for key, value in zip(law.written, at[law.label].values(), strict=True)
         }
         lines = []
         for law in self.laws:
-            own = given | dict(zip(law.given, at[law.label].values(), strict=True))
-            for key, axis in zip(law.given, law.axes.values(), strict=True):
+            centre = written | dict(zip(law.written, at[law.label].values(), strict=True))
+            for key, axis in zip(law.written, law.axes.values(), strict=True):
                 last = self._per_line - 2
-                values = sorted({*(axis.at(k / last) for k in range(last + 1)), own[key]})
-                points = [own | {key: value} for value in values]
+                values = sorted({*(axis.at(k / last) for k in range(last + 1)), centre[key]})
+                points = [centre | {key: value} for value in values]
                 lines.append(Line(law.label, key, points))
         return lines
 
@@ -120,12 +120,12 @@ class WorstSearch(Searches[WorstSection]):
         columns = expanded({key: [point[key] for point in points] for key in points[0]})
         data = self.base.source.data
         ensemble = dict(data.get("ensemble") or {}) | {"runs": self.profile_runs}
-        own: dict[str, Any] = {
+        changes: dict[str, Any] = {
             "ensemble": ensemble,
             "sweep": [{"zip": columns}],
             "store": {"trajectories": "none"} | dict(data.get("store") or {}),
         }
-        return replace(self.base.source, data=law_search.without_search(data) | own)
+        return replace(self.base.source, data=law_search.without_search(data) | changes)
 
     def so_far(self, law: law_search.LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
@@ -153,14 +153,14 @@ class WorstSearch(Searches[WorstSection]):
             with open_result(folder.run_of(law)) as result:
                 worst_run = alone[law.label] = _worst_run(self, result)
             single = study(source, trust_plugins=True)
-            folder.write_found(law, [single], comment=_comment(self, law, worst_run))
+            folder.write_configs(law, [single], comment=_comment(self, law, worst_run))
         lines = self.lines(shares)
         reporter().note("runs", self.judging)
         along = compute(self.along(lines), folder.path, executor)
         laws = [
             {
                 "label": law.label,
-                "config": law_search.found_files(WORST, law, 1)[0],
+                "config": law_search.config_files(WORST, law, 1)[0],
                 **alone[law.label],
                 **_search_record(self, law, by_law[law.label], first[law.label], shares[law.label]),
                 "lines": _line_ranges(lines, law.label),
@@ -244,12 +244,12 @@ def _search_record(
 ) -> dict[str, Any]:
     """Describe where each search found its worst run, and how many runs did not settle."""
     worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
-    axes = dict(zip(law.given, law.axes.values(), strict=True))
+    axes = dict(zip(law.written, law.axes.values(), strict=True))
     points = sum(len(scored) for scored in first)
     return {
         "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
         "log": [key for key, axis in axes.items() if axis.scale == "log"],
-        "values": dict(zip(law.given, law.values(shares).values(), strict=True)),
+        "values": dict(zip(law.written, law.values(shares).values(), strict=True)),
         "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in worst.items()],
         "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
         "first": {

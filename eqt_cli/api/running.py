@@ -29,7 +29,7 @@ from eqt_cli.runs.run_study import Execution, Shard, execute, pack_folder
 if TYPE_CHECKING:
     import xarray
 
-    from eqt_cli.analysis.search import Found, Searches
+    from eqt_cli.analysis.search import Searched, Searches
     from eqt_cli.analysis.tune import Search
     from eqt_cli.analysis.worst import WorstSearch
 
@@ -207,7 +207,7 @@ def tune(
     force: bool = False,
     workers: int = 1,
     executor: Executor | None = None,
-) -> Found:
+) -> Searched:
     """Search for the best gains of each law, and compare the winners on held-out runs.
 
     The folder becomes the result of the held-out runs, which you can compare, draw and report like
@@ -225,7 +225,7 @@ def tune(
 
     Returns
     -------
-    Found
+    Searched
         The winners of each law, and the result of the held-out runs.
 
     Raises
@@ -254,7 +254,7 @@ def worst(
     force: bool = False,
     workers: int = 1,
     executor: Executor | None = None,
-) -> Found:
+) -> Searched:
     """Search for the worst run of each law within ranges of keys.
 
     The folder becomes the result of all laws along each key through the points that were found. Its
@@ -272,7 +272,7 @@ def worst(
 
     Returns
     -------
-    Found
+    Searched
         The worst run of each law, and the result along each key.
 
     Raises
@@ -317,7 +317,7 @@ def _searched(
     executor: Executor | None,
     workers: int,
     force: bool,
-) -> Found:
+) -> Searched:
     from eqt_cli.analysis.search import carry_out
 
     folder = search.folder if out is None else Path(out)

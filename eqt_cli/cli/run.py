@@ -18,7 +18,7 @@ from eqt_cli.cli.output import notes, print_findings, say
 from eqt_cli.runs.lock import unfinished
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.search import Found, Searches
+    from eqt_cli.analysis.search import Searched, Searches
     from eqt_cli.api import StoredResult
     from eqt_cli.base.reporting import TextTable
     from eqt_cli.config.study import Study
@@ -223,12 +223,12 @@ def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:
 
 def _searched(
     search: Searches[Any],
-    begin: Callable[..., Found],
+    begin: Callable[..., Searched],
     setup: options.Setup,
     handling: options.Handling,
     *,
     dry_run: bool,
-) -> Found:
+) -> Searched:
     """Search and return the outcome; for a dry run, print the plan and end the command.
 
     Parameters
@@ -285,7 +285,7 @@ def _print_search_plan(search: Searches[Any], executor: Executor, *, json: bool)
 
 
 def _report(
-    done: Found,
+    done: Searched,
     tables: Callable[[Result, dict[str, Any]], Sequence[TextTable]],
     causes: Sequence[str],
     config: str | None,

@@ -173,8 +173,8 @@ class Actuator(VehiclePart):
 
 def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
     """Return the options that are given, of these names, with a number for each of k members."""
-    given = {name: getattr(part, name) for name in names}
-    return {name: np.full(count, x, dtype=float) for name, x in given.items() if x is not None}
+    options = {name: getattr(part, name) for name in names}
+    return {name: np.full(count, x, dtype=float) for name, x in options.items() if x is not None}
 
 
 class PassThrough(Actuator):
@@ -318,12 +318,12 @@ class Limit(Actuator):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note limits given in both ways or in none, and limits with nothing between them."""
-        given: Any = [name for name in ("low", "high") if getattr(self, name) is not None]
-        if self.limit is not None and given:
-            problems.add(f"expected limit, or low and high, got limit and {' and '.join(given)}")
-        elif self.limit is None and not given:
+        ends: Any = [name for name in ("low", "high") if getattr(self, name) is not None]
+        if self.limit is not None and ends:
+            problems.add(f"expected limit, or low and high, got limit and {' and '.join(ends)}")
+        elif self.limit is None and not ends:
             problems.add("expected limit, or low and high, got neither; add limit: 1.0")
-        elif self.norm and given:
+        elif self.norm and ends:
             problems.at("norm").add("needs limit, got low and high; use limit, or remove this key")
         super().check(G, problems)
         if not problems:

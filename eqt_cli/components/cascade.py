@@ -40,7 +40,7 @@ HELD, LEFT = "held", "left"
 """States of a position loop with a period: F/m with its derivatives, and the time until it is
 computed again, s."""
 
-OWN = "attitude_"
+ATTITUDE = "attitude_"
 """Prefix of the states of the attitude law, before its own names."""
 
 if TYPE_CHECKING:
@@ -111,14 +111,14 @@ class Inside(NamedTuple):
     tracking
         All that the attitude law reads, on the group of rotations: Q_d is R_c, V_d and V̇_d are Ω_c
         and Ω̇_c.
-    asked : (..., n)
+    acceleration : (..., n)
         F/m: the acceleration that the actuators are to give, in space.
     integrand : (..., n)
         The rate of the integral, in space.
     """
 
     tracking: Tracking
-    asked: Array
+    acceleration: Array
     integrand: Array
 
 
@@ -182,12 +182,12 @@ class Cascade(Controller):
             return
         from eqt_cli.components.laws import controllers  # the registry imports this file
 
-        own = self.gains_group(G)
-        law = Kind(controllers).checked(self.attitude, problems.at("attitude"), own)
+        attitude_group = self.gains_group(G)
+        law = Kind(controllers).checked(self.attitude, problems.at("attitude"), attitude_group)
         if law is not None and ("track" not in law.tasks or law.pieces):
             problems.at("attitude").add(
-                f"expected a law of {own.name} that tracks with given gains, such as lee2010, got "
-                f"{law.name}"
+                f"expected a law of {attitude_group.name} that tracks with given gains, such as "
+                f"lee2010, got {law.name}"
             )
         if self.rates == "filter" and self.bandwidth is None:
             problems.at("bandwidth").add("missing; rates: filter needs it, in rad/s")
@@ -228,7 +228,7 @@ class Cascade(Controller):
             return {}
         return {"inner": self.inner.with_defaults(self.gains_group(G), gains, self.attitude)}
 
-    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Cascade:
         """Return the law with the forces that it knows, and the direction in which it pushes."""
         if problems:
             return self
@@ -283,18 +283,18 @@ class Cascade(Controller):
         return s.once("commanded", self._commanded)
 
     def _commanded(self, s: Tracking) -> Inside:
-        asked, integrand = self._asked(s)
+        acceleration, integrand = self._acceleration(s)
         if HELD in s.memory:
             held, n = s.memory[HELD], rigid(s.G).space
-            asked = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
-        return Inside(self._of_attitude(s, asked), asked.value, integrand)
+            acceleration = Jet.of([held[..., n * k : n * (k + 1)] for k in range(self._order + 1)])
+        return Inside(self._of_attitude(s, acceleration), acceleration.value, integrand)
 
     @property
     def _order(self) -> int:
         """The derivatives of F that the rates need."""
         return ORDER if self.rates == "model" else 0
 
-    def _asked(self, s: Tracking) -> tuple[Jet, Array]:
+    def _acceleration(self, s: Tracking) -> tuple[Jet, Array]:
         """Return F/m as a series, and the rate of the integral.
 
         The law at order k gives the k-th derivative of F, and so of the acceleration, which the law
@@ -306,25 +306,27 @@ class Cascade(Controller):
         push = [R @ axis, apply_matrix(R, G.rotation_group.hat(turning) @ axis)]
         place = [G.translations(s.Q)[..., 0], apply_matrix(R, moving)]
         mass = _mass(s)
-        asked: Any = Jet([0.0])
-        integrand = asked
+        acceleration: Any = Jet([0.0])
+        integrand = acceleration
         for k in range(self._order + 1):
             motion = RigidMotion(G, R, turning, Jet.of(place[: k + 1]), Jet.of(place[1:]))
-            given: Any = 0.0
+            external: Any = 0.0
             for force in self.known:
-                given = given + force.in_space(G, Jet.time(s.t, k), motion) / mass
+                external = external + force.in_space(G, Jet.time(s.t, k), motion) / mass
             integrand, feedback, estimate = self._feedback(s, motion)
-            asked = _desired(s, 2, k) - feedback - given
+            acceleration = _desired(s, 2, k) - feedback - external
             if k < self._order:
                 b: Any = Jet.of(push[: k + 1])  # a series acts as an array
-                moved = given + estimate + self.push(asked, b)[..., None] * b
+                moved = external + estimate + self.push(acceleration, b)[..., None] * b
                 place.append(moved.derivative(k))
-        return asked, integrand.value
+        return acceleration, integrand.value
 
     def _renewed(self, s: Tracking) -> Array:
         """Return F/m with its derivatives, as it is held."""
-        asked, _ = self._asked(s)
-        return np.concatenate([asked.derivative(k) for k in range(asked.order + 1)], axis=-1)
+        acceleration, _ = self._acceleration(s)
+        return np.concatenate(
+            [acceleration.derivative(k) for k in range(acceleration.order + 1)], axis=-1
+        )
 
     def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any, Any]:
         """Return the rate of the integral, the feedback, and the estimate of what acts unknown."""
@@ -339,15 +341,15 @@ class Cascade(Controller):
         estimate = 0.0 if gains.c1 is None else part
         return integrand, gains.bounded(feedback + part), estimate
 
-    def _of_attitude(self, s: Tracking, asked: Jet) -> Tracking:
+    def _of_attitude(self, s: Tracking, acceleration: Jet) -> Tracking:
         """Return all that the attitude law reads."""
         assert s.flat is not None
         G, turns = rigid(s.G), slice(0, rigid(s.G).rotations)
         R, turning = G.rotation(s.Q), s.V[..., turns]
         if self.rates == "filter":
             now, rate = s.memory[FILTERED], s.memory[FILTERED_RATE]
-            asked = Jet.of([now, rate, self._filter_rate(s, asked.value)])
-        desired = attitude(asked, self.direction, s.flat.turn(asked.order), R)
+            acceleration = Jet.of([now, rate, self._filter_rate(s, acceleration.value)])
+        desired = attitude(acceleration, self.direction, s.flat.turn(acceleration.order), R)
         if self.rates == "reference":
             desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
         elif self.rates == "heading":
@@ -357,13 +359,17 @@ class Cascade(Controller):
                 velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
             )
         inputs = LawInput(s.t, R, turning, *desired)
-        memory = {name.removeprefix(OWN): z for name, z in s.memory.items() if name.startswith(OWN)}
+        memory = {
+            name.removeprefix(ATTITUDE): z
+            for name, z in s.memory.items()
+            if name.startswith(ATTITUDE)
+        }
         J = _of_rotation(s.G, s.inertia)
         return inputs.tracking(G.rotation_group, J, s.gains, memory)
 
-    def _filter_rate(self, s: Tracking, asked: Array) -> Any:
+    def _filter_rate(self, s: Tracking, acceleration: Array) -> Any:
         w: Any = self.bandwidth
-        return w * w * (asked - s.memory[FILTERED]) - 2.0 * w * s.memory[FILTERED_RATE]
+        return w * w * (acceleration - s.memory[FILTERED]) - 2.0 * w * s.memory[FILTERED_RATE]
 
     # The law.
 
@@ -371,12 +377,12 @@ class Cascade(Controller):
         """Return torque and push, body frame."""
         return self.wrench(s, self.inner.torque(self.commanded(s).tracking))
 
-    def push(self, asked: Any, b: Any) -> Any:
+    def push(self, acceleration: Any, b: Any) -> Any:
         """Return the push per mass along the body axis b for F/m, arrays or series.
 
         A plugin may push otherwise, and limit the `wrench`.
         """
-        return dot(asked, b)
+        return dot(acceleration, b)
 
     def wrench(self, s: Tracking, torque: Array) -> Array:
         """Return the command for a torque of the attitude law: torque and push, body frame."""
@@ -385,7 +391,7 @@ class Cascade(Controller):
             if force.turns:
                 torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
         b = G.rotation(s.Q) @ axis
-        push = _mass(s) * self.push(self.commanded(s).asked, b)[..., None] * axis
+        push = _mass(s) * self.push(self.commanded(s).acceleration, b)[..., None] * axis
         return np.concatenate([torque, push], axis=-1)
 
     def lyapunov(self, s: Tracking) -> Array:
@@ -396,7 +402,7 @@ class Cascade(Controller):
         """Return that of the attitude law, and 0 for the translation."""
         inside = self.commanded(s)
         return np.concatenate(
-            [self.inner.velocity_error(inside.tracking), 0.0 * inside.asked], axis=-1
+            [self.inner.velocity_error(inside.tracking), 0.0 * inside.acceleration], axis=-1
         )
 
     def dissipation(self, s: Tracking) -> Array | None:
@@ -416,11 +422,11 @@ class Cascade(Controller):
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of the integral, of the filter, and of the attitude law's memory."""
-        own, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space
+        inner, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space
         names = ["integral"] * (self.position.ki is not None)
         names += [FILTERED, FILTERED_RATE] * (self.rates == "filter")
         clock = {} if self.position.period is None else {HELD: n * (1 + self._order), LEFT: 1}
-        return dict.fromkeys(names, n) | clock | {OWN + name: length for name, length in own}
+        return dict.fromkeys(names, n) | clock | {ATTITUDE + name: length for name, length in inner}
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return a filter that has settled, and the beginning of the attitude law."""
@@ -428,30 +434,30 @@ class Cascade(Controller):
         if self.position.period is not None:
             begun[HELD] = self._renewed(s)
         if self.rates == "filter":
-            begun[FILTERED] = self._asked(s)[0].value
+            begun[FILTERED] = self._acceleration(s)[0].value
         s = replace(s, memory={**s.memory, **begun})
-        own = self.inner.initial_memory(self.commanded(s).tracking).items()
-        return begun | {OWN + name: z for name, z in own}
+        inner = self.inner.initial_memory(self.commanded(s).tracking).items()
+        return begun | {ATTITUDE + name: z for name, z in inner}
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
         """ė_I = e, the filter's rates, and those of the attitude law."""
         inside = self.commanded(s)
-        own = self.inner.memory_rate(inside.tracking).items()
+        inner = self.inner.memory_rate(inside.tracking).items()
         rates = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
-        rates |= {OWN + name: rate for name, rate in own}
+        rates |= {ATTITUDE + name: rate for name, rate in inner}
         if self.position.ki is not None:
             rates["integral"] = inside.integrand
         if self.rates == "filter":
             rates[FILTERED] = s.memory[FILTERED_RATE]
-            rates[FILTERED_RATE] = self._filter_rate(s, inside.asked)
+            rates[FILTERED_RATE] = self._filter_rate(s, inside.acceleration)
         return rates
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
         """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""
-        own = self.inner.memory_gradient(self.commanded(s).tracking)
-        if own is None or {"integral", HELD, FILTERED} & s.memory.keys():
+        inner = self.inner.memory_gradient(self.commanded(s).tracking)
+        if inner is None or {"integral", HELD, FILTERED} & s.memory.keys():
             return None
-        return {OWN + name: gradient for name, gradient in own.items()}
+        return {ATTITUDE + name: gradient for name, gradient in inner.items()}
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
         """Return the command, and the memory a period later, while F is held."""
@@ -464,15 +470,15 @@ class Cascade(Controller):
             later[HELD] = where(is_due, self._renewed(s), s.memory[HELD])
             s = replace(s, memory={**s.memory, **later})
         inside = self.commanded(s)
-        torque, own = self.inner.answer(inside.tracking, period)
-        later |= {OWN + name: z for name, z in own.items()}
+        torque, inner = self.inner.answer(inside.tracking, period)
+        later |= {ATTITUDE + name: z for name, z in inner.items()}
         if self.position.ki is not None:
             later["integral"] = s.memory["integral"] + step * inside.integrand
         if self.rates == "filter":
             w: Any = self.bandwidth
-            behind, rate = s.memory[FILTERED] - inside.asked, s.memory[FILTERED_RATE]
+            behind, rate = s.memory[FILTERED] - inside.acceleration, s.memory[FILTERED_RATE]
             decay, slope = exp(-w * period), rate + w * behind
-            later[FILTERED] = inside.asked + decay * (behind + period * slope)
+            later[FILTERED] = inside.acceleration + decay * (behind + period * slope)
             later[FILTERED_RATE] = decay * (rate - w * period * slope)
         return self.wrench(s, torque), later
 

@@ -259,13 +259,19 @@ class Estimator(VehiclePart):
         """Return the length of each state that is kept from instant to instant, by name."""
         G, depth = schedule.G, schedule.depth
         m, n = G.dimension, 3 * G.dimension * self.has_covariance
-        own = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
-        own |= {"noise": n // 3, "age": m if schedule.rare else 0}
-        sizes = {**own, "velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
+        of_estimate = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
+        of_estimate |= {"noise": n // 3, "age": m if schedule.rare else 0}
+        sizes = {
+            **of_estimate,
+            "velocity": m,
+            "error": 2 * m,
+            "begun": 1,
+            "past_velocity": (depth + 1) * m,
+        }
         if self.has_covariance:
             sizes |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
         if depth:
-            sizes |= {f"behind_{name}": length for name, length in own.items()}
+            sizes |= {f"behind_{name}": length for name, length in of_estimate.items()}
             sizes |= {"past_live": depth, "past_fresh": depth * len(schedule.timed)}
             sizes |= {
                 f"past_fix_{channel.part.name}": schedule.waits(channel) * channel.size
@@ -278,7 +284,7 @@ class Estimator(VehiclePart):
     ) -> dict[str, Array]:
         """Return the states after an instant."""
         G, depth, begun = schedule.G, schedule.depth, states["begun"]
-        is_given = self.initial_error is not None  # the start, else it is the first fix
+        has_start = self.initial_error is not None  # the start, else it is the first fix
         past = _Past(schedule, measured, states)
         here = self._loaded(G, states, "behind_" if depth else "")
         start = self._start(schedule, measured)
@@ -289,7 +295,7 @@ class Estimator(VehiclePart):
             covariance=where(is_begun[..., None], here.covariance, start.covariance),
         )
         here = self._ahead(schedule, here, past, 0)
-        fix = past.fix(0, here.pose, is_given)
+        fix = past.fix(0, here.pose, has_start)
         here, innovations = self.corrected(schedule, here, fix)
         changed = self._stored(schedule, here, "behind_") if depth else {}
         for step in range(1, depth + 1):
@@ -354,8 +360,8 @@ class _Past:
         for channel in schedule.fixes:
             now = measured.pose[channel.entries]
             now = now.reshape(*now.shape[: now.ndim - len(channel.shape)], channel.size)
-            kept = states.get(f"past_fix_{channel.part.name}")
-            self._values.append([*_cut(kept, channel.size, schedule.waits(channel)), now])
+            ring = states.get(f"past_fix_{channel.part.name}")
+            self._values.append([*_cut(ring, channel.size, schedule.waits(channel)), now])
         delays = schedule.of_axes("velocity", "delay", 0)
         self._place = [
             [min(depth + 1, step + 1 + int(delay)) for delay in delays]
@@ -431,8 +437,8 @@ def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
 def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> dict[str, Array]:
     """Return the states of the innovations: count, squares and products, and the last ones."""
     last, sums = states["last_innovation"], states["innovations"]
-    own = innovations * arrived
-    new = [arrived.sum(axis=-1), (own * own).sum(axis=-1), (own * last).sum(axis=-1)]
+    counted = innovations * arrived
+    new = [arrived.sum(axis=-1), (counted * counted).sum(axis=-1), (counted * last).sum(axis=-1)]
     added = np.concatenate([number[..., None] for number in map(np.asarray, new)], axis=-1)
     return {
         "innovations": sums + added,

@@ -123,15 +123,15 @@ class ErrorStateFilter(Estimator):
         }
         measured = {axis: axis in schedule.axes for axis in range(G.dimension)}
         for part in G.parts:
-            own = list(range(G.dimension)[part.axes])
-            fixed = all(measured[axis] for axis in own)
+            axes = list(range(G.dimension)[part.axes])
+            fixed = all(measured[axis] for axis in axes)
             positive = ["velocity_std", *["pose_std"] * fixed, "initial_pose_std"]
             for name in positive:
-                if name in values and (values[name][own] <= 0).any():
+                if name in values and (values[name][axes] <= 0).any():
                     problems.at(name).add(self._no_deviation(name, part.name))
             if fixed:
                 continue
-            biased = (values["initial_bias_std"][own] > 0) | (values["bias_walk"][own] > 0)
+            biased = (values["initial_bias_std"][axes] > 0) | (values["bias_walk"][axes] > 0)
             if biased.any():
                 problems.add(
                     f"the bias of the {part.name} cannot be told: nothing measures the "
@@ -191,13 +191,13 @@ class ErrorStateFilter(Estimator):
         covariance[..., :m, :m] = top[..., :m] @ transpose(A) + across @ transpose(B)
         covariance[..., :m, bias] = top[..., bias] + B * (end * walk)[..., None, :]
         covariance[..., bias, bias] = S[..., bias, bias] + _diagonal(walk)
-        kept = S[..., last] * held[..., None, :]
+        coupling = S[..., last] * held[..., None, :]
         covariance[..., :m, last] = (
             held[..., None, :] * top[..., last] + B * (end * noise)[..., None, :]
         )
-        covariance[..., bias, last] = kept[..., bias, :] - _diagonal(held * walk)
+        covariance[..., bias, last] = coupling[..., bias, :] - _diagonal(held * walk)
         new = (1.0 - held) * noise + held * walk
-        covariance[..., last, last] = held[..., None] * kept[..., last, :] + _diagonal(new)
+        covariance[..., last, last] = held[..., None] * coupling[..., last, :] + _diagonal(new)
         changed = {"noise": held * now.noise, "covariance": mirrored(covariance)}
         return now._replace(pose=now.pose @ step, **changed)
 

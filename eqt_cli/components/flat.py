@@ -126,7 +126,7 @@ class FlatReference(ClosedReference):
         if alone:  # a symbol without batch axes is no array
             position, psi = position[None], None if psi is None else psi[None]
         turn = None if psi is None else Jet.of([psi[..., k] for k in range(OF_FORCE + 1)])
-        body = motions.attitude(self._asked(G, t, position), self.direction, turn)
+        body = motions.attitude(self._acceleration(G, t, position), self.direction, turn)
         p, v, a = (position[..., k, :] for k in range(3))
         back = transpose(body.R)
         velocity = apply_matrix(back, v)
@@ -138,7 +138,7 @@ class FlatReference(ClosedReference):
         )
         return (Q[0], V[0], V_dot[0]) if alone else (Q, V, V_dot)
 
-    def _asked(self, G: EuclideanGroup, t: Any, position: Array) -> Jet:
+    def _acceleration(self, G: EuclideanGroup, t: Any, position: Array) -> Jet:
         """Return F/m in space as a series of order 2."""
         course = motions.FlatOutput(position).course(OF_FORCE + 1)
         still = np.eye(G.space), np.zeros(G.rotations)
@@ -174,8 +174,8 @@ class FlatReference(ClosedReference):
     def _heading(self, position: Array, t: Any) -> Array:
         """Return ψ and its derivatives, ``(..., 3)``."""
         if self.heading != ALONG_VELOCITY:
-            given = 0.0 if self.heading in (None, FREE) else self.heading
-            return _derivatives(series(formula(given), {"t": t}, 2))
+            heading = 0.0 if self.heading in (None, FREE) else self.heading
+            return _derivatives(series(formula(heading), {"t": t}, 2))
         x, y = (Jet.of([position[..., k, axis] for k in (1, 2, 3)]) for axis in (0, 1))
         turning: Any = (x * y.rate - y * x.rate) / (x * x + y * y)
         east, north = x.value, y.value
@@ -220,15 +220,15 @@ class FlatReference(ClosedReference):
         if self.minimum_snap is not None:
             points = [knot.position for knot in self.minimum_snap]
             return np.array([knot.t for knot in self.minimum_snap]), np.array(points, dtype=float)
-        times = self.inner.given_at(G)
+        times = self.inner.knot_times(G)
         return times, rigid(G).translations(self.inner.motion(G, times)[0])[..., 0]
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression or a polynomial changes its piece."""
-        own = list(self.expressions)
+        expressions = list(self.expressions)
         if self.heading not in (None, FREE, ALONG_VELOCITY):
-            own.append(formula(self.heading))
-        instants = [instants_of(own, until)]
+            expressions.append(formula(self.heading))
+        instants = [instants_of(expressions, until)]
         if self._knotted:
             instants.append(self.prepared(G, self._pieces)[0])
         elif self.inner is not None:
@@ -267,7 +267,7 @@ class FlatReference(ClosedReference):
         """Return Q_d(0) and V_d(0) of the motion, which a model decides; until then those given."""
         return super().initial(G, pose, velocity) if self.direction else (pose, velocity)
 
-    def knowing(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Self:
+    def for_plant(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Self:
         """Return the reference with the model, after noting where no motion follows from it."""
         G, along = rigid(G), plant.along if self.along is None else self.along
         motions.check_rigid_body(G, plant.inertia, problems)
@@ -300,7 +300,7 @@ class FlatReference(ClosedReference):
             position = np.broadcast_to(
                 self._position(G, times), (len(times), motions.ORDER + 1, G.space)
             )
-            a = self._asked(G, times, position)
+            a = self._acceleration(G, times, position)
             force = np.stack([a.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
         smallest, largest, t = _smallest(times, *force)
         if smallest <= WEAK * max(largest, np.linalg.norm(position[:, 2], axis=-1).max()):
@@ -333,9 +333,11 @@ class FlatReference(ClosedReference):
             problems.add(f"flat needs group SE2 or SE3, got {G.name}")
             return
         n, ways = G.space, ("position", "minimum_snap", "of")
-        given = [name for name in ways if getattr(self, name) is not None]
-        if len(given) != 1:
-            problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(given) or 'none'}")
+        present = [name for name in ways if getattr(self, name) is not None]
+        if len(present) != 1:
+            problems.add(
+                f"expected one of {', '.join(ways)}, got {' and '.join(present) or 'none'}"
+            )
         if self.position is not None:
             check_expressions(self.position, n, G, problems.at("position"))
         if self.minimum_snap is not None:
@@ -359,7 +361,7 @@ class FlatReference(ClosedReference):
         inner = None if self.of is None else self._of(G, problems)
         if inner is None:
             return
-        if not (inner.smooth or type(inner).given_at is not Reference.given_at):
+        if not (inner.smooth or type(inner).knot_times is not Reference.knot_times):
             problems.add(
                 f"a reference of kind {inner.name} has no jerk and snap everywhere; use path, "
                 "waypoints or log, or minimum_snap"

@@ -180,13 +180,13 @@ class MatrixLieGroup(ABC):
         J(2y) = ½(I + exp(ad_y)) J(y), exp(ad_y) = I + ad_y J(y); a group may have a closed form.
         """
         one, half = np.eye(self.dimension), self.ad_matrix(x) / 4
-        found = half * 0.0 + one
+        series = half * 0.0 + one
         for k in range(JACOBIAN_TERMS, 1, -1):
-            found = one + half @ found / k
+            series = one + half @ series / k
         for _ in range(2):
-            found = (one + half @ found / 2) @ found
+            series = (one + half @ series / 2) @ series
             half = 2 * half
-        return found
+        return series
 
     @abstractmethod
     def drift(self, Q: Array) -> Array:
@@ -446,25 +446,27 @@ class ProductGroup(MatrixLieGroup):
 
     def inverse(self, Q: Array) -> Array:
         """Block by block."""
-        return self.assemble([G.inverse(Q[..., own, own]) for G, own, _ in self._layout()])
+        return self.assemble(
+            [G.inverse(Q[..., entries, entries]) for G, entries, _ in self._layout()]
+        )
 
     def Ad_matrix(self, Q: Array) -> Array:
         """Block by block."""
-        blocks = [G.Ad_matrix(Q[..., own, own]) for G, own, _ in self._layout()]
+        blocks = [G.Ad_matrix(Q[..., entries, entries]) for G, entries, _ in self._layout()]
         return _block_diagonal(blocks, self.coordinates)
 
     def exp(self, V: Array) -> Array:
         """Block by block."""
-        return self.assemble([G.exp(V[..., own]) for G, _, own in self._layout()])
+        return self.assemble([G.exp(V[..., axes]) for G, _, axes in self._layout()])
 
     def jacobian(self, x: Array) -> Array:
         """Block by block."""
-        blocks = [G.jacobian(x[..., own]) for G, _, own in self._layout()]
+        blocks = [G.jacobian(x[..., axes]) for G, _, axes in self._layout()]
         return _block_diagonal(blocks, self.coordinates)
 
     def cayley(self, V: Array) -> Array:
         """Block by block."""
-        return self.assemble([G.cayley(V[..., own]) for G, _, own in self._layout()])
+        return self.assemble([G.cayley(V[..., axes]) for G, _, axes in self._layout()])
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
         """Block by block; the numbers and rates of the factors are concatenated."""
@@ -494,7 +496,9 @@ class ProductGroup(MatrixLieGroup):
 
     def log(self, Q: Array) -> Array:
         """Block by block."""
-        return np.concatenate([G.log(Q[..., own, own]) for G, own, _ in self._layout()], axis=-1)
+        return np.concatenate(
+            [G.log(Q[..., entries, entries]) for G, entries, _ in self._layout()], axis=-1
+        )
 
     def log_force(self, x: Array, p: Array) -> Array:
         """Block by block."""
@@ -503,7 +507,9 @@ class ProductGroup(MatrixLieGroup):
 
     def drift(self, Q: Array) -> Array:
         """The largest drift of a factor."""
-        return reduce(maximum, [G.drift(Q[..., own, own]) for G, own, _ in self._layout()])
+        return reduce(
+            maximum, [G.drift(Q[..., entries, entries]) for G, entries, _ in self._layout()]
+        )
 
     def assemble(self, poses: list[Array]) -> Array:
         """Return the pose whose blocks are these poses of the factors."""

@@ -177,7 +177,7 @@ class Controller(TimeVarying, Component):
         """The forces of `model` for which it is `designed`."""
         return ()
 
-    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""
         return self
 
@@ -199,11 +199,11 @@ class Controller(TimeVarying, Component):
         """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
         return 0
 
-    def with_defaults(self, G: MatrixLieGroup, gains: Gains, given: Any) -> Self:
-        """Return the law with the options that follow its gains, but for those of `given`."""
-        own = given if isinstance(given, dict) else {}
+    def with_defaults(self, G: MatrixLieGroup, gains: Gains, configured: Any) -> Self:
+        """Return the law with the options that follow its gains, but for those of `configured`."""
+        names = configured if isinstance(configured, dict) else {}
         defaults = self.defaults(G, gains).items()
-        return with_fields(self, **{name: value for name, value in defaults if name not in own})
+        return with_fields(self, **{name: value for name, value in defaults if name not in names})
 
     def directions(self, G: MatrixLieGroup) -> Array:
         """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""

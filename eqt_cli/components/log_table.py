@@ -52,7 +52,7 @@ def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
     if not unit:
         return 1.0
     units = units_of(name)
-    ratio = next(filter(None, (factor(unit, own) for own in units)), None)
+    ratio = next(filter(None, (factor(unit, each) for each in units)), None)
     if ratio is not None:
         return ratio
     expected = " or ".join(map(offered, units)) if units else "no unit"
@@ -498,11 +498,11 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
             raise MappingError(("units", name), f"{sheet.name} has no column {name}{hint}")
         if name in used:
             factor_of(name, unit, ("units", name))
-        given = units.get(name) or unit
-        if given != unit and any(factor(given, own) for own in units_of(name)):
+        in_header = units.get(name) or unit
+        if in_header != unit and any(factor(in_header, each) for each in units_of(name)):
             raise MappingError(
                 ("units", name),
-                f"the header of {sheet.name} says {given} for {name}, got {unit}; remove one",
+                f"the header of {sheet.name} says {in_header} for {name}, got {unit}; remove one",
             )
         units[name] = unit
     for name in used:

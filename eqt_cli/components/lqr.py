@@ -170,7 +170,7 @@ class Lqr(Controller):
                         f"expected a positive {kind} matrix, got an eigenvalue of {least:.4g}"
                     )
 
-    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Lqr:
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Lqr:
         """Return the law with the forces that it knows."""
         return with_fields(self, known_forces=plant.forces)
 
@@ -189,8 +189,8 @@ class Lqr(Controller):
         for k, weight in enumerate((self.weights.pose, self.weights.velocity)):
             Q[k * m : (k + 1) * m, k * m : (k + 1) * m] = square(weight, m, G)
         design = _Design(plant, Q, R)
-        own = slice(2 * m, n)
-        model = ActuatorModel(plant.A[0][own, own], plant.B[0][own]) if n > 2 * m else None
+        states = slice(2 * m, n)
+        model = ActuatorModel(plant.A[0][states, states], plant.B[0][states]) if n > 2 * m else None
         if len(plant.times) == 1:
             return with_fields(self, regulator=design.constant(0), actuators=model)
         return with_fields(self, table=design.over_time(), actuators=model)

@@ -482,8 +482,8 @@ class LawInput(NamedTuple):
         batch, columns = self.velocity.shape[:-1], []
         for name in names:
             part = np.asarray(getattr(self, name))
-            own = part.shape[part.ndim - AXES.get(name, 1) :]
-            columns.append(np.broadcast_to(part, (*batch, *own)).reshape(math.prod(batch), -1))
+            shape = part.shape[part.ndim - AXES.get(name, 1) :]
+            columns.append(np.broadcast_to(part, (*batch, *shape)).reshape(math.prod(batch), -1))
         return np.concatenate(columns, axis=-1)
 
     def tracking(

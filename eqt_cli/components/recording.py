@@ -150,11 +150,11 @@ def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | Non
 
     Where the table has a part of a rotation or a position, coordinates are taken for a velocity.
     """
-    found = next((layout for layout in _layouts(G) if set(layout.names) <= set(names)), None)
-    if found and found.layout == "coordinates":
-        parts = {*pose_columns(G), *pose_columns(G, rotation=EULER)} - {*found.names}
-        return None if parts & {*names} else found
-    return found
+    matching = next((layout for layout in _layouts(G) if set(layout.names) <= set(names)), None)
+    if matching and matching.layout == "coordinates":
+        parts = {*pose_columns(G), *pose_columns(G, rotation=EULER)} - {*matching.names}
+        return None if parts & {*names} else matching
+    return matching
 
 
 def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
@@ -390,17 +390,17 @@ def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tupl
     if time.begin is not None or time.end is not None:
         begin = -np.inf if time.begin is None else time.begin
         end = np.inf if time.end is None else time.end
-        kept = (begin - since <= times) & (times <= end - since)
-        if not kept.any():
+        inside = (begin - since <= times) & (times <= end - since)
+        if not inside.any():
             low, high = float(times.min()) + since, float(times.max()) + since
             key = "end" if end < low else "begin"
             raise MappingError(
                 ("time", key),
                 f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
             )
-        columns = {column: numbers[kept] for column, numbers in table.columns.items()}
-        lines = [table.lines[row] for row in np.flatnonzero(kept).tolist()]
-        table, times = LogTable(table.name, columns, lines, table.since), times[kept]
+        columns = {column: numbers[inside] for column, numbers in table.columns.items()}
+        lines = [table.lines[row] for row in np.flatnonzero(inside).tolist()]
+        table, times = LogTable(table.name, columns, lines, table.since), times[inside]
     if time.offset == "first":
         return table, times - times[0]
     late = since + (time.offset or 0.0)

@@ -145,11 +145,11 @@ class Reference(TimeVarying, Component):
         """Return position and heading with their derivatives at time t; None if there are none."""
         return None
 
-    def given_at(self, G: MatrixLieGroup) -> Array | None:
+    def knot_times(self, G: MatrixLieGroup) -> Array | None:
         """Return the times of the poses that give it, by points or rows; None for other kinds."""
         return None
 
-    def knowing(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Self:
+    def for_plant(self, G: MatrixLieGroup, plant: motions.PlantModel, problems: Problems) -> Self:
         """Return the reference with what it knows of the plant, after noting what does not fit."""
         return self
 
@@ -345,7 +345,7 @@ class LogReference(RecordingInFile, PiecewiseReference):
             return motions.spline(G, log.times, log.poses)
         return motions.through(G, log.times, log.poses, log.velocities)
 
-    def given_at(self, G: MatrixLieGroup) -> Array:
+    def knot_times(self, G: MatrixLieGroup) -> Array:
         """Return the times of the rows."""
         return self.recording(G).times
 
@@ -404,9 +404,9 @@ class PathFactor:
         """Raise an `InputError` for a unit that is not that of the axis."""
         axis, unit = self.vector(G), self._written[1]
         for part in G.parts:
-            own = part.error_unit
-            if unit and np.any(axis[part.axes]) and units.factor(unit, own) is None:
-                raise InputError(f"expected {units.offered(own)}, got '{self.by}'")
+            error_unit = part.error_unit
+            if unit and np.any(axis[part.axes]) and units.factor(unit, error_unit) is None:
+                raise InputError(f"expected {units.offered(error_unit)}, got '{self.by}'")
 
 
 @dataclass(frozen=True)

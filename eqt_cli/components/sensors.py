@@ -369,8 +369,8 @@ class Channel:
         fresh = less(0.5 * CHANNEL_MEASURED, arrived[..., None])
         first = less(0.5 * (CHANNEL_MEASURED + FIRST), arrived[..., None])
         waiting = [held[..., k : k + self.size] for k in range(self.size, self.states, self.size)]
-        kept = [where(first, now, entry) for entry in waiting]
-        return np.concatenate([*kept, where(fresh, now, last)], axis=-1)
+        rows = [where(first, now, entry) for entry in waiting]
+        return np.concatenate([*rows, where(fresh, now, last)], axis=-1)
 
     def read(self, value: Array, held: Array) -> Array:
         """Return the value with the part as it has arrived."""
@@ -403,17 +403,17 @@ def channels(
     """
     for signal, sensors in signals.items():
         for part in G.parts:
-            own = [sensor for sensor in sensors if sensor.of in (None, part.name)]
-            if not own:
+            measuring = [sensor for sensor in sensors if sensor.of in (None, part.name)]
+            if not measuring:
                 continue
-            given: dict[str, Any] = dict.fromkeys(TIMING)
-            for sensor in own:
+            timing: dict[str, Any] = dict.fromkeys(TIMING)
+            for sensor in measuring:
                 known = ((name, getattr(sensor, name)) for name in TIMING)
-                given |= {name: value for name, value in known if value is not None}
-            clock = control.clock_of(given["period"], given["offset"])
-            delay = control.ticks_of(given["delay"] or 0)
-            loses = next((sensor for sensor in own if sensor.loses), None)
-            holds = given["period"] is not None or not clock.acts_always
+                timing |= {name: value for name, value in known if value is not None}
+            clock = control.clock_of(timing["period"], timing["offset"])
+            delay = control.ticks_of(timing["delay"] or 0)
+            loses = next((sensor for sensor in measuring if sensor.loses), None)
+            holds = timing["period"] is not None or not clock.acts_always
             holds = holds or bool(delay) or loses is not None
             block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
             yield Channel(signal, part, block.shape, clock, delay, loses, holds)

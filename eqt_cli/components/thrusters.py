@@ -211,8 +211,8 @@ class Thrusters(Actuator):
         U, sizes, _ = np.linalg.svd(B / norms, full_matrices=False)
         strong = sizes >= part.least * sizes[0]
         if (~strong & (sizes > SMALLEST * sizes[0])).any():
-            kept = U[:, strong].T / norms[:, 0]
-            inverse = scale[:, None] * np.linalg.pinv(kept @ B * scale) @ kept
+            row_space = U[:, strong].T / norms[:, 0]
+            inverse = scale[:, None] * np.linalg.pinv(row_space @ B * scale) @ row_space
             limited = B @ inverse
         none = dict.fromkeys(("weights", "moment_constant", *SPEEDS))
         named = [Thruster([], [], name=name) for name in self.thruster_names]

@@ -206,8 +206,8 @@ class Vehicle:
                     axes = clocks.setdefault(channel.clock, [])
                     axes += range(G.dimension)[channel.part.axes]
             for clock, axes in clocks.items():
-                own = axes if sensor.of is None else slice(None)
-                yield place, sensor, clock, axes, own
+                columns = axes if sensor.of is None else slice(None)
+                yield place, sensor, clock, axes, columns
 
     def measurement_errors(self, G: MatrixLieGroup, instants: int, random_of: RandomOf) -> Errors:
         """Return the measurement errors at the ticks of a run.
@@ -216,10 +216,10 @@ class Vehicle:
         """
         n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
         bias = np.zeros((instants, 0 if self.estimator is None else G.dimension))
-        for place, sensor, clock, axes, own in self.drawings(G):
+        for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
             drawn = sensor.errors(G, int(last[-1]) + 1, period, random_of(place))
-            errors, signal = drawn[last][:, own], place.partition("[")[0]
+            errors, signal = drawn[last][:, columns], place.partition("[")[0]
             n[signal][:, axes] += errors
             if self.estimator and signal == VELOCITY and sensor.bias_deviation(G) is not None:
                 bias[:, axes] += errors
@@ -241,7 +241,7 @@ class Vehicle:
             read[channel.name] = channel.measured(value, states[channel.name], flags)
         if self.estimator is None:
             return read
-        schedule, own = self.schedule(G), estimator_states(states)
+        schedule, estimate = self.schedule(G), estimator_states(states)
         arrived = {channel.name: errors.arrived[..., k] for k, channel in enumerate(holding)}
         fresh = [
             where(less(0.5 * MEASURED, arrived[part.name]), 1.0, 0.0) if part.holds else 1.0
@@ -249,7 +249,7 @@ class Vehicle:
         ]
         now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
         measured = Measurement(*self.as_arrived(G, Q_m, V_m, read), now, Q, errors.bias)
-        after = self.estimator.after(schedule, measured, own)
+        after = self.estimator.after(schedule, measured, estimate)
         return read | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
 
     # Estimates.
@@ -262,20 +262,20 @@ class Vehicle:
         """Return the standard deviations of the errors that the sensors specify."""
         squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY)}
         bias = np.zeros((2, G.dimension))
-        for place, sensor, clock, axes, own in self.drawings(G):
+        for place, sensor, clock, axes, columns in self.drawings(G):
             white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
             if white is not None:
-                squares[place.partition("[")[0]][axes] += white[own] ** 2
+                squares[place.partition("[")[0]][axes] += white[columns] ** 2
             known = sensor.bias_deviation(G)
             if known is not None and place.startswith(VELOCITY):
-                bias[:, axes] += np.array(known)[:, own] ** 2
+                bias[:, axes] += np.array(known)[:, columns] ** 2
         deviations = [np.sqrt(squares[name]) for name in (POSE, VELOCITY)]
         return Deviations(*deviations, *np.sqrt(bias))
 
     def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
         """Return Q̂ and V̂."""
-        own = estimator_states(states)
-        return G.unpack(own["pose"]), own["velocity"]
+        estimate = estimator_states(states)
+        return G.unpack(estimate["pose"]), estimate["velocity"]
 
     def as_arrived(
         self, G: MatrixLieGroup, Q: Array, V: Array, states: Mapping[str, Array]
@@ -488,8 +488,8 @@ class Vehicle:
         """Return the number of states of the estimator, which come last and are held, by name."""
         if self.estimator is None or self.control is None:
             return {}
-        own = self.estimator.states(self.schedule(G))
-        return {f"{ESTIMATOR}_{name}": count for name, count in own.items()}
+        lengths = self.estimator.states(self.schedule(G))
+        return {f"{ESTIMATOR}_{name}": count for name, count in lengths.items()}
 
     def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator]]:
         """Yield the actuators from index `start`, with the names of their states."""
@@ -583,16 +583,16 @@ class Vehicle:
 
     def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
         """Return the thrust of each thruster, ``(..., k)``."""
-        for actuator, given, x in self._inputs(G, command, states):
+        for actuator, u, x in self._inputs(G, command, states):
             if actuator.thruster_names:
-                return actuator.thrust(G, given, x)
+                return actuator.thrust(G, u, x)
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
         """Return where the input of any actuator exceeds its limit, ``(...)``."""
         beyond = np.zeros(command.shape[:-1], dtype=bool)
-        for actuator, given, x in self._inputs(G, command, states):
-            here = actuator.at_limit(G, given, x)
+        for actuator, u, x in self._inputs(G, command, states):
+            here = actuator.at_limit(G, u, x)
             beyond = beyond if here is None else beyond | here
         return beyond
 
@@ -622,5 +622,5 @@ class Vehicle:
 def estimator_states(states: Mapping[str, Array]) -> dict[str, Array]:
     """Return the states of the estimator, by its own names."""
     start = f"{ESTIMATOR}_"
-    own = (name for name in states if name.startswith(start))
-    return {name.removeprefix(start): states[name] for name in own}
+    names = (name for name in states if name.startswith(start))
+    return {name.removeprefix(start): states[name] for name in names}

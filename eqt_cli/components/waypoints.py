@@ -306,7 +306,7 @@ class WaypointsReference(InFile, PiecewiseReference):
             poses = self.prepared(G, self._smoothed, "smoothed").poses
         return spline(G, times, poses)
 
-    def given_at(self, G: MatrixLieGroup) -> Array:
+    def knot_times(self, G: MatrixLieGroup) -> Array:
         """Return the times of the waypoints."""
         return self._waypoints(G)[0]
 
@@ -343,11 +343,11 @@ class WaypointsReference(InFile, PiecewiseReference):
         if missing := [name for name in parts if name not in deviations]:
             expected = f"expected a deviation for each of {', '.join(parts)}"
             problems.add(f"{expected}; missing {', '.join(missing)}")
-        found = []
+        checked = []
         for name, part in parts.items():
             kind: Any = Annotated[Positive, Unit(part.error_unit)] | None
-            found.append(validated(kind, deviations.get(name), problems.at(name)))
-        return found
+            checked.append(validated(kind, deviations.get(name), problems.at(name)))
+        return checked
 
     def _waypoints(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         return self.prepared(G, self._read, "waypoints")
@@ -362,8 +362,8 @@ class WaypointsReference(InFile, PiecewiseReference):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid waypoints, in the configuration or in the file."""
         if (self.points is None) == (self.file is None):
-            given = "neither" if self.file is None else "both"
-            problems.add(f"expected the waypoints as `points` or in a `file`, got {given}")
+            which = "neither" if self.file is None else "both"
+            problems.add(f"expected the waypoints as `points` or in a `file`, got {which}")
             return
         if self.mapping is not None and self.file is None:
             problems.at(MAPPING).add("describes a `file`, which is not given; remove this key")

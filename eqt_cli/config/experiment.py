@@ -498,7 +498,7 @@ class _Sections:
         period = vehicle.control.period if vehicle.control else None
         plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period)
         for label, entry in laws.items():
-            laws[label] = replace(entry, law=entry.law.knowing(G, plant, self._at(entry)))
+            laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))
         if self.problems:
             return desired
         said: list[Any] = [entry.law.direction for entry in laws.values()]
@@ -506,7 +506,7 @@ class _Sections:
         if along is None and pushes is not None:
             along = only_direction(pushes)
         plant = plant._replace(along=along)
-        reference = desired.reference.knowing(G, plant, self.problems.at("reference"))
+        reference = desired.reference.for_plant(G, plant, self.problems.at("reference"))
         if reference is desired.reference:
             return desired
         pose, velocity = reference.initial(G, desired.pose, desired.velocity)

@@ -541,7 +541,7 @@ def _searched(result: Result) -> dict[str, Any] | None:
     for kind, short, title, tables in SEARCHED:
         if record := kind.beside(result):
             made = tables(result, record)
-            return {"id": kind.found, "short": short, "title": title, "tables": made}
+            return {"id": kind.configs, "short": short, "title": title, "tables": made}
     return None
 
 

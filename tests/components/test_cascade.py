@@ -422,7 +422,7 @@ def test_a_sampled_filter_follows_what_is_held_over_a_period():
     memory = {name: z + 0.1 * random.normal(size=z.shape) for name, z in s.memory.items()}
     s = dataclasses.replace(s, memory=memory)
     _, later = loop.controller.answer(s, h)
-    asked = loop.controller.commanded(s).asked
+    asked = loop.controller.commanded(s).acceleration
     names = cascade.FILTERED, cascade.FILTERED_RATE
     y, rate = (memory[name] for name in names)
     moved = expm(h * np.array([[0.0, 1.0], [-(w**2), -2 * w]])) @ np.stack([y - asked, rate], -2)

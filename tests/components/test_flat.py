@@ -55,7 +55,7 @@ def known(name, horizon=2.1, along=None, **given):
     problems.raise_if_any()
     law = Inertia(inertia, np.linalg.inv(inertia))
     plant = PlantModel(law, (weight,), None, True, horizon, along=along or ALONG[name])
-    found = reference.knowing(G, plant, problems)
+    found = reference.for_plant(G, plant, problems)
     problems.raise_if_any()
     return found, law, weight
 

@@ -22,7 +22,7 @@ def loop(request, loop_with, make, noted, reference_class):
         pytest.skip(refused[0][1])
     inertia = Inertia(np.eye(m), np.eye(m))
     plant = PlantModel(inertia, (Push(),), None, True, 3.0, along=[0.0, 0.0, 1.0])
-    known = reference.knowing(G, plant, Problems())
+    known = reference.for_plant(G, plant, Problems())
     return loop_with(request.param, reference=known)
 
 

@@ -88,7 +88,7 @@ def flat():
     knots = [Knot(0.0, [0, 0, 0]), Knot(0.8, [1, 0, 1]), Knot(2.0, [1, 1, 0])]
     weight = Restoring(30.0).of_run(G, None)
     plant = PlantModel(Inertia(one, one), (weight,), None, True, 2.0, along=[0.0, 0.0, 1.0])
-    return FlatReference(minimum_snap=knots, heading="t").knowing(G, plant, Problems())
+    return FlatReference(minimum_snap=knots, heading="t").for_plant(G, plant, Problems())
 
 
 DENSE = WaypointsReference(

@@ -439,7 +439,7 @@ def test_a_folder_of_others_takes_no_result(lay, name, force):
     assert state(out / name) == before
 
 
-@pytest.mark.parametrize("name", [TUNE.record, GENERATIONS, TUNE.found])
+@pytest.mark.parametrize("name", [TUNE.record, GENERATIONS, TUNE.configs])
 @pytest.mark.parametrize("force", ["", " --force"])
 def test_a_folder_of_others_takes_no_tuning(lay, name, force):
     out = lay("complete")

@@ -251,7 +251,7 @@ class Code(_Numbers):
         """Whether the input of the function has the position and its derivatives."""
         return "position" in self.called.code.inputs
 
-    def knowing(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what the law that it claims to be knows of the plant."""
         law, read, flat = self.claimed, self.called.code.inputs, plant.flat
         here = problems.at("file")
@@ -269,7 +269,7 @@ class Code(_Numbers):
             )
         if law is None or problems:
             return self
-        return with_fields(self, claimed=law.knowing(G, plant, problems))
+        return with_fields(self, claimed=law.for_plant(G, plant, problems))
 
     def judged(
         self, label: str, loop: Any, horizon: float, random: Any, flown: Any
