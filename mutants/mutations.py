@@ -29,7 +29,7 @@ CORE = (
     "extensions/firmware/decimals.py",
     "extensions/firmware/decisions.py",
     "extensions/firmware/export_laws.py",
-    "extensions/firmware/own_code.py",
+    "extensions/firmware/user_code.py",
     "extensions/recordings/prediction.py",
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""

@@ -543,9 +543,9 @@ class Complementary(Estimator):
     def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, None]:
         """Return the estimate corrected by σ in the measured coordinates."""
         G: MatrixLieGroup = schedule.G
-        own: Any = self  # in a run, options are arrays
+        options: Any = self  # in a run, options are arrays
         sigma = schedule.intervals * fix.arrived * innovation(G, G.inverse(now.pose) @ fix.pose)
-        pose, bias = now.pose @ G.exp(own.kp * sigma), now.bias - own.ki * sigma
+        pose, bias = now.pose @ G.exp(options.kp * sigma), now.bias - options.ki * sigma
         return now._replace(pose=pose, bias=bias), None
 
 

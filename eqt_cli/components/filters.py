@@ -159,10 +159,10 @@ class ErrorStateFilter(Estimator):
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
         """Return the estimate at the start, at a pose, with its covariance."""
         bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
-        own: Any = self
-        std = own.pose_std if own.initial_pose_std is None else own.initial_pose_std
+        options: Any = self
+        std = options.pose_std if options.initial_pose_std is None else options.initial_pose_std
         deviations = np.concatenate(
-            [each + bias for each in (std, own.initial_bias_std, own.velocity_std)], axis=-1
+            [each + bias for each in (std, options.initial_bias_std, options.velocity_std)], axis=-1
         )
         return Estimate(pose, bias, _diagonal(deviations * deviations), bias)
 
@@ -174,15 +174,15 @@ class ErrorStateFilter(Estimator):
         Where no velocity is known at the end, the last one counts alone and n stays, less the drift
         of a bias that is not known yet.
         """
-        G, m, own, S = schedule.G, schedule.G.dimension, _of(self), now.covariance
+        G, m, options, S = schedule.G, schedule.G.dimension, _of(self), now.covariance
         bias, last = slice(m, 2 * m), slice(2 * m, 3 * m)
         x = duration * (velocity - now.bias)
         step = G.exp(x)
         A, B = G.Ad_matrix(G.inverse(step)), -G.jacobian(-x)
         end, held = duration * now.share, where(less(0.0, now.share), 0.0, 1.0)
         start = duration - end
-        noise = own.velocity_std * own.velocity_std
-        walk = now.drift * duration * own.bias_walk * own.bias_walk
+        noise = options.velocity_std * options.velocity_std
+        walk = now.drift * duration * options.bias_walk * options.bias_walk
         through = duration[..., None] * S[..., bias, :] + start[..., None] * S[..., last, :]
         top = A @ S[..., :m, :] + B @ through
         across = duration[..., None] * top[..., bias] + start[..., None, :] * top[..., last]
@@ -206,7 +206,7 @@ class ErrorStateFilter(Estimator):
 
         K = Σhᵀ/(hΣhᵀ + σ²), and in Joseph form Σ ← (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ.
         """
-        G, m, own = schedule.G, schedule.G.dimension, _of(self)
+        G, m, options = schedule.G, schedule.G.dimension, _of(self)
         residual = G.log(G.inverse(now.pose) @ fix.pose)
         H, S = self.output(G, residual), now.covariance
         by = 0.0 * np.concatenate([now.bias] * 3, axis=-1)
@@ -214,7 +214,7 @@ class ErrorStateFilter(Estimator):
         for axis in schedule.axes:
             h = H[..., axis, :]
             seen = (S[..., :m] @ h[..., None])[..., 0]
-            variance = (own.pose_std * own.pose_std)[..., axis, None]
+            variance = (options.pose_std * options.pose_std)[..., axis, None]
             total = (h * seen[..., :m]).sum(axis=-1)[..., None] + variance
             K = fix.arrived[..., axis, None] * seen / total
             unexpected = residual[..., axis, None] - (h * by[..., :m]).sum(axis=-1)[..., None]

@@ -107,10 +107,10 @@ def devices() -> tuple[Device, ...]:
     """
     cl = _opencl()
     try:
-        found = [each for platform in cl.get_platforms() for each in platform.get_devices()]
+        all_devices = [each for platform in cl.get_platforms() for each in platform.get_devices()]
     except cl.Error:  # no driver is installed
         return ()
-    return tuple(_device(cl, number, each) for number, each in enumerate(found))
+    return tuple(_device(cl, number, each) for number, each in enumerate(all_devices))
 
 
 def _device(cl: Any, number: int, each: Any) -> Device:
@@ -140,11 +140,11 @@ def chosen(text: str) -> Device:
     match = re.fullmatch(r"opencl(?::(\d{1,4}))?", text)
     if match is None:
         raise InputError(f"expected cpu, opencl or opencl:NUMBER, got '{text}'")
-    found = devices()
+    all_devices = devices()
     if match[1] is None:
-        device = next((each for each in found if not each.lacks), None)
+        device = next((each for each in all_devices if not each.lacks), None)
     else:
-        device = found[int(match[1])] if int(match[1]) < len(found) else None
+        device = all_devices[int(match[1])] if int(match[1]) < len(all_devices) else None
     if device is None:
         raise InputError(
             f"there is no device {text} with double precision; `eqt list devices` names those of "
@@ -250,15 +250,15 @@ class Kernel:
     ) -> None:
         """Integrate some runs, whose arrays are changed in place."""
         cl = _opencl()
-        given, places, behind = [np.empty(0)], [], 0
+        rows_flat, places, behind = [np.empty(0)], [], 0
         for row in rows:
             along = row.length if row.by_sample else 0
             per_run = row.values[0].size if row.by_run else 0
             places += [behind, per_run, along]
-            given.append(np.ravel(row.values))
+            rows_flat.append(np.ravel(row.values))
             behind += row.values.size
         data = dict(arrays)
-        data |= {"grid": values["grid"], "held": values["held"], "rows": np.concatenate(given)}
+        data |= {"grid": values["grid"], "held": values["held"], "rows": np.concatenate(rows_flat)}
         data["places"] = np.array(places, dtype=np.int64)
         if measuring is not None:
             data["starts"] = measuring.starts
@@ -297,8 +297,8 @@ def _test(device: Device) -> None:
     cache, key = user_cache(), digest("\0".join([device.described, code]))
     if cache is not None and cache.find(key, ".txt"):
         return
-    found = [_tested(function) for function in (Kernel(device, code), library.integration(field))]
-    if found[0] != found[1]:
+    results = [_tested(function) for function in (Kernel(device, code), library.integration(field))]
+    if results[0] != results[1]:
         raise EqtError(
             f"{device.described} does not give the bits of the CPU in {TEST_RUNS} test runs",
             Remedy("use the device cpu, or another driver"),
@@ -307,15 +307,15 @@ def _test(device: Device) -> None:
         cache.keep(key, ".txt", b"passed")
 
 
-def _every_function(given: dict[str, Array]) -> Mapping[str, Array]:
+def _every_function(inputs: dict[str, Array]) -> Mapping[str, Array]:
     """Return a bounded field in which every elementary function, a quotient and a choice act."""
-    x, y, z = np.split(given["state"], 3)
+    x, y, z = np.split(inputs["state"], 3)
     mixed = sum(apply(name, 0.5 + 0.4 * sin(x + shift)) for shift, name in enumerate(INSIDE))
     mixed = mixed + apply("acosh", 2.5 + sin(y)) + sin(1e9 * z)
     turned = where(less(x, y), z, -z / (1.0 + y * y))
     return {
         "derivative": np.concatenate(
-            [turned, given["parameters"] * sin(mixed), cos(given["time"]) - z]
+            [turned, inputs["parameters"] * sin(mixed), cos(inputs["time"]) - z]
         )
     }
 

@@ -508,8 +508,8 @@ def test_every_file_is_written_in_one_way():
         ("base/store_writer.py", "File"),  # into the one way
         ("base/process.py", "open"),  # the null device
         # Into a new folder of their own, for a compiler.
-        ("extensions/firmware/own_code.py", "write_text"),
-        ("extensions/firmware/own_code.py", "write_bytes"),
+        ("extensions/firmware/user_code.py", "write_text"),
+        ("extensions/firmware/user_code.py", "write_bytes"),
         ("engines/compiler.py", "write_bytes"),
     }
     found, names = set(), re.compile(rf"\b({'|'.join(WRITING | {'open', 'FileIO', 'File'})})\b")

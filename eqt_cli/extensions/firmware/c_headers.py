@@ -34,8 +34,8 @@ def needed(text: str, header: str) -> str:
 
     Names that the text defines itself are left out.
     """
-    own = set(_defined(text))
-    units = [unit for unit in _units(header) if not own.intersection(_defined(unit))]
+    defined = set(_defined(text))
+    units = [unit for unit in _units(header) if not defined.intersection(_defined(unit))]
     wanted = set(_NAME.findall(text))
     chosen: set[int] = set()
     for index in reversed(range(len(units))):  # definitions stand before their use
@@ -46,7 +46,7 @@ def needed(text: str, header: str) -> str:
 
 
 def _defined(text: str) -> Iterator[str]:
-    return (name for found in _DEFINED.findall(text) for name in found if name)
+    return (name for names in _DEFINED.findall(text) for name in names if name)
 
 
 def _units(header: str) -> Iterator[str]:
@@ -63,8 +63,8 @@ def _units(header: str) -> Iterator[str]:
         code = re.sub(r"/\*.*?\*/", "", line).rstrip()
         if comment:
             continue
-        if found := _CONDITION.match(line):
-            conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(found[1], 0)
+        if condition := _CONDITION.match(line):
+            conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(condition[1], 0)
         depth += code.count("{") - code.count("}")
         ends = code.endswith((";", "}")) or (code.startswith("#") and not code.endswith("\\"))
         if not depth and not conditions and ends:
@@ -75,12 +75,12 @@ def _units(header: str) -> Iterator[str]:
 def _of_one_lane(header: str) -> str:
     """Return a header for one lane, without guard, includes and conditions on the lanes."""
     branches: list[str] = []  # the fate of each condition around a line
-    kept = [
+    lines = [
         line
         for line in header.splitlines()
         if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
     ]
-    text = "\n".join(kept).replace("EQT_LANES", "1")
+    text = "\n".join(lines).replace("EQT_LANES", "1")
     return text.replace("static EQT_CONSTANT const", "static const")
 
 

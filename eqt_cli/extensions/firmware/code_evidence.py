@@ -331,9 +331,9 @@ class Question:
         """Return the torque of this or another law with scaled gains, ``(rows, m)``."""
         loop, inputs, law = self.loop, inputs or self.inputs, law or self.loop.controller
         gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
-        given, names = self.memory if memory is None else memory, law.memory(loop.group)
-        kept = {name: z for name, z in given.items() if name in names}
-        s = inputs.tracking(loop.group, loop.inertia, gains, kept)
+        memory, names = self.memory if memory is None else memory, law.memory(loop.group)
+        states = {name: z for name, z in memory.items() if name in names}
+        s = inputs.tracking(loop.group, loop.inertia, gains, states)
         with np.errstate(all="ignore"):
             torque, _ = law.answer(s, loop.period)
         return torque + 0.0 * inputs.velocity
@@ -373,23 +373,23 @@ def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawPart
     pose, rest
         Inputs of the stiffness, and of all other parts.
     """
-    own = _own_parts(question, pose, rest)
-    whole = own["stiffness"] + question.torque(inputs=rest, K=0.0)
-    return [_fitted(whole, own, moving) for moving in _quadratic(question, rest)]
+    basic = _basic_parts(question, pose, rest)
+    whole = basic["stiffness"] + question.torque(inputs=rest, K=0.0)
+    return [_fitted(whole, basic, moving) for moving in _quadratic(question, rest)]
 
 
-def _own_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
+def _basic_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
     """Return the parts due to gains, desired acceleration and memory."""
     ask = question.torque
     still = rest.zeroed("desired_velocity", "desired_acceleration")
     stiffness = ask(inputs=pose) - ask(inputs=pose, K=0.0)
     damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
-    own_damping = ask(inputs=still) - ask(inputs=still, K_d=0.0)
+    of_velocity = ask(inputs=still) - ask(inputs=still, K_d=0.0)
     unpushed = rest.zeroed("desired_acceleration")
     parts = {
         "stiffness": stiffness,
-        "damping": own_damping,
-        "damping of the desired velocity": damping - own_damping,
+        "damping": of_velocity,
+        "damping of the desired velocity": damping - of_velocity,
         "desired acceleration": ask(inputs=rest) - ask(inputs=unpushed),
     }
     for name in question.memory:
@@ -432,16 +432,16 @@ def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
     ]
 
 
-def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> LawParts:
+def _fitted(torque: Array, basic: dict[str, Array], moving: dict[str, Array]) -> LawParts:
     """Find the coefficients of the parts in a law; the remainder becomes a part of its own."""
     scale = np.abs(torque).max()
     columns = {
         name: column
-        for name, column in (own | moving).items()
+        for name, column in (basic | moving).items()
         if np.abs(column).max() > VANISHES * scale
     }
-    expected = dict.fromkeys(own.keys() & columns.keys(), 1.0)
-    rest = torque - sum((columns[name] for name in own if name in columns), 0 * torque)
+    expected = dict.fromkeys(basic.keys() & columns.keys(), 1.0)
+    rest = torque - sum((columns[name] for name in basic if name in columns), 0 * torque)
     fitted = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
     # Coefficients are multiples of one half, or weights that the user set.
     expected |= {name: _rounded(value) for name, value in fitted.items()}
@@ -659,10 +659,10 @@ def _of_frames(question: Question) -> Iterator[Assumption]:
         yield f"{frames}; {words}" if words else frames, question, exchanged, rest
         if words:
             yield words, question, inputs, rest
-    for axis, kept in enumerate(np.eye(G.dimension) if G.dimension > 1 else ()):
+    for axis, unit in enumerate(np.eye(G.dimension) if G.dimension > 1 else ()):
         read = inputs._replace(
-            desired_velocity=kept * inputs.desired_velocity,
-            desired_acceleration=kept * inputs.desired_acceleration,
+            desired_velocity=unit * inputs.desired_velocity,
+            desired_acceleration=unit * inputs.desired_acceleration,
         )
         alone = f"V_d is read on axis {axis + 1} only"
         yield alone, question, inputs, read
@@ -778,13 +778,16 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     """Return the push as a sum of the parts of F·b."""
     law, moves = _cascade(question), question.loop.group.parts[1].axes
     without = {KNOWN: with_fields(law, known=())}
-    own, gains = law.position, {"position error": "kx", "velocity error": "kv", "integral": "ki"}
-    if own.limit is None:
+    position, gains = (
+        law.position,
+        {"position error": "kx", "velocity error": "kv", "integral": "ki"},
+    )
+    if position.limit is None:
         for name, key in gains.items():
-            if getattr(own, key) is not None:
-                without[name] = with_fields(law, position=with_fields(own, **{key: 0.0}))
+            if getattr(position, key) is not None:
+                without[name] = with_fields(law, position=with_fields(position, **{key: 0.0}))
     else:
-        still = with_fields(own, kx=0.0, kv=0.0, ki=None)
+        still = with_fields(position, kx=0.0, kv=0.0, ki=None)
         without["position feedback"] = with_fields(law, position=still)
     whole = question.torque()[:, moves]
     columns = {name: whole - question.torque(law=each)[:, moves] for name, each in without.items()}

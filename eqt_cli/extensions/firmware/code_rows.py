@@ -25,7 +25,7 @@ from eqt_cli.extensions.firmware.code_evidence import (
     explained_cascade,
     sum_of,
 )
-from eqt_cli.extensions.firmware.own_code import described
+from eqt_cli.extensions.firmware.user_code import described
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
@@ -236,15 +236,15 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     else where the memory has no name.
     """
     period, states, loop = judged.loop.period, judged.drawn, judged.loop
-    first, kept = loop.answer(*states, period)
+    first, memory = loop.answer(*states, period)
     filling = judged.law.calling(replace(judged.law.called, fills=True), loop.group)
     other = replace(loop, controller=filling)
     second, again = other.answer(*states.of(slice(None, None, -1)), period)
     same = np.array_equal(first, second[::-1], equal_nan=True) and all(
-        np.array_equal(kept[name], again[name][::-1], equal_nan=True) for name in kept
+        np.array_equal(memory[name], again[name][::-1], equal_nan=True) for name in memory
     )
-    own, words = judged.law.called.own_state, ""
-    variables, functions = own or ([], [])
+    state, words = judged.law.called.static_state, ""
+    variables, functions = state or ([], [])
     verdict = Verdict.FAILS if variables or not same else Verdict.HOLDS
     if variables:
         words = (
@@ -253,7 +253,7 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
         )
     elif not same:
         words = "it reads what is neither input nor named memory, as a variable without a value"
-    elif own is None:
+    elif state is None:
         words = "undecided: eqt cannot read the symbols that this compiler writes; install nm"
         verdict = Verdict.UNDECIDED
     elif functions:
@@ -282,7 +282,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
     for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
             continue
-        torque, kept = loop.answer(*states, loop.period)
+        torque, memory = loop.answer(*states, loop.period)
         question = Question(formula, *states)
         differences = _differences(question, torque, code.real)
         words, verdict = [], Verdict.HOLDS
@@ -297,7 +297,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
         name = f"torque of {law.title}, {code.real}, {place}"
         yield _row(judged, name, verdict, words, differences.measured, differences.bound)
         if states.memory and place == "at random states" and loop.vehicle.control is not None:
-            yield _memory_row(judged, question, kept, code.real)
+            yield _memory_row(judged, question, memory, code.real)
             yield _start_row(judged, question, code.real)
 
 
@@ -353,12 +353,12 @@ def _differences(question: Question, torque: Array, real: str) -> _TorqueDiffere
     with np.errstate(divide="ignore", invalid="ignore"):  # a torque that is exactly 0
         relative = np.nan_to_num(np.where(difference == 0, 0.0, difference / size))
     some = np.arange(len(law)) < BOUNDED
-    own = ARRANGED * _rounding(question, some) * worse
+    bounds = ARRANGED * _rounding(question, some) * worse
     with np.errstate(divide="ignore", invalid="ignore"):
-        least = np.nanmin(own / size[some], axis=0, initial=np.inf)  # of each entry
+        least = np.nanmin(bounds / size[some], axis=0, initial=np.inf)  # of each entry
     least = np.where(np.isfinite(least), least, 0.0)
     bound = np.where(np.isfinite(size), least * size, np.nan) + 0.0 * law
-    bound[some] = own
+    bound[some] = bounds
     others = np.flatnonzero(~some & (relative > least).any(axis=-1))
     order = np.argsort(-relative[others].max(axis=-1), kind="stable")
     others = others[order[:MOST_BOUNDED]]
@@ -381,13 +381,13 @@ def _rounding(question: Question, where: Array) -> Array:
     """The bound of the rounding error of the law in doubles, with that of all it is given."""
     loop = question.loop
 
-    def given(values: Array) -> Array:
+    def inexact(values: Array) -> Array:
         values = np.asarray(values, dtype=float)
         return lifted(values, UNIT * np.abs(values))
 
-    bounded = with_leaves(loop, {path: given(values) for path, values in leaves(loop).items()})
-    inputs = question.inputs.each(lambda part: given(np.asarray(part)[where]))
-    memory = {name: given(values[where]) for name, values in question.memory.items()}
+    bounded = with_leaves(loop, {path: inexact(values) for path, values in leaves(loop).items()})
+    inputs = question.inputs.each(lambda part: inexact(np.asarray(part)[where]))
+    memory = {name: inexact(values[where]) for name, values in question.memory.items()}
     with np.errstate(all="ignore"):
         _, errors = value_of(bounded.answer(inputs, memory, loop.period)[0])
     return np.asarray(errors)
@@ -427,7 +427,7 @@ def _other_law(question: Question, torque: Array, real: str) -> str:
     return ""
 
 
-def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real: str) -> Row:
+def _memory_row(judged: Judged, question: Question, memory: dict[str, Array], real: str) -> Row:
     """Check that the memory changes over a period as that of the law."""
     loop, period = question.loop, judged.loop.period
     of_loop = loop.group, loop.inertia, loop.gains
@@ -437,7 +437,7 @@ def _memory_row(judged: Judged, question: Question, kept: dict[str, Array], real
     at_rest = loop.controller.memory_rate(still.tracking(*of_loop, question.memory))
     words, worst, limit = [], 0.0, 0.0
     for name, z in question.memory.items():
-        went, expected = kept[name] - z, later[name] - z
+        went, expected = memory[name] - z, later[name] - z
         bounds = _memory_bounds(question, np.concatenate([z, later[name]], axis=-1), real)
         differences = np.abs(went - expected).max(axis=-1)
         place = int((differences / bounds).argmax())

@@ -72,7 +72,7 @@ def _report(exported: ExportedFiles, *, json: bool) -> None:
         bound = law["bound"]
         assert isinstance(bound, list)
         largest = significant(max(bound), 2) if bound else "-"
-        told = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
-        rows.append([*map(str, told), *cost])
+        row = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
+        rows.append([*map(str, row), *cost])
     document = {"folder": str(exported.folder), "files": exported.files, "laws": exported.laws}
     print_findings(document, table(header, rows), f"\nexported  {exported.folder}", json=json)

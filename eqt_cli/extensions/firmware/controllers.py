@@ -21,7 +21,7 @@ from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.source import ConfigSource, trusted_text
-from eqt_cli.extensions.firmware.own_code import OwnCode, compiled, gathered, is_gathered, try_out
+from eqt_cli.extensions.firmware.user_code import UserCode, compiled, gathered, is_gathered, try_out
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
 
 # A law that runs a C function of the user ---------------------------------------------------------
@@ -145,7 +145,7 @@ class Code(_Numbers):
             return None, {}
         with problems.catching():
             space = G.space if rigid_motions(G) else 0
-            code = OwnCode(
+            code = UserCode(
                 text=text, entries=G.size**2, axes=G.dimension, space=space, **asdict(self.code)
             )
             function = compiled(code)
@@ -344,10 +344,10 @@ def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSo
     entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
     if claimed is not None:
         meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
-        own = {key: value for key, value in meant.items() if key not in ("label", "gains")}
-        entry |= {"as": own or claimed} | {k: v for k, v in meant.items() if k == "gains"}
-    given = source.overrides | {("controllers",): "--code"}
-    return replace(source, data=source.data | {"controllers": [entry]}, overrides=given)
+        options = {key: value for key, value in meant.items() if key not in ("label", "gains")}
+        entry |= {"as": options or claimed} | {k: v for k, v in meant.items() if k == "gains"}
+    overrides = source.overrides | {("controllers",): "--code"}
+    return replace(source, data=source.data | {"controllers": [entry]}, overrides=overrides)
 
 
 def first_inputs(G: MatrixLieGroup) -> LawInput:

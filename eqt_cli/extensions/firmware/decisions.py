@@ -72,7 +72,7 @@ class _Token:
     span: tuple[int, int]
     file: str
     line: int
-    is_own: bool
+    is_users: bool
     other: int = -1
     """The place of the other bracket of a pair."""
 
@@ -126,23 +126,23 @@ class _Text:
         while place < len(self.tokens):
             token = self.tokens[place]
             if token.text == "{" and token.other > place:
-                if token.is_own and self._text(place - 1) == ")":
+                if token.is_users and self._text(place - 1) == ")":
                     bodies[place] = self._name_of(place)
                 else:  # eqt's own calls, or a table of functions
                     others.update(self._words(place, token.other))
                 place = token.other
             place += 1
-        found: dict[int, str] = {}
-        while more := [at for at in bodies.keys() - found if bodies[at] in others]:
-            found.update((at, bodies[at]) for at in more)
+        called: dict[int, str] = {}
+        while more := [at for at in bodies.keys() - called if bodies[at] in others]:
+            called.update((at, bodies[at]) for at in more)
             others.update(*(self._words(at, self.tokens[at].other) for at in more))
-        return sorted(found.items())
+        return sorted(called.items())
 
     def _body(self, start: int, stop: int, function: int) -> None:
         constant = start
         for place in range(start, stop):
             token = self.tokens[place]
-            if place < constant or not token.is_own:
+            if place < constant or not token.is_users:
                 continue
             if token.text in ("static", "_Static_assert"):
                 constant = self._first(place, ";")
@@ -264,13 +264,13 @@ class _Text:
 
 
 def _tokens(text: str, files: Collection[str]) -> Iterator[_Token]:
-    file, line, is_own = "", 1, False
+    file, line, is_users = "", 1, False
     for match in _TOKEN.finditer(text):
         kind, said = str(match.lastgroup), match[0]
         if kind == "marker":
             if marker := _MARKER.match(said):
                 file, line = marker[2], int(marker[1]) - 1
-                is_own = file in files and "3" not in marker[3].split()  # 3: a system's macro
+                is_users = file in files and "3" not in marker[3].split()  # 3: a system's macro
         elif kind != "space":
-            yield _Token(said, kind, match.span(), file, line, is_own)
+            yield _Token(said, kind, match.span(), file, line, is_users)
         line += said.count("\n")

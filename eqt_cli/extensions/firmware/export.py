@@ -275,10 +275,10 @@ def source(law: ExportedLaw) -> str:
     stepping = [call(law, program.step, f"{name}_step", ["torque"]), "(void)memory;"]
     if program.start:
         start = f"\nstatic {emitted(program.start, f'{name}_initial')}"
-        own = [f"next.{entry.name}" for entry in program.memory]
+        memory = [f"next.{entry.name}" for entry in program.memory]
         declare, keep = f"{name}_memory next;", "*memory = next;"
-        starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
-        stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
+        starting = [declare, call(law, program.start, f"{name}_initial", memory), keep]
+        stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *memory]), keep]
     body = partial(
         of_law, "law.c", law, step=step, start=start, starting=starting, stepping=stepping
     )
@@ -306,8 +306,8 @@ def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) 
         )
         for entry in all_entries
     }
-    given = [entries[group] for group, _ in program.inputs]
-    return wrapped(f"{name}({', '.join([*given, *outputs])});", " " * 12).lstrip()
+    arguments = [entries[group] for group, _ in program.inputs]
+    return wrapped(f"{name}({', '.join([*arguments, *outputs])});", " " * 12).lstrip()
 
 
 def default(law: ExportedLaw, entry: Entry) -> str:
@@ -341,11 +341,11 @@ def check(law: ExportedLaw) -> str:
         after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
         after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
         fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
-        own = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
+        before = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
             f"{{{', '.join(fields)}}}",
-            f"{{{', '.join(own) or '0'}}}",
+            f"{{{', '.join(before) or '0'}}}",
             torque,
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
@@ -604,9 +604,9 @@ def export(
     texts: dict[str, str] = {}
     costs: dict[str, Footprint | None] = {}
     for law in laws:
-        own = files(law)
-        costs[law.label] = measured(law.name, own)
-        texts |= own
+        law_files = files(law)
+        costs[law.label] = measured(law.name, law_files)
+        texts |= law_files
     texts[NAME] = readme(laws, costs)
     write_all({folder / name: text.encode() for name, text in texts.items()}, folder)
     return ExportedFiles(folder, list(texts), [_record(law, costs) for law in laws])

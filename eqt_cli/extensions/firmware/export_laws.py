@@ -104,17 +104,17 @@ def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
         Entry(name, (length,), name) for name, length in lengths.items() if name not in QUALITY
     )
 
-    def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
+    def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
         def one(prefix: str, entry: Entry) -> Array:
-            return given[prefix + entry.name].reshape(1, *entry.shape)
+            return inputs[prefix + entry.name].reshape(1, *entry.shape)
 
-        now: Any = replace(schedule, period=given[NUMBER + PERIOD][0])
-        own = with_leaves(estimator, {each.source: one(NUMBER, each) for each in numbers})
+        now: Any = replace(schedule, period=inputs[NUMBER + PERIOD][0])
+        here = with_leaves(estimator, {each.source: one(NUMBER, each) for each in numbers})
         Q, V, fresh = (one(MEASURED, each) for each in measured)
         Q = G.unpack(G.pack(Q))
-        kept = {name: np.zeros((1, lengths[name])) for name in QUALITY if name in lengths}
-        kept |= {each.name: one(STATE, each) for each in states}
-        after = own.after(now, Measurement(Q, V, fresh, Q, 0.0 * V), kept)
+        before = {name: np.zeros((1, lengths[name])) for name in QUALITY if name in lengths}
+        before |= {each.name: one(STATE, each) for each in states}
+        after = here.after(now, Measurement(Q, V, fresh, Q, 0.0 * V), before)
         estimate = {POSE: G.unpack(after["pose"])[0], VELOCITY: after["velocity"][0]}
         return estimate | {STATE + each.name: after[each.name][0] for each in states}
 
@@ -168,9 +168,9 @@ class ExportedFilter:
         entries |= {NUMBER + each.name: f"options->{each.name}" for each in self.program.numbers}
         entries |= {STATE + each.name: f"filter->{each.name}" for each in self.program.states}
         entries[NUMBER + PERIOD] = f"&numbers->{PERIOD}"
-        given = [entries[group] for group, _ in self.program.step.inputs]
+        inputs = [entries[group] for group, _ in self.program.step.inputs]
         estimate = [f"input->{POSE}", f"input->{VELOCITY}"]
-        return [*given, *estimate, *(f"next.{each.name}" for each in self.program.states)]
+        return [*inputs, *estimate, *(f"next.{each.name}" for each in self.program.states)]
 
 
 def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter | None:
@@ -278,14 +278,14 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
     rows = [values.reshape(len(at), -1) for values in numbers.values()]
     held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
 
-    def motion(given: Mapping[str, Array]) -> Mapping[str, Array]:
-        parts = np.split(given["held"], np.cumsum([row.shape[1] for row in rows]))
-        own = {
+    def motion(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+        parts = np.split(inputs["held"], np.cumsum([row.shape[1] for row in rows]))
+        held_leaves = {
             name: part.reshape(values.shape[1:])
             for (name, values), part in zip(numbers.items(), parts, strict=False)
         }
-        here: Any = reference if moving is None else with_leaves(moving, own)
-        t, names = given["t"][0], [entry.source for entry in law.inputs]
+        here: Any = reference if moving is None else with_leaves(moving, held_leaves)
+        t, names = inputs["t"][0], [entry.source for entry in law.inputs]
         moves = [name for name in LawInput._fields if name.startswith("desired_")]
         motion = dict(zip(moves, here.motion(G, t), strict=True))
         flat = here.flat_output(G, t) if loop.controller.reads_flat_output else None
@@ -365,11 +365,11 @@ def states_of(
     with np.errstate(all="ignore"):
         inputs_of, memory = loop.law_input(problem.times, states), loop.memory(states)
     inputs_of = inputs_of._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
-    given = _rows(law, inputs_of, memory, states.shape[:2])
+    rows = _rows(law, inputs_of, memory, states.shape[:2])
     random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
-    count = len(next(iter(given.values())))
-    drawn = _random(given, loop.group, random)
-    inputs = {name: np.concatenate([values, drawn[name]]) for name, values in given.items()}
+    count = len(next(iter(rows.values())))
+    drawn = _random(rows, loop.group, random)
+    inputs = {name: np.concatenate([values, drawn[name]]) for name, values in rows.items()}
     return CheckedStates(inputs, len(good), count)
 
 
@@ -387,10 +387,10 @@ def _rows(
 
 
 def _random(
-    given: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
+    rows: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
 ) -> dict[str, Array]:
     """Return states with any error of the pose, and all else as large as in the runs."""
-    chosen = random.integers(0, len(given[f"{INPUT}t"]), RANDOM)
+    chosen = random.integers(0, len(rows[f"{INPUT}t"]), RANDOM)
     errors = random.standard_normal((RANDOM, G.dimension))
     for part in G.parts:
         if part.turns:
@@ -399,12 +399,12 @@ def _random(
             errors[:HALF_TURNS, part.axes] = turn * angle / norm(turn)[:, None]
     error = G.exp(errors)
     drawn = {}
-    for name, values in given.items():
+    for name, values in rows.items():
         if name in (f"{INPUT}t", f"{INPUT}desired_pose"):
             drawn[name] = values[chosen]
         elif name == f"{INPUT}pose":
-            about = f"{INPUT}desired_pose" if f"{INPUT}desired_pose" in given else name
-            desired = given[about][chosen].reshape(-1, G.size, G.size)
+            about = f"{INPUT}desired_pose" if f"{INPUT}desired_pose" in rows else name
+            desired = rows[about][chosen].reshape(-1, G.size, G.size)
             drawn[name] = (desired @ error).reshape(RANDOM, -1)
         else:
             size = np.abs(values).max(axis=0)
@@ -495,10 +495,10 @@ class ExportedLaw:
     @cached_property
     def fixed(self) -> frozenset[str]:
         """Names of the numbers that are no options: the law fixes them."""
-        own = [each for each in self.program.numbers if each.source.startswith(CONTROLLER)]
+        of_law = [each for each in self.program.numbers if each.source.startswith(CONTROLLER)]
         return frozenset(
             each.name
-            for each in own
+            for each in of_law
             for field in fields(self.owner(each))
             if field.name == each.source.rpartition(".")[2] and not field.init
         )

@@ -96,7 +96,7 @@ class _ProgramValue(NamedTuple):
         Bound of the running error analysis.
     lost
         Largest relative error of a divisor that it depends on.
-    own
+    rounding
         Error of this operation alone.
     slopes
         Derivatives by the operands, at their largest within the errors of these.
@@ -105,7 +105,7 @@ class _ProgramValue(NamedTuple):
     value: Array
     error: Array
     lost: Array
-    own: Array
+    rounding: Array
     slopes: tuple[Array, ...] = ()
 
 
@@ -126,18 +126,18 @@ def bounded(
     errors
         Errors of the inputs, in the same shapes; 0 if missing.
     """
-    given, known = (
+    values_of, known = (
         {name: np.atleast_2d(np.asarray(values, float)) for name, values in each.items()}
         for each in (inputs, errors or {})
     )
-    count = max((len(values) for values in given.values()), default=1)
+    count = max((len(values) for values in values_of.values()), default=1)
     blocks = []
     with np.errstate(all="ignore"):
         for start in range(0, count, BLOCK):
             part = slice(start, min(start + BLOCK, count))
             one, other = (
                 {name: x[part] if len(x) > 1 else x for name, x in each.items()}
-                for each in (given, known)
+                for each in (values_of, known)
             )
             analysis = _Analysis(program, one, by, other, part.stop - part.start)
             blocks.append([analysis.of(output) for output in program.outputs])
@@ -187,25 +187,25 @@ class _Analysis:
         """Sum the first-order effects of the new error of each value on the output, backwards."""
         slopes: dict[int, Array] = {}
         for index, entry in enumerate(output.entries):
-            own = slopes.setdefault(entry, np.zeros((len(output.entries), 1)))
-            own[index] = 1.0
+            slope = slopes.setdefault(entry, np.zeros((len(output.entries), 1)))
+            slope[index] = 1.0
         total = np.zeros((len(output.entries), self.count))
         for place in reversed(range(len(self.numbers))):
             slope_of = slopes.pop(place, None)
             if slope_of is None:
                 continue
             number, value = self.numbers[place], self.program.values[place]
-            total += _product(np.abs(slope_of), number.own)
+            total += _product(np.abs(slope_of), number.rounding)
             if isinstance(value, Operation):
                 for operand, by_operand in zip(value.operands, number.slopes, strict=True):
                     slopes[operand] = slopes.get(operand, 0.0) + _product(slope_of, by_operand)
         return total.T
 
     def _input(self, value: Input) -> _ProgramValue:
-        given, error = self.inputs[value.group][:, value.number], np.zeros(1)
+        values, error = self.inputs[value.group][:, value.number], np.zeros(1)
         if value.group in self.errors:
             error = self.errors[value.group][:, value.number]
-        return _ProgramValue(given, error, np.zeros(1), error)
+        return _ProgramValue(values, error, np.zeros(1), error)
 
     def _constant(self, number: float) -> _ProgramValue:
         lost = abs(float(self.by.rounded(np.array(number))) - number)
@@ -226,10 +226,10 @@ class _Analysis:
         if name == "multiply":
             error = error + x[0].error * x[1].error
         units = 1.0 if name in _ROUNDED else self.by.function_units
-        own = units * self.by.unit * (np.abs(value) + error) + self.by.least
+        rounding = units * self.by.unit * (np.abs(value) + error) + self.by.least
         if name in ("negative", "abs") or (name == "multiply" and self._is_power_of_2(operation)):
-            own = np.zeros(1)
-        return _ProgramValue(value, error + own, lost, own, slopes)
+            rounding = np.zeros(1)
+        return _ProgramValue(value, error + rounding, lost, rounding, slopes)
 
     def _is_power_of_2(self, operation: Operation) -> bool:
         factor = self.program.values[operation.operands[0]]
@@ -296,11 +296,11 @@ def _selected(holds: _ProgramValue, a: _ProgramValue, b: _ProgramValue) -> _Prog
     apart = np.abs(other - value)
     apart = np.where(np.isnan(apart), np.inf, apart) + its_error
     jumps = turned & (apart > SINGULAR * (error + its_error))
-    own = np.where(turned, apart, 0.0)
+    jump = np.where(turned, apart, 0.0)
     return _ProgramValue(
         value,
-        np.maximum(error, own),
+        np.maximum(error, jump),
         np.where(jumps, np.inf, np.where(turned, np.maximum(a.lost, b.lost), lost)),
-        own,
+        jump,
         (np.zeros(1), chosen * 1.0, ~chosen * 1.0),
     )

@@ -84,8 +84,8 @@ def check_log(
     ('SO3', 100.0, [])
     """
     G = None if group is None else group_named(group)
-    with _read(path, mapping, format) as given:
-        return check_text(*given, G)
+    with _read(path, mapping, format) as log:
+        return check_text(*log, G)
 
 
 def read_measured(
@@ -120,15 +120,15 @@ def _read(
 
 
 def _mapping(
-    given: str | os.PathLike[str] | Mapping[str, Any] | None,
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
 ) -> tuple[LogMapping, Problems]:
     """Parse a mapping; return it with its problems."""
-    if given is None:
+    if mapping is None:
         return LogMapping(), Problems()
-    if isinstance(given, Mapping):
-        source = yaml_source.load(yaml_source.flow(given), "mapping")
+    if isinstance(mapping, Mapping):
+        source = yaml_source.load(yaml_source.flow(mapping), "mapping")
     else:
-        path = path_from("mapping", given, "a path or a mapping")
+        path = path_from("mapping", mapping, "a path or a mapping")
         source = yaml_source.load(text_of(path, "check the path"), str(path))
     problems = Problems(source.key_place)
     parsed = validated(LogMapping, source.data, problems)
@@ -218,13 +218,13 @@ def replay(
     )
     if windows < 1:
         raise EqtError(f"windows: expected 1 or more, got {windows}")
-    found = growth(plant(base), base.engine, cut, windows, delay)
-    found = replace(found, notes=(*found.notes, *_notes(base, cut)))
+    errors = growth(plant(base), base.engine, cut, windows, delay)
+    errors = replace(errors, notes=(*errors.notes, *_notes(base, cut)))
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_growth  # slow to import
 
-        save_growth(found, Path(out))
-    return found
+        save_growth(errors, Path(out))
+    return errors
 
 
 def fit(
@@ -285,9 +285,9 @@ def fit(
     )
     folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
     check_folder(folder)
-    found = plant_fit.fit(base, over, cut, plant, delay)
-    written = write_fitted(found, folder)
-    return replace(found, config=written, notes=(*found.notes, *_notes(base, cut)))
+    fitted = plant_fit.fit(base, over, cut, plant, delay)
+    written = write_fitted(fitted, folder)
+    return replace(fitted, config=written, notes=(*fitted.notes, *_notes(base, cut)))
 
 
 def _opened(

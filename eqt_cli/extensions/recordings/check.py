@@ -140,7 +140,7 @@ def _largest_group(
     fitting = [
         group
         for group in _groups_of_poses()
-        if (found := used_columns(names, group)) is not None and found.layout == "parts"
+        if (layout := used_columns(names, group)) is not None and layout.layout == "parts"
     ]
     if not fitting:
         if len(sheet.names) == 1 and (other := next((c for c in ";\t" if c in sheet.names[0]), "")):
@@ -175,11 +175,11 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
             continue
         kinds = [recorded.kind for recorded in log.recorded if name in recorded.names]
         use = "time" if name == "t" else kinds[0] if kinds else "pose"
-        given = log.sheet.units.get(name, "")
+        unit = log.sheet.units.get(name, "")
         default = next(iter(units_of(name)), "")
         if use in VELOCITY and "/" not in default:
             default += "/s"
-        yield ColumnUse(heading, name, use, given or default, bool(default) and not given)
+        yield ColumnUse(heading, name, use, unit or default, bool(default) and not unit)
 
 
 def _problems(log: Log) -> Iterator[str]:

@@ -155,7 +155,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
         wanted = self.picked([name for name, *_ in shown.curves])
         curves = [row for row in shown.curves if row[0] in wanted]
         places = [
-            [f"{name} {part.name}" if _told(part, seen) else EMPTY for part in parts]
+            [f"{name} {part.name}" if _is_measured(part, seen) else EMPTY for part in parts]
             for name, (_, seen), _ in curves
         ]
         times = curves[0][2][0]
@@ -197,7 +197,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
             axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
 
 
-def _told(part: Part, values: Array) -> bool:
+def _is_measured(part: Part, values: Array) -> bool:
     """Whether any coordinate of a part was measured, of poses or of coordinates."""
     of_part = values[:, part.axes] if values.ndim == 2 else values[(..., *part.entries)]
     return not np.isnan(of_part).all()

@@ -362,7 +362,7 @@ NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "des
 
 
 MOST_ROWS = 20_000
-"""Largest number of compared rows; a longer recording is thinned."""
+"""Largest number of compared rows; a longer recording is shown."""
 
 VARIES = 0.3
 """Relative variation below which a difference of poses counts as constant."""
@@ -495,8 +495,8 @@ class MeasuredRun:
         G, seen, pose = self.recording.group, self.recording, self.errors[0]
         apart = G.log(seen.poses @ G.inverse(self.simulated.at(seen.times).pose))
         for part in G.parts:
-            own, mean = apart[:, part.axes], apart[:, part.axes].mean(axis=0)
-            varies = np.sum((own - mean) ** 2) > VARIES**2 * np.sum(own**2)
+            of_part, mean = apart[:, part.axes], apart[:, part.axes].mean(axis=0)
+            varies = np.sum((of_part - mean) ** 2) > VARIES**2 * np.sum(of_part**2)
             if varies or _size(pose.difference, part) <= _size(pose.simulated, part):
                 continue
             size = float(np.linalg.norm(mean))
@@ -559,11 +559,11 @@ def measured_runs(
             f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
         )
     first, last = int(inside[0]), int(inside[-1]) + 1
-    kept = recording.part(first, last, -(-(last - first) // MOST_ROWS))
-    kept = replace(kept, times=kept.times + fit.offset)
+    shown = recording.part(first, last, -(-(last - first) // MOST_ROWS))
+    shown = replace(shown, times=shown.times + fit.offset)
     return [
         MeasuredRun(
-            result.labels[k], result.titles[k], run, kept, last - first, fit, course, reference
+            result.labels[k], result.titles[k], run, shown, last - first, fit, course, reference
         )
         for k, course in simulated.items()
         if not controllers or k in controllers

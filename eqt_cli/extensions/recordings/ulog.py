@@ -287,10 +287,10 @@ def _series(
         clock = next((key for key in _TIMES if key in data and np.all(data[key] > 0)), None)
         if clock is None or not set(source.fields) <= set(data):
             continue
-        kept = _valid(source, data)
+        valid = _valid(source, data)
         numbers = np.stack([data[field] for field in source.fields], axis=-1).astype(float)
-        kept &= np.isfinite(numbers).all(axis=-1)
-        times, numbers = data[clock].astype(float)[kept], numbers[kept]
+        valid &= np.isfinite(numbers).all(axis=-1)
+        times, numbers = data[clock].astype(float)[valid], numbers[valid]
         if np.any(back := np.diff(times) < 0):
             where = times[1:][back][0] / 1e6
             raise InputError(f"{name}: the time of {source.topic} goes back to {where:.6f} s")

@@ -6,7 +6,7 @@ import pytest
 
 from eqt_cli.base import yaml_source
 from eqt_cli.engines import compiler
-from eqt_cli.extensions.firmware import own_code
+from eqt_cli.extensions.firmware import user_code
 
 EVERYWHERE = "t = 0.5, pose = {"
 
@@ -80,7 +80,7 @@ def test_a_crash_names_function_and_input(written, config, told):
 
 
 def test_a_function_that_does_not_return(written, config, told, monkeypatch):
-    monkeypatch.setattr(own_code, "TRIAL_SECONDS", 0.5)
+    monkeypatch.setattr(user_code, "TRIAL_SECONDS", 0.5)
     written(body="while (in->t >= 0) *(volatile real *)torque = 0;")
     said = told(config())
     where = f"controllers[0]: lee_torque in lee.c did not return within 0.5 s at {EVERYWHERE}"
@@ -168,5 +168,5 @@ def test_a_header_of_another_folder_is_not_kept(written, config, told, tmp_path_
 
 
 def test_of_a_file_of_another_system_nothing_is_known_without_nm(monkeypatch):
-    monkeypatch.setattr(own_code.shutil, "which", lambda name: None)
-    assert own_code.kept(b"\xcf\xfa\xed\xfe") is None
+    monkeypatch.setattr(user_code.shutil, "which", lambda name: None)
+    assert user_code.static_state(b"\xcf\xfa\xed\xfe") is None

@@ -11,8 +11,8 @@
      EQT_DEFAULT_NUMBERS           the numbers before they are set
      EQT_CODE_START, EQT_SET_PERIOD   defined where there is such a function, or such a number
      EQT_DECISIONS                 defined behind decisions.h: the number of decisions */
-#ifndef EQT_OWN_CODE_H
-#define EQT_OWN_CODE_H
+#ifndef EQT_USER_CODE_H
+#define EQT_USER_CODE_H
 
 #define EQT_IN(to, from)                                                                   \
     for (eqt_k = 0; eqt_k < (long)(sizeof(to) / sizeof(EQT_CODE_REAL)); eqt_k++)           \
@@ -36,7 +36,7 @@ const long eqt_code_sizes[] = {
 
 /* Rows, one a run: what is given for the numbers, the memory, which goes on, and the inputs. begins: 1
    calls the start; with 2, what is not named of the memory is filled. */
-void eqt_code(long runs, int begins, double period, const double *given, double *remembered,
+void eqt_code(long runs, int begins, double period, const double *options, double *states,
               const double *inputs, double *torques, unsigned char *outcomes, double *apart)
 {
     long run, eqt_k;
@@ -45,11 +45,11 @@ void eqt_code(long runs, int begins, double period, const double *given, double 
         EQT_MEMORY_TYPE memory;
         EQT_INPUT_TYPE input;
         EQT_CODE_REAL torque[EQT_CODE_AXES] = {0};
-        const double *kept = remembered;
+        const double *before = states;
         unsigned char *bytes = (unsigned char *)&memory;
         for (eqt_k = 0; eqt_k < (long)sizeof memory; eqt_k++)
             bytes[eqt_k] = begins & 2 ? 0x3f : 0; /* 4.8e-4 in double, 0.75 in float */
-        (void)kept;
+        (void)before;
         (void)period;
         (void)outcomes;
         (void)apart;

@@ -52,9 +52,9 @@ def gathered(file: Path) -> str:
         If one of them is not in the folder of the file, or cannot be read.
     """
     folder = Path(os.path.abspath(file)).parent  # noqa: PTH100  # as the compiler does with ".."
-    told = _preprocessed(folder, file.name, file.name)
+    preprocessed_text = _preprocessed(folder, file.name, file.name)
     texts: dict[str, str] = {}
-    for name in dict.fromkeys([file.name, *_included(told, folder, file.name)]):
+    for name in dict.fromkeys([file.name, *_included(preprocessed_text, folder, file.name)]):
         texts[name] = text_of(folder / name, "it is included", InputError, limit=TEXT_BYTES)
         if (total := sum(map(len, texts.values()))) > TEXT_BYTES:
             raise InputError(
@@ -86,15 +86,15 @@ def files_in(text: str, file: str) -> Mapping[str, str]:
     """
     if not is_gathered(text):
         return {PurePath(file).name: text}
-    found, at = {}, 0
+    files, at = {}, 0
     while at < len(text):
         head = _HEAD.match(text, at)
         name = PurePosixPath(head[2]) if head else PurePosixPath("..")
         if not head or name.is_absolute() or ".." in name.parts or "\\" in head[2]:
             raise InputError(f"{file}: is not as eqt keeps C files: at character {at:,}")
-        found[head[2]] = text[head.end() : head.end() + int(head[1])]
+        files[head[2]] = text[head.end() : head.end() + int(head[1])]
         at = head.end() + int(head[1]) + 1
-    return found
+    return files
 
 
 def preprocessed(text: str, file: str) -> str:
@@ -112,10 +112,10 @@ def preprocessed(text: str, file: str) -> str:
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content, encoding="utf-8")
-        told = _preprocessed(folder, first, file)
-        if missing := {*_included(told, folder, file)} - {*texts}:
+        text = _preprocessed(folder, first, file)
+        if missing := {*_included(text, folder, file)} - {*texts}:
             raise InputError(f"{file} includes {min(missing)}, which eqt has not kept")
-    return told.replace(f'"{folder}{os.sep}', '"')
+    return text.replace(f'"{folder}{os.sep}', '"')
 
 
 def _preprocessed(folder: Path, name: str, file: str) -> str:
@@ -127,14 +127,14 @@ def _preprocessed(folder: Path, name: str, file: str) -> str:
     try:
         return compiler.preprocessed(file=folder / name)
     except TraceError as error:
-        told = "; ".join(line.strip() for line in error.lines) or str(error.args[0])
+        reason = "; ".join(line.strip() for line in error.lines) or str(error.args[0])
         raise InputError(
-            f"{file} cannot be compiled: {printable(told.replace(f'{folder}{os.sep}', ''))}",
+            f"{file} cannot be compiled: {printable(reason.replace(f'{folder}{os.sep}', ''))}",
             Remedy("compile it with your own compiler to see all of it"),
         ) from error
 
 
-def _included(told: str, folder: Path, file: str) -> Iterator[str]:
+def _included(text: str, folder: Path, file: str) -> Iterator[str]:
     """Yield the names of the files in a folder that were read; the system's headers are left out.
 
     Raises
@@ -142,7 +142,7 @@ def _included(told: str, folder: Path, file: str) -> Iterator[str]:
     InputError
         If another file was read, or a name cannot be kept.
     """
-    for marker in _MARKER.finditer(told):
+    for marker in _MARKER.finditer(text):
         path, flags = re.sub(r"\\(.)", r"\1", marker[1]), marker[2].split()
         if _BEGINS not in flags or path.startswith("<"):
             continue
@@ -185,7 +185,7 @@ ERRNO = {"__errno_location", "__error", "_errno"}
 """What returns the address of errno."""
 
 
-def kept(made: bytes) -> tuple[list[str], list[str]] | None:
+def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
     """Return the variables of an object file that can be written, and the functions it calls.
 
     Functions that keep no state are left out: those of math.h, and those of compilers. An ELF file
@@ -193,13 +193,16 @@ def kept(made: bytes) -> tuple[list[str], list[str]] | None:
     done.
     """
     if made.startswith(b"\x7fELF\x02\x01"):  # 64 bits, the least byte first
-        found: list[tuple[str, bool]] | None = list(_of_elf(made))
+        symbols: list[tuple[str, bool]] | None = list(_of_elf(made))
     else:
         nm = shutil.which("nm") or shutil.which("llvm-nm")
-        found = None if nm is None else _told(nm, made)
-    if found is None:
+        symbols = None if nm is None else _of_nm(nm, made)
+    if symbols is None:
         return None
-    names = [sorted({_plain(name) for name, own in found if own is kind}) for kind in (True, False)]
+    names = [
+        sorted({_plain(name) for name, is_variable in symbols if is_variable is kind})
+        for kind in (True, False)
+    ]
     return names[0], [name for name in names[1] if not _keeps_nothing(name)]
 
 
@@ -241,16 +244,16 @@ def _text(made: bytes, at: int) -> str:
     return made[at : made.index(b"\0", at)].decode(errors="replace")
 
 
-def _told(nm: str, made: bytes) -> list[tuple[str, bool]] | None:
+def _of_nm(nm: str, made: bytes) -> list[tuple[str, bool]] | None:
     with temporary_folder() as folder:
         path = folder / "law.o"
         path.write_bytes(made)
         answer = compiler.run_contained([nm, str(path)], b"", Limits(SECONDS))
     if answer.returncode:
         return None
-    told = answer.stdout.decode("utf-8", "replace")
-    found = re.findall(r"^[0-9a-fA-F]* *([bBdDCU]) (\S+)$", told, re.MULTILINE)
-    return [(name.removeprefix("_"), kind != "U") for kind, name in found]
+    listing = answer.stdout.decode("utf-8", "replace")
+    symbols = re.findall(r"^[0-9a-fA-F]* *([bBdDCU]) (\S+)$", listing, re.MULTILINE)
+    return [(name.removeprefix("_"), kind != "U") for kind, name in symbols]
 
 
 def _plain(name: str) -> str:
@@ -259,7 +262,7 @@ def _plain(name: str) -> str:
     return parts[-1] if parts else name
 
 
-SHIM = Path(__file__).parent / "own_code.h"
+SHIM = Path(__file__).parent / "user_code.h"
 
 REALS = {"double": 8, "float": 4}
 """The types of numbers, and their sizes in bytes."""
@@ -271,7 +274,7 @@ _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class OwnCode(RunsCode):
+class UserCode(RunsCode):
     """A user's text in C and the names that it has to define.
 
     Attributes
@@ -298,11 +301,11 @@ class OwnCode(RunsCode):
         """
         q, m, n = self.entries, self.axes, self.space
         lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3)
-        found = dict(zip(LawInput._fields, lengths, strict=True))
+        length_of = dict(zip(LawInput._fields, lengths, strict=True))
         known = self.fields(f"{self.prefix}_input") or ()
         flat = n and POSITION in known
         read = known if flat else LawInput._fields[:6]
-        return {name: length for name, length in found.items() if name in read}
+        return {name: length for name, length in length_of.items() if name in read}
 
     @property
     def function(self) -> str:
@@ -331,10 +334,10 @@ class OwnCode(RunsCode):
 
     def fields(self, name: str) -> list[str] | None:
         """Return the fields of ``typedef struct {…} name``; None if it is written otherwise."""
-        found = re.search(rf"\bstruct\s*\w*\s*\{{([^{{}}]*)\}}\s*{name}\s*;", self._plain)
-        if found is None:
+        body = re.search(rf"\bstruct\s*\w*\s*\{{([^{{}}]*)\}}\s*{name}\s*;", self._plain)
+        if body is None:
             return None
-        return re.findall(r"([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*(?=[,;])", found[1])
+        return re.findall(r"([A-Za-z_]\w*)\s*(?:\[[^\]]*\]\s*)*(?=[,;])", body[1])
 
     @property
     def starts(self) -> bool:
@@ -344,8 +347,8 @@ class OwnCode(RunsCode):
     @property
     def has_period(self) -> bool:
         """Whether the numbers include the control period, which eqt then sets."""
-        given = {name for name, _ in self.numbers}
-        return "period" not in given and "period" in (self.fields(f"{self.prefix}_numbers") or ())
+        names = {name for name, _ in self.numbers}
+        return "period" not in names and "period" in (self.fields(f"{self.prefix}_numbers") or ())
 
     def check(self) -> None:
         """Raise an `InputError` where a name is not in the text."""
@@ -389,10 +392,10 @@ class OwnCode(RunsCode):
             "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
             "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
             "EQT_LIST_INPUT": sizes("INPUT", self.inputs),
-            "EQT_SET_NUMBERS": "".join(f"EQT_IN(numbers.{name}, given); " for name in numbers),
-            "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, kept); " for name in self.memory),
+            "EQT_SET_NUMBERS": "".join(f"EQT_IN(numbers.{name}, options); " for name in numbers),
+            "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, before); " for name in self.memory),
             "EQT_WRITE_MEMORY": "".join(
-                f"EQT_OUT(remembered, memory.{name}); " for name in self.memory
+                f"EQT_OUT(states, memory.{name}); " for name in self.memory
             ),
             "EQT_LIST_NUMBERS": sizes("NUMBER", numbers),
             "EQT_LIST_MEMORY": sizes("MEMORY", self.memory),
@@ -415,8 +418,8 @@ class OwnCode(RunsCode):
         """
         marked = f'{self.preprocessed}\n#line 1 "eqt"\n#define EQT_DECISIONS eqt_decisions\n'
         files = set(files_in(self.text, self.file))
-        text, found = watched(compiler.preprocessed(marked + self._calls), files)
-        return f"enum {{ eqt_decisions = {len(found)} }};\n{text}", found
+        text, decisions = watched(compiler.preprocessed(marked + self._calls), files)
+        return f"enum {{ eqt_decisions = {len(decisions)} }};\n{text}", decisions
 
 
 @dataclass(frozen=True)
@@ -433,7 +436,7 @@ class CodeFunction:
         Whether what is not named of the memory is not 0 before a call.
     """
 
-    code: OwnCode
+    code: UserCode
     lengths: dict[str, int] = field(compare=False)
     library: Any = field(repr=False, compare=False)
     fills: bool = False
@@ -471,19 +474,19 @@ class CodeFunction:
             Left − right of a comparison, where that was nearest to 0.
         """
         shape = len(inputs), len(self.code.decisions[1])
-        found = np.zeros(shape, dtype=np.uint8), np.zeros(shape)
+        results = np.zeros(shape, dtype=np.uint8), np.zeros(shape)
         if self.code.starts:
-            self._called(1, numbers, period, np.zeros_like(memory), inputs, *found)
-        torques, _ = self._called(0, numbers, period, memory, inputs, *found)
-        return torques, *found
+            self._called(1, numbers, period, np.zeros_like(memory), inputs, *results)
+        torques, _ = self._called(0, numbers, period, memory, inputs, *results)
+        return torques, *results
 
     @cached_property
-    def own_state(self) -> tuple[list[str], list[str]] | None:
+    def static_state(self) -> tuple[list[str], list[str]] | None:
         """Its variables that a call can leave changed, and the functions that may keep a state.
 
         None where they cannot be read.
         """
-        return kept(compiler.object_file(self.code.source))
+        return static_state(compiler.object_file(self.code.source))
 
     def _called(
         self,
@@ -495,12 +498,12 @@ class CodeFunction:
         *outcomes: Array,
     ) -> tuple[Array, Array]:
         runs = len(inputs)
-        given = np.ascontiguousarray(numbers, dtype=float)
-        kept = np.array(memory, dtype=float, order="C")
+        options = np.ascontiguousarray(numbers, dtype=float)
+        later = np.array(memory, dtype=float, order="C")
         rows = np.ascontiguousarray(inputs, dtype=float)
         torques = np.empty((runs, self.code.axes))
         assert rows.shape == (runs, sum(self.code.inputs.values()))
-        arrays = (given, kept, rows, torques, *outcomes)
+        arrays = (options, later, rows, torques, *outcomes)
         addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
         self.library.eqt_code(
             ctypes.c_long(runs),
@@ -508,11 +511,11 @@ class CodeFunction:
             ctypes.c_double(period),
             *addresses,
         )
-        return torques, kept
+        return torques, later
 
 
 @lru_cache(maxsize=64)
-def compiled(code: OwnCode) -> CodeFunction:
+def compiled(code: UserCode) -> CodeFunction:
     """Compile a user's function; the last ones are kept.
 
     Raises
@@ -534,7 +537,7 @@ def compiled(code: OwnCode) -> CodeFunction:
     return CodeFunction(code, _checked(code, sizes), library)
 
 
-def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
+def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
     """Check all sizes, and return the length of each part of the memory."""
     X, size = code.prefix, REALS[code.real]
     t, *parts = sizes[: len(code.inputs)]
@@ -545,10 +548,10 @@ def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
             f"real: the numbers of {X}_input in {code.file} are {other}, not {code.real}; set "
             f"`real: {other}`"
         )
-    for (name, length), found in zip([*code.inputs.items()][1:], parts, strict=True):
-        if found != length * size:
+    for (name, length), count in zip([*code.inputs.items()][1:], parts, strict=True):
+        if count != length * size:
             raise InputError(
-                f"{X}_input in {code.file} has {found // size} numbers in {name}; expected {length}"
+                f"{X}_input in {code.file} has {count // size} numbers in {name}; expected {length}"
             )
     if not sizes[0]:
         raise InputError(
@@ -556,22 +559,23 @@ def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
             f"(const {X}_numbers *, {X}_memory *, const {X}_input *, {code.real} *)"
         )
     whole, rest = sizes[1], sizes[2:]
-    for (name, given), found in zip(code.numbers, rest, strict=False):
-        if found != given * size:
+    for (name, length), count in zip(code.numbers, rest, strict=False):
+        if count != length * size:
             raise InputError(
-                f"numbers.{name}: {X}_numbers in {code.file} has {found // size} of it, got {given}"
+                f"numbers.{name}: {X}_numbers in {code.file} has {count // size} of it, got "
+                f"{length}"
             )
-    kept = dict(
-        zip(code.memory, (found // size for found in rest[len(code.numbers) :]), strict=True)
+    lengths = dict(
+        zip(code.memory, (count // size for count in rest[len(code.numbers) :]), strict=True)
     )
-    total = sum(kept.values())
-    if whole != total * size and (kept or whole > size):
-        named = ", ".join(f"{name} ({length})" for name, length in kept.items()) or "none"
+    total = sum(lengths.values())
+    if whole != total * size and (lengths or whole > size):
+        named = ", ".join(f"{name} ({length})" for name, length in lengths.items()) or "none"
         raise InputError(
             f"memory: {X}_memory in {code.file} has {whole // size} numbers, and the fields that "
             f"are named have {total}: {named}; name all of its fields"
         )
-    return kept
+    return lengths
 
 
 # The first calls, in a process that may crash or never end ----------------------------------------
@@ -590,7 +594,7 @@ runs, numbers, memory, row, axes, period = struct.unpack("5qd", sys.stdin.buffer
 def doubles(count):
     return (ctypes.c_double * max(count, 1)).from_buffer_copy(
         sys.stdin.buffer.read(8 * count).ljust(8, b"0"))
-given, kept = doubles(numbers), doubles(memory)
+options, later = doubles(numbers), doubles(memory)
 torque = (ctypes.c_double * axes)()
 for run in range(runs):
     inputs = doubles(row)
@@ -598,7 +602,7 @@ for run in range(runs):
         sys.stdout.buffer.write(bytes([begins]))
         sys.stdout.buffer.flush()
         library.eqt_code(ctypes.c_long(1), ctypes.c_int(begins), ctypes.c_double(period),
-                         given, kept, inputs, torque, None, None)
+                         options, later, inputs, torque, None, None)
 sys.stdout.buffer.write(b"done")
 """
 """The program of the process. It writes a byte before every call: 1 for the start, 0 for the
@@ -624,14 +628,14 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
         limits = Limits(TRIAL_SECONDS, file=MOST_WRITTEN)
         try:
             done = compiler.run_contained(command, sent, limits, Path(os.curdir))
-            told, how = done.stdout, _ended(done.returncode)
+            output, how = done.stdout, _ended(done.returncode)
         except subprocess.TimeoutExpired as late:
-            told, how = late.stdout or b"", f"did not return within {TRIAL_SECONDS:g} s"
-    if told.endswith(b"done"):
+            output, how = late.stdout or b"", f"did not return within {TRIAL_SECONDS:g} s"
+    if output.endswith(b"done"):
         return
-    if not told:
+    if not output:
         raise InputError(f"{function.code.file} cannot be tried out: the process {how}")
-    begins, run = told[-1], (len(told) - 1) // 2
+    begins, run = output[-1], (len(output) - 1) // 2
     called = f"{function.code.prefix}_start" if begins else function.code.function
     raise InputError(
         f"{called} in {function.code.file} {how} at {described(function, inputs[run])}; call it "
