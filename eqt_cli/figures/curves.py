@@ -94,12 +94,12 @@ def _places(axes: Axes, names: Sequence[str]) -> list[Box]:
     return places
 
 
-def _best(axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[Box]) -> Box | None:
+def _best(axes: Axes, curve: Array, others: Array, size: Array, taken: Sequence[Box]) -> Box | None:
     """Return the place beside a curve that is farthest from all others."""
     low, high = _points_of(axes, axes.bbox.get_points())
     best, farthest = None, -np.inf
     for x in np.linspace(low[0], high[0], _PLACES)[1:-1]:
-        beside = own[np.abs(own[:, 0] - x) <= size[0] / 2 + _PAD]
+        beside = curve[np.abs(curve[:, 0] - x) <= size[0] / 2 + _PAD]
         if not len(beside):
             continue
         for y in (beside[:, 1].max() + _GAP + size[1] / 2, beside[:, 1].min() - _GAP - size[1] / 2):
@@ -110,7 +110,7 @@ def _best(axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[Bo
             if any((corner < end).all() and (start < opposite).all() for start, end in taken):
                 continue
             away = _distance(others, corner, opposite)
-            if away < _PAD or away < _NEARER * max(_distance(own, corner, opposite), _GAP):
+            if away < _PAD or away < _NEARER * max(_distance(curve, corner, opposite), _GAP):
                 continue
             if away > farthest:
                 best, farthest = (corner, opposite), away

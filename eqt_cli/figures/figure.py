@@ -208,14 +208,14 @@ class ShownRuns(ShownControllers):
                 Pd=inertia.momentum(Vd),
                 tau_d=tau_d,
             )
-            given = loop.controller.feedforward_torque(state)
-            if given is None:
+            applied = loop.controller.feedforward_torque(state)
+            if applied is None:
                 raise self.error(
                     f"cannot separate the feedforward of {ensemble.title}: the law does not say "
                     "which of its terms are feedforward; choose others with the option "
                     "'controllers'"
                 )
-            torque[:, k] = given
+            torque[:, k] = applied
         return torque * result.factor("torque")
 
     @cached_property

@@ -97,8 +97,8 @@ def signal_label(result: Result, signal: str) -> str:
         return in_words(free_text(result.custom_names[signal], _LONGEST), result.units(signal))
     symbol = norm_symbol(result, result.quantity(signal))
     text = _labelled(result, signal, symbol, result.units(signal))
-    own = signal == "lyapunov" and result.lyapunov_functions
-    return f"{text},\neach law's own" if own else text
+    per_law = signal == "lyapunov" and result.lyapunov_functions
+    return f"{text},\neach law's own" if per_law else text
 
 
 def metric_label(result: Result, metric: str, characters: int) -> str:

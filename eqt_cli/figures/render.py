@@ -73,12 +73,12 @@ def encode(
 @contextmanager
 def _without_date() -> Iterator[None]:
     """Hide the build date variable, which Matplotlib reads even if a file is to hold no date."""
-    given = os.environ.pop(_DATE, None)
+    date = os.environ.pop(_DATE, None)
     try:
         yield
     finally:
-        if given is not None:
-            os.environ[_DATE] = given
+        if date is not None:
+            os.environ[_DATE] = date
 
 
 @contextmanager
@@ -164,7 +164,7 @@ def curves(drawing: Drawing) -> list[Curve]:
     Only the lowest panels name the time axis, and the leftmost the vertical one; the other panels
     take the names from there.
     """
-    kept = []
+    curves_of = []
     named = [text for axes in drawing.axes if (text := plain(axes.get_xlabel()))]
     up = ""
     for number, axes in enumerate(drawing.axes, start=1):
@@ -174,9 +174,9 @@ def curves(drawing: Drawing) -> list[Curve]:
         if panel == COLOUR_SCALE:
             continue
         for name, x, y in _shown(axes):
-            chosen = _kept(len(x))
-            kept.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
-    return kept
+            chosen = _sample_indices(len(x))
+            curves_of.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
+    return curves_of
 
 
 def plain(label: str) -> str:
@@ -227,7 +227,7 @@ def _numbers(values: object) -> Array:
     return np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
 
 
-def _kept(count: int) -> Array:
+def _sample_indices(count: int) -> Array:
     step = max(1, -(-(count - 1) // (MOST_SAMPLES - 1)))
     return np.unique(np.append(np.arange(0, count, step), count - 1))
 
@@ -303,7 +303,7 @@ def render(
         that does not work, the result lacks what the figure shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
-    wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
+    wanted = [_one_of("format", name, (*FORMATS, NUMBERS)) for name in formats]
     of_width = _one_of("width", width, list(WIDTHS))
     style = replace(style, width=of_width)
     style.prepare([format for format in wanted if format != NUMBERS])
@@ -361,10 +361,10 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     return figure
 
 
-def _one_of(what: str, given: str, known: Sequence[Choice]) -> Choice:
+def _one_of(what: str, name: str, known: Sequence[Choice]) -> Choice:
     """Return the given word if it is known; else raise an error."""
     for word in known:
-        if word == given:
+        if word == name:
             return word
-    hint = suggestion(given, known) or ";"
-    raise EqtError(f"unknown {what} '{given}'{hint} known: {', '.join(known)}")
+    hint = suggestion(name, known) or ";"
+    raise EqtError(f"unknown {what} '{name}'{hint} known: {', '.join(known)}")

@@ -553,10 +553,10 @@ class EstimateFigure(OverTime):
                 name = f"95 % of χ² over {count}"
                 axes.axhspan(low, high, facecolor=ink(shade), linewidth=0, zorder=0, label=name)
                 seen += [low, high]
-            own, mean = runs.of_run("nees", ensemble, self.run), values.mean(axis=0)
-            axes.plot(times, own, label="NEES", **_NEES)
+            nees, mean = runs.of_run("nees", ensemble, self.run), values.mean(axis=0)
+            axes.plot(times, nees, label="NEES", **_NEES)
             axes.plot(times, mean, label="mean NEES", color=ink(), linewidth=_LINE)
-            seen += [*own[own > 0], *mean[mean > 0]]
+            seen += [*nees[nees > 0], *mean[mean > 0]]
         for number, axes in enumerate(panels):
             scale_log(axes, "y", np.array(seen))
             if not number:

@@ -188,7 +188,7 @@ class Profile:
         Worst objective over all runs; NaN where a run failed, or none has a value.
     failed : (points,)
         Whether a run failed.
-    found
+    worst_index
         Index of the point at the worst case.
     """
 
@@ -198,7 +198,7 @@ class Profile:
     values: Array
     worst: Array
     failed: Array
-    found: int
+    worst_index: int
 
 
 class ShownWorst:
@@ -243,9 +243,9 @@ class ShownWorst:
                 values = results.coordinate(coordinate_of(key))[points].astype(float)
                 cost = costs[points, position]
                 worst = quantity.cost(np.where(np.isfinite(cost), cost, np.nan))
-                failed, found = np.isposinf(cost), np.argmin(np.abs(values - law["values"][key]))
+                failed, index = np.isposinf(cost), np.argmin(np.abs(values - law["values"][key]))
                 look, title = look_of[position], results.title_of[law["label"]]
-                self.lines.append(Profile(key, look, title, values, worst, failed, int(found)))
+                self.lines.append(Profile(key, look, title, values, worst, failed, int(index)))
 
     @property
     def keys(self) -> list[str]:
@@ -316,9 +316,9 @@ def _draw(panel: Axes, line: Profile) -> Any:
     look = line_style(line.look) | {"marker": line.look.marker}
     hollow = look | {"markersize": _WORST_SMALL, "markerfacecolor": "none"}
     (drawn,) = panel.plot(line.values, line.worst, label=line.title, **hollow)
-    found_look = hollow | {"markersize": _LARGE, "linestyle": "", "clip_on": False}
-    point = [line.values[line.found]], [line.worst[line.found]]
-    panel.plot(*point, label=f"{line.title}, found", **found_look)
+    large = hollow | {"markersize": _LARGE, "linestyle": "", "clip_on": False}
+    point = [line.values[line.worst_index]], [line.worst[line.worst_index]]
+    panel.plot(*point, label=f"{line.title}, found", **large)
     if line.failed.any():
         x = line.values[line.failed]
         top = look | {"transform": panel.get_xaxis_transform(), "linestyle": "", "clip_on": False}

@@ -148,10 +148,10 @@ class ShownControllers:
                     f"{results[0].path} on {results[0].group_name}"
                 )
                 raise error_of(one, figure, message)
-        kept = positions(results, figure, chosen.controllers)
+        places_of = positions(results, figure, chosen.controllers)
         self.ensembles: list[Ensemble] = []
-        look = iter(looks(results, kept, figure, chosen))
-        for one, places, name in zip(results, kept, names(results), strict=True):
+        look = iter(looks(results, places_of, figure, chosen))
+        for one, places, name in zip(results, places_of, names(results), strict=True):
             end = f", {name}" if len(results) > 1 else ""
             for k in places:
                 label, title = one.labels[k] + end, one.titles[k] + end
@@ -182,8 +182,8 @@ class ShownControllers:
             for e in self.ensembles
             if (count := np.count_nonzero(~e.good))
         ]
-        own = [e.title for e in self.shown if e.law in e.results.described.not_matched]
-        matched = [f"Gains not matched: {', '.join(own)}."] if own else []
+        unmatched = [e.title for e in self.shown if e.law in e.results.described.not_matched]
+        matched = [f"Gains not matched: {', '.join(unmatched)}."] if unmatched else []
         return failed + matched + self.remarks
 
     def error(self, message: str) -> EqtError:
@@ -217,7 +217,7 @@ def positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> 
 
 def looks(
     results: Sequence[Result],
-    kept: Sequence[Sequence[int]],
+    chosen_places: Sequence[Sequence[int]],
     figure: str = "",
     chosen: Chosen = ALL,
     *,
@@ -237,25 +237,27 @@ def looks(
     laws = [_laws(one) for one in results]
     every = list(dict.fromkeys(law for of in laws for law, _ in of))
     most = 1 + max(variant for of in laws for _, variant in of)
-    places = [(*laws[number][k], number * most) for number, of in enumerate(kept) for k in of]
+    places = [
+        (*laws[number][k], number * most) for number, of in enumerate(chosen_places) for k in of
+    ]
     several = variants and len({start + variant for _, variant, start in places}) > 1
     shown = list(dict.fromkeys(law for law, *_ in places))
-    own = {
+    user_colours = {
         _law(results, laws, name, figure, "to colour"): _colour(results, figure, name, colour)
         for name, colour in chosen.colours.items()
     }
     if len(shown) == 1 and several:
-        colour = own.get(shown[0], "")
+        colour = user_colours.get(shown[0], "")
         return distinct([CurvePlace(index, colour=colour) for index in range(len(places))])
     focus = {_law(results, laws, name, figure, "to focus on") for name in chosen.focus}
-    coloured = (focus or set(shown[:MOST_COLOURS])) | own.keys()
+    coloured = (focus or set(shown[:MOST_COLOURS])) | user_colours.keys()
     colours = _colours([law for law in shown if law in coloured], every)
     curves: list[CurvePlace] = []
     for law, variant, start in places:
         grey = None if law in coloured else sum(place.grey is not None for place in curves)
         position = colours.get(law, every.index(law))
         of_law = (start + variant, most * len(results)) if several else (0, 1)
-        curves.append(CurvePlace(position, *of_law, grey, own.get(law, "")))
+        curves.append(CurvePlace(position, *of_law, grey, user_colours.get(law, "")))
     return distinct(curves)
 
 
@@ -299,14 +301,14 @@ def _law(
 def _colours(shown: Sequence[str], every: Sequence[str]) -> dict[str, int]:
     """Return the colour index of each law: its own if the style has it, else one free here."""
     count = min(MOST_COLOURS, colours_of_style())
-    own = {law: every.index(law) for law in shown}
-    if max(own.values(), default=0) < count:
-        return own
+    indices = {law: every.index(law) for law in shown}
+    if max(indices.values(), default=0) < count:
+        return indices
     if len(shown) > count:
         return {law: index for index, law in enumerate(shown)}
-    kept = {law: colour for law, colour in own.items() if colour < count}
-    free = iter(sorted(set(range(count)) - set(kept.values())))
-    return kept | {law: next(free) for law in shown if law not in kept}
+    within = {law: colour for law, colour in indices.items() if colour < count}
+    free = iter(sorted(set(range(count)) - set(within.values())))
+    return within | {law: next(free) for law in shown if law not in within}
 
 
 def error_of(result: Result, figure: str, message: str) -> EqtError:
@@ -746,14 +748,14 @@ class ShownCertificates:
         self._left_out = [row for row in judged if row not in self.shown]
         if not self.shown:
             raise error_of(results, figure, "finds no certificate to show; see `eqt verify`")
-        self._told: list[str] = []
+        self._notes: list[str] = []
         self.names = list(dict.fromkeys(row.name for row in self.shown))
 
     def keep(self, names: Sequence[str]) -> None:
         """Show only these certificates, in the paper's order, and note how many there were."""
         if len(names) < len(self.names):
             shown = f"The {len(names)} of {len(self.names)} statements"
-            self._told = [f"{shown} that come nearest to their bounds, or beyond."]
+            self._notes = [f"{shown} that come nearest to their bounds, or beyond."]
         self.names = [name for name in self.names if name in names]
         self.shown = [row for row in self.shown if row.name in names]
 
@@ -768,7 +770,7 @@ class ShownCertificates:
 
     def notes(self) -> list[str]:
         """Return the notes on the figure: what was checked and has no number."""
-        notes = list(self._told)
+        notes = list(self._notes)
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
             why = f", {row.remark}" if row.remark else ""

@@ -130,19 +130,19 @@ _IN_LATEX = {
 """Escapes of characters that are special in a text for LaTeX."""
 
 
-def preamble(given: str) -> str:
+def preamble(of_sheet: str) -> str:
     """Return the preamble of every text: eqt's, then the sheet's.
 
     The AMS symbols are left out where a sheet has a preamble, since many font packages bring them
     and refuse to be loaded after others.
     """
-    return "\n".join([_PREAMBLE, given or _SYMBOLS])
+    return "\n".join([_PREAMBLE, of_sheet or _SYMBOLS])
 
 
-def escaped(text: str, kept: str = "") -> str:
-    """Escape text but the letters that are `kept`, so that no character is a command."""
+def escaped(text: str, plain: str = "") -> str:
+    """Escape text but the letters that are `plain`, so that no character is a command."""
     letters = unicodedata.normalize("NFC", text)
-    return "".join(x if x in kept else _escaped_letter(x) for x in letters)
+    return "".join(x if x in plain else _escaped_letter(x) for x in letters)
 
 
 def _escaped_letter(letter: str) -> str:
@@ -154,13 +154,13 @@ def _escaped_letter(letter: str) -> str:
 
 def sentence(text: str) -> str:
     """Return words, with mathematics between dollar signs, for a LaTeX document."""
-    return with_mathematics(text.replace("\n", " "), kept="-,'")
+    return with_mathematics(text.replace("\n", " "), plain="-,'")
 
 
-def with_mathematics(text: str, kept: str = "") -> str:
+def with_mathematics(text: str, plain: str = "") -> str:
     """Return words as `escaped` does, with mathematics between dollar signs."""
     return "".join(
-        f"${_mathematics(piece)}$" if number % 2 else escaped(piece.replace(r"\$", "$"), kept)
+        f"${_mathematics(piece)}$" if number % 2 else escaped(piece.replace(r"\$", "$"), plain)
         for number, piece in enumerate(DOLLAR.split(text))
     )
 
@@ -268,13 +268,13 @@ def read_file(path: Path) -> Settings:
 
 def _setting(line: str) -> Iterator[tuple[str, str]]:
     """Yield the key of a line and the text of its value; nothing for an empty line."""
-    own = _WITHOUT_COMMENT.match(line)
-    assert own is not None  # the pattern matches the empty string, too
-    if line[own.end() :].startswith('"'):
+    content = _WITHOUT_COMMENT.match(line)
+    assert content is not None  # the pattern matches the empty string, too
+    if line[content.end() :].startswith('"'):
         raise ValueError("a closing quotation mark is missing")
-    if not own[0].strip():
+    if not content[0].strip():
         return
-    key, colon, value = (part.strip() for part in own[0].partition(":"))
+    key, colon, value = (part.strip() for part in content[0].partition(":"))
     if not colon:
         raise ValueError("expected 'key: value'")
     if key not in RcParams.validate:
@@ -390,8 +390,8 @@ def _entries(node: ast.expr) -> int:
         return max(both) if isinstance(node.op, ast.Add) else math.prod(both)
     if not (isinstance(node, ast.Call) and getattr(node.func, "id", None) == "cycler"):
         raise ValueError
-    given = [*node.args, *(keyword.value for keyword in node.keywords)]
-    return max((_length(ast.literal_eval(each)) for each in given), default=0)
+    arguments = [*node.args, *(keyword.value for keyword in node.keywords)]
+    return max((_length(ast.literal_eval(each)) for each in arguments), default=0)
 
 
 def _length(value: Any) -> int:
@@ -413,7 +413,7 @@ _PRESENT: Any = matplotlib.rcParams
 
 _SHEETS = Path(__file__).parent
 
-_KEPT: Settings = {
+_FIXED: Settings = {
     "figure.constrained_layout.use": True,  # the legends above the panels need it
     "figure.autolayout": False,
     "savefig.bbox": None,  # keeps the given width
@@ -468,20 +468,20 @@ class Style:
         EqtError
             If there is no such sheet, or one is wrong.
         """
-        given: Settings = {}
+        of_sheets: Settings = {}
         for sheet in self.sheets:
-            given |= read(sheet)
+            of_sheets |= read(sheet)
         if self.width == "slide":
-            given = read_file(_SHEETS / "slide.mplstyle") | given
-        settings = read_file(_SHEETS / "eqt.mplstyle") | given | _KEPT
-        if not (self.tex or given.get("text.usetex", False)):
+            of_sheets = read_file(_SHEETS / "slide.mplstyle") | of_sheets
+        settings = read_file(_SHEETS / "eqt.mplstyle") | of_sheets | _FIXED
+        if not (self.tex or of_sheets.get("text.usetex", False)):
             return settings | {"text.usetex": False, "font.family": _installed(settings)}
         # Fonts that a sheet names are Matplotlib's; LaTeX's fonts come with its preamble.
-        kind = {"font.family": given.get("font.family")}
-        kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
-        own_preamble = preamble(given.get("text.latex.preamble", ""))
-        own = read_file(_SHEETS / "latex.mplstyle") | kept
-        return settings | own | {"text.latex.preamble": own_preamble}
+        kind = {"font.family": of_sheets.get("font.family")}
+        family = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
+        latex_preamble = preamble(of_sheets.get("text.latex.preamble", ""))
+        latex = read_file(_SHEETS / "latex.mplstyle") | family
+        return settings | latex | {"text.latex.preamble": latex_preamble}
 
     def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
         """Check that figures can be drawn in this style and these formats, before any is drawn.
@@ -511,8 +511,8 @@ def _installed(settings: Settings) -> list[str]:
     wanted: list[str] = []
     for family in settings["font.family"]:
         generic = f"font.{family}"
-        own = _DEFAULTS.get(generic, [family])
-        wanted += settings.get(generic, own)
+        default = _DEFAULTS.get(generic, [family])
+        wanted += settings.get(generic, default)
     there = set(fontManager.get_font_names())
     installed = [family for family in wanted if family in there]
     if not installed:
@@ -566,12 +566,12 @@ def _reader_of_formulas(style: Style) -> Callable[[str], Any]:
 @contextmanager
 def replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
     """Replace an attribute within a block."""
-    own = vars(owner)[name]  # static methods as they are
+    original = vars(owner)[name]  # static methods as they are
     setattr(owner, name, by)
     try:
         yield
     finally:
-        setattr(owner, name, own)
+        setattr(owner, name, original)
 
 
 @contextmanager
@@ -639,11 +639,11 @@ def distinct(places: Sequence[CurvePlace]) -> list[Look]:
     looks: list[Look] = []
     taken: set[tuple[str, Any]] = set()
     for place in places:
-        wished, shade, own = _wish(place)
-        kind = _kind(own)
+        wished, shade, dashes_of_cycle = _wish(place)
+        kind = _kind(dashes_of_cycle)
         first = kind + 1 if isinstance(kind, int) else 0
         others = [_DASHES[(first + k) % len(_DASHES)] for k in range(len(_DASHES))]
-        for paler, dashes in product(range(shade, shade + _SHADES), [own, *others]):
+        for paler, dashes in product(range(shade, shade + _SHADES), [dashes_of_cycle, *others]):
             colour = mixed(wished, ink(0), _PALER**paler)
             if (colour, _kind(dashes)) not in taken:
                 break
@@ -667,16 +667,16 @@ def _wish(place: CurvePlace) -> tuple[str, int, Any]:
     if place.grey is not None:
         shade, dashes = divmod(place.grey, len(_DASHES))
         return ink(_GREYS[shade % len(_GREYS)]), 0, _DASHES[dashes]
-    own = cycle[place.law % len(cycle)]
-    if place.variants > 1 and "linestyle" not in own and "color" in own:
+    entry = cycle[place.law % len(cycle)]
+    if place.variants > 1 and "linestyle" not in entry and "color" in entry:
         shade, dashes = divmod(place.variant, len(_DASHES))
-        return place.colour or to_hex(own["color"]), shade, _DASHES[dashes]
+        return place.colour or to_hex(entry["color"]), shade, _DASHES[dashes]
     index = place.law * place.variants + place.variant
-    own = cycle[index % len(cycle)]
+    entry = cycle[index % len(cycle)]
     # Dashes shift by one after each full turn: all pairs occur before one repeats.
     turns = index // lcm(len(cycle), len(_DASHES))
-    dashes = own.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
-    return place.colour or to_hex(own.get("color", ink())), 0, dashes
+    dashes = entry.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
+    return place.colour or to_hex(entry.get("color", ink())), 0, dashes
 
 
 def _kind(dashes: Any) -> Any:
@@ -698,8 +698,8 @@ def _look(look: int | Look) -> Look:
 
 def line_style(look: int | Look) -> dict[str, Any]:
     """Return colour and dashes of a curve, by its look or its index."""
-    own = _look(look)
-    return {"color": own.colour, "linestyle": own.dashes}
+    place = _look(look)
+    return {"color": place.colour, "linestyle": place.dashes}
 
 
 def marker(look: int | Look) -> str:

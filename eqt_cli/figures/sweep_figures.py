@@ -298,9 +298,12 @@ class Winners(OfDifferences):
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
         drawing = Drawing(figsize=(WIDTHS[width], height))
         panel = drawing.add_subplot()
-        own = [look.colour for look in swept.looks]
+        colours_of = [look.colour for look in swept.looks]
         # Cells have no dashes: a colour that the style gives to several laws is paler for each.
-        colours = [ink(0), *(mixed(c, ink(0), 0.5 ** own[:k].count(c)) for k, c in enumerate(own))]
+        colours = [
+            ink(0),
+            *(mixed(c, ink(0), 0.5 ** colours_of[:k].count(c)) for k, c in enumerate(colours_of)),
+        ]
         too_few = wins.has_too_few_runs
         ahead = [cell.best if too_few else cell.winner for cell in wins.cells]
         winners = np.array([law - NOBODY for law in ahead], dtype=float)

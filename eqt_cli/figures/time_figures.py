@@ -210,14 +210,14 @@ class Torque(Panelled, OverTime):
         if self.share == "total":
             return self.share, torque
         try:
-            given = {e.label: runs.feedforward(e) for e in runs.shown}
+            feedforward = {e.label: runs.feedforward(e) for e in runs.shown}
         except EqtError:
             if self.share:
                 raise
             return "total", torque
         if self.share == "feedforward":
-            return self.share, given
-        return "feedback", {label: torque[label] - given[label] for label in torque}
+            return self.share, feedforward
+        return "feedback", {label: torque[label] - feedforward[label] for label in torque}
 
 
 def _draw_desired(
@@ -257,7 +257,7 @@ def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:
 # Figure of commanded and delivered torque, thrust or momentum of wheels in a single run -----------
 
 
-_ASKED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
+_COMMAND: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
 _ANY = 0.7
 """Share of ink in the grey that stands for every controller's colour in the legend."""
 _SHADE = 0.13
@@ -268,7 +268,7 @@ _SEEN = 2.0
 """Multiple of the largest value up to which a limit is drawn."""
 Limits = tuple[Array, Array] | None
 
-_GIVEN = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
+_OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
 _FEW = 4
 """Most thrusters or wheels whose panels have room for several laws in a column."""
 _MOST_NAME = 11
@@ -341,8 +341,8 @@ class Commands(Panelled, OverTime):
         Return the names of what the legend explains.
         """
         times, signal = runs.times(ensemble), self._signal
-        given = runs.of_run(signal, ensemble, self.run)[:, k]
-        command = given
+        output = runs.of_run(signal, ensemble, self.run)[:, k]
+        command = output
         if signal == "torque" and ensemble.results.has("command"):
             command = runs.of_run("command", ensemble, self.run)[:, k]
         if ends is not None:
@@ -356,22 +356,22 @@ class Commands(Panelled, OverTime):
         for start, end in _stretches(times, beyond):
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
         kinds = {"at a limit"} if beyond.any() else set()
-        reach = _SEEN * np.max(np.abs(given), initial=0.0, where=np.isfinite(given))
+        reach = _SEEN * np.max(np.abs(output), initial=0.0, where=np.isfinite(output))
         for number, end in enumerate((low, high)):
             if np.isfinite(end) and abs(end) <= reach:
                 axes.axhline(end, label=f"limit {number}", **_limit())
                 kinds.add("limit")
-        axes.plot(times, given, color=ensemble.look.colour, label=_GIVEN[signal])
+        axes.plot(times, output, color=ensemble.look.colour, label=_OUTPUT[signal])
         if signal == "torque":
-            axes.plot(times, command, color=ink(), label="asked", **_ASKED)
+            axes.plot(times, command, color=ink(), label="asked", **_COMMAND)
         return kinds
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
         alone = runs.shown[0].look.colour if len(runs.shown) == 1 else ink(_ANY)
-        given = {**_GIVEN, "torque": "given by the actuators"}[self._signal]
-        handles: dict[str, Artist] = {given: Line2D([], [], color=alone)}
+        output = {**_OUTPUT, "torque": "given by the actuators"}[self._signal]
+        handles: dict[str, Artist] = {output: Line2D([], [], color=alone)}
         if self._signal == "torque":
-            handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
+            handles["asked by the law"] = Line2D([], [], color=ink(), **_COMMAND)
         if "limit" in kinds:
             handles["limit"] = Line2D([], [], **_limit())
         if "at a limit" in kinds:
