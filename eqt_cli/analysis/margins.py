@@ -209,13 +209,17 @@ class LawMargins:
     label
         Label of the law.
     growth
-        Growth of small errors at the worst time.
+        Growth of small errors; of a loop that `changes`, at the worst of some times.
     size
         Real part of the largest eigenvalue, 1/s; for a sampled law its modulus.
     changes
-        Whether the linearised loop depends on time. Eigenvalues then prove nothing.
+        Whether the linearised loop depends on time, in all coordinates that eqt knows. Eigenvalues
+        are then no rates and decide nothing.
+    delay_is_frozen
+        Whether the delay margin is the least of those at single times, because the loop changes in
+        the coordinates of its command. It is then indicative.
     is_indicative
-        Whether it does, or what is left out could change whether the loop is stable.
+        Whether the loop changes, or what is left out could change whether the loop is stable.
     offset : (m,)
         Steady-state error ε with Q = Q_d exp(ε); 0 for a loop that depends on time.
     delay
@@ -239,6 +243,7 @@ class LawMargins:
     growth: Growth
     size: float
     changes: bool
+    delay_is_frozen: bool
     is_indicative: bool
     offset: Array
     delay: float | None
@@ -312,10 +317,13 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
             "its law jumps there; leave this law out"
         )
-    largest, omitted = growth(linear), list(left_out(loop, linear))
+    largest, omitted = growth(linear.at_rest or linear), list(left_out(loop, linear))
     delay, is_least, gains = None, False, dict[str, GainMargin]()
+    changes = linear.at_rest is None
     if largest.is_stable:
-        if len(linear.phases) > 1:
+        if not growth(linear).is_stable:  # in the coordinates of the command
+            pass
+        elif len(linear.phases) > 1:
             delay, is_least = _delay_of_cycle(linear)
         else:
             [cut] = linear.phases
@@ -331,8 +339,9 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
         label,
         largest,
         size_of(largest, linear),
+        changes,
         not linear.is_constant,
-        not linear.is_constant or (decided is not None and any(doubts)),
+        changes or (decided is not None and any(doubts)),
         linear.offset[0],
         delay,
         periods,
@@ -370,7 +379,8 @@ def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
             continue
 
         def rate(factor: float, names: tuple[str, ...] = names) -> float:
-            return growth(loop.with_gains(dict.fromkeys(names, factor))).rate
+            scaled = loop.with_gains(dict.fromkeys(names, factor))
+            return growth(scaled.at_rest or scaled).rate
 
         ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
         margins[which] = GainMargin(*ends)

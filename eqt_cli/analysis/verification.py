@@ -243,7 +243,9 @@ class _Verifier:
             linear = None if loop is None else linearised(loop, *self._along)
         if linear is None or not np.isfinite(linear.closed).all():
             return None
-        rate = -growth(linear).rate
+        if linear.at_rest is None:
+            return None
+        rate = -growth(linear.at_rest).rate
         return rate if rate > 0 else None
 
     def _vehicle(self, batch: Batch, solution: Solution) -> certificates.VehicleRuns | None:

@@ -196,18 +196,20 @@ def _margins_document(result: Margins, causes: list[str]) -> dict[str, Any]:
             {
                 "label": law.label,
                 "verdict": _verdict(law),
-                "largest_eigenvalue": law.size,
-                "eigenvalue": [law.growth.eigenvalue.real, law.growth.eigenvalue.imag],
+                "largest_eigenvalue": None if law.changes else law.size,
+                "eigenvalue": None if law.changes else [eigenvalue.real, eigenvalue.imag],
                 "at": law.growth.at if law.changes else None,
                 "cycle": law.cycle,
-                "growth_rate": law.growth.rate,
+                "growth_rate": None if law.changes else law.growth.rate,
                 "offset": law.offset.tolist(),
                 "delay_margin": law.delay,
                 "delay_margin_periods": law.delay_periods,
                 "delay_margin_is_least": law.delay_is_least,
+                "delay_margin_is_frozen": law.delay_is_frozen,
                 "gain_margins": {name: asdict(gain) for name, gain in law.gains.items()},
             }
             for law in result.laws
+            for eigenvalue in [law.growth.eigenvalue]
         ],
     }
 
@@ -246,11 +248,18 @@ def _notes(result: Margins) -> Iterator[str]:
             "indicative: the loop without the parts that are left out decides nothing about the "
             "whole loop"
         )
+    frozen = [titles[law.label] for law in result.laws if law.delay_is_frozen and not law.changes]
+    if frozen:
+        yield (
+            f"{', '.join(frozen)}: the errors of the law obey the same equation at all times, the "
+            "command does not; its delay margin is the least of nine times, and indicative"
+        )
     changing = [f"{titles[law.label]} {law.growth.at:.3g} s" for law in result.laws if law.changes]
     if changing:
         yield (
-            "indicative: the loop changes in time; then eigenvalues at single times do not decide "
-            f"whether it is stable. All numbers are those at the worst time: {', '.join(changing)}"
+            "indicative: the loop changes in time; eigenvalues at single times are then no rates, "
+            "and do not decide whether it is stable. Delay and factors are those at the worst of "
+            f"nine times: {', '.join(changing)}"
         )
     if result.left_out:
         yield f"left out: {', '.join(result.left_out)}"
@@ -267,7 +276,8 @@ def _gains(result: Margins) -> list[str]:
 def _cells(law: LawMargins, period: float | None, names: list[str]) -> list[str]:
     """Return the cells of a row except the name."""
     gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in names]
-    return [f"{law.size:.{3 if period is None else 6}g}", _delay(law), *gains, _verdict(law)]
+    size = "-" if law.changes else f"{law.size:.{3 if period is None else 6}g}"
+    return [size, _delay(law), *gains, _verdict(law)]
 
 
 def _verdict(law: LawMargins) -> str:

@@ -276,6 +276,14 @@ class Cascade(Controller):
         inside = self.commanded(s).tracking
         return frobenius(inside.Q - inside.Qd)
 
+    def errors(self, s: Tracking) -> Array:
+        """Return log(R_cᵀR) and e of the attitude, p − p_d and its rate in space, ``(..., 2m)``."""
+        G, inside = rigid(s.G), self.commanded(s).tracking
+        position = G.translations(s.Q)[..., 0] - _desired(s, 0, 0).value
+        velocity = apply_matrix(G.rotation(s.Q), s.V[..., G.rotations :]) - _desired(s, 1, 0).value
+        turned = [G.rotation_group.log(inside.relative.Q), inside.relative.V_tilde]
+        return np.concatenate([*turned, position, velocity], axis=-1)
+
     # The position loop.
 
     def commanded(self, s: Tracking) -> Inside:

@@ -168,6 +168,10 @@ class Controller(TimeVarying, Component):
         """Return the law that L and the gains are of, if another one, with group and inertia."""
         return None
 
+    def errors(self, s: Tracking) -> Array | None:
+        """Return errors in which a cascade may not change along a reference, inner loop first."""
+        return None
+
     def attitude_error(self, s: Tracking) -> Array | None:
         """Return ‖R − R_c‖_F, ``(...)``, if it `commands_attitude`."""
         return None

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial, reduce
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 
@@ -164,6 +164,29 @@ class Linearised:
         for phase in self.phases[1:]:
             change = phase.closed @ change
         return change
+
+    @cached_property
+    def at_rest(self) -> "Linearised | None":
+        """The loop in coordinates in which it is the same at all times, if eqt knows such.
+
+        These are its own if `is_constant`. Else, of a continuous loop, they are x' = T x for a T
+        of `_About.charts`, where the closed loop has A' = (T A + Ṫ) T⁻¹. The eigenvalues of A'
+        decide. They say nothing of a delay: the command turns against these coordinates.
+        """
+        if self.is_constant or self.period is not None or len(self.about.times) == 1:
+            return self if self.is_constant else None
+        if not np.abs(self.about.steps_to_rest()).max() <= AT_REST:  # it does not stay there
+            return None
+        [phase] = self.phases
+        for T, rate, inner in self.about.charts():
+            inverse = np.linalg.inv(T)
+            matrix, B, C = (T @ phase.closed + rate) @ inverse, T @ phase.B, phase.C @ inverse
+            if np.abs(matrix[:, :inner, inner:]).max(initial=0) <= SAME * np.abs(matrix).max():
+                matrix[:, inner:, :inner] = 0.0  # what a stable inner loop drives, it stops driving
+            if _same(matrix):
+                one = [each[:1] for each in (matrix - B @ C, B, C)]
+                return dataclasses.replace(self, phases=(Phase(*one),), is_constant=True)
+        return None
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
         """Return the loop about the same states with its gains kp, kd and position multiplied."""
@@ -383,6 +406,47 @@ class _About:
     def desired(self) -> Array:
         """The desired pose Q_d."""
         return self.loop.tracking(self.times, self.states).Qd
+
+    def charts(self) -> Iterator[tuple[Array, Array, int]]:
+        """Yield T and Ṫ, ``(times, n, n)``, of coordinates x' = T x in which a loop may not change.
+
+        These are those of x; (F ε, d/dt F ε) with F = Ad_{Q_d}, in the axes of space; and the
+        errors of a cascade, whose attitude comes first and depends on nothing else. The number of
+        coordinates of such an inner loop comes with them, or n.
+        """
+        G, n = self.loop.group, self.dimension
+        m, s = G.dimension, self.loop.tracking(self.times, self.states)
+        one = np.broadcast_to(np.eye(n), (len(self.times), n, n))
+        yield one, np.zeros_like(one), n
+        F, ad = G.Ad_matrix(s.Qd), G.ad_matrix(s.Vd)
+        T, rate = one.copy(), np.zeros_like(one)
+        T[:, :m, :m] = T[:, m : 2 * m, m : 2 * m] = F
+        T[:, m : 2 * m, :m] = rate[:, :m, :m] = rate[:, m : 2 * m, m : 2 * m] = F @ ad
+        rate[:, m : 2 * m, :m] = F @ (ad @ ad + G.ad_matrix(s.Vd_dot))
+        yield T, rate, n
+        if n == 2 * m and self.loop.controller.errors(s) is not None:
+            # Forward differences: a reference begins at its first time.
+            T, *later = (self._later(k * STEP)._errors.slope for k in range(3))
+            yield (
+                T,
+                (4 * later[0] - 3 * T - later[1]) / (2 * STEP),
+                2 * len(range(m)[G.parts[0].axes]),
+            )
+
+    def _later(self, step: float) -> Self:
+        """Return the chart a step later along a reference in closed form."""
+        s = self.loop.tracking(self.times + step, self.states)
+        return type(self).reference(self.loop, self.times + step, s.Qd, s.Vd)
+
+    @property
+    def _errors(self) -> _Derivative:
+        """The errors of the law as a function of x."""
+
+        def errors(x: Array) -> Array:
+            values = self.loop.controller.errors(self.loop.tracking(self.times, self._flat(x)))
+            return cast(Array, values)
+
+        return self._derivative(errors, with_command=False)
 
     @property
     def is_same_at_all_times(self) -> bool:

@@ -548,6 +548,66 @@ def test_every_law_counts(told: Any) -> None:
     assert told.total("laws") == 2
 
 
+BODY: dict[str, Any] = {
+    "group": "SO3",
+    "inertia": [0.9, 1.3, 1.7],
+    "gains": {"kp": 1.0, "kd": 0.8},
+    "reference": {"torque": ["cos(t)", "sin(t)", "cos(t)*sin(t)"]},
+    "time": {"duration": 20.0},
+}
+"""Along the reference of the paper, whose velocity changes."""
+
+
+def slowest(*polynomials: Any) -> float:
+    return max(np.roots(each).real.max() for each in polynomials)
+
+
+def test_errors_that_obey_one_equation_along_a_reference_have_its_rates() -> None:
+    """Jε̈ + k_d ε̇ + 2k_p ε = 0: of lee2010 in the body; of asym in space, if J is a number."""
+    law = of(BODY, controllers=["lee2010"])
+    rate = slowest(*([J, 0.8, 2.0] for J in BODY["inertia"]))
+    assert law.growth.rate == pytest.approx(rate, rel=1e-8)
+    assert (law.growth.is_stable, law.changes, law.is_indicative) == (True, False, False)
+    assert law.delay_is_frozen
+    ball = of(BODY, inertia=1.3, controllers=["asym"])
+    assert ball.growth.rate == pytest.approx(slowest([1.3, 0.8, 2.0]), rel=1e-8)
+    assert not ball.is_indicative
+
+
+def test_a_cascade_along_a_path_has_the_rates_of_its_two_loops() -> None:
+    J, kx, kv = [0.013, 0.014, 0.025], 6.25, 4.0
+    law = of(
+        {
+            "group": "SE3",
+            "inertia": [*J, 1.0, 1.0, 1.0],
+            "model": {"forces": [{"kind": "restoring", "weight": 9.81}]},
+            "reference": {
+                "kind": "flat",
+                "position": ["sin(t)", "1 - cos(2*t)", "0.3*sin(3*t)"],
+                "heading": "t",
+            },
+            "controllers": [
+                {
+                    "kind": "cascade",
+                    "attitude": "lee2010",
+                    "along": [0, 0, 1],
+                    "position": {"kx": kx, "kv": kv},
+                    "gains": {"kp": 0.4, "kd": 0.12},
+                }
+            ],
+            "time": {"duration": 5.0},
+        }
+    )
+    rate = slowest([1.0, kv, kx], *([each, 0.12, 0.8] for each in J))
+    assert law.growth.rate == pytest.approx(rate, rel=1e-6)
+    assert (law.growth.is_stable, law.is_indicative) == (True, False)
+
+
+def test_no_eigenvalue_of_a_loop_that_changes_is_a_rate() -> None:
+    law = of(BODY, controllers=["eqt"])
+    assert (law.changes, law.is_indicative, law.is_unstable) == (True, True, False)
+
+
 def test_a_reference_that_is_not_finite_has_no_margins() -> None:
     with pytest.raises(ConfigError, match=r"reference: has no finite real value at about"):
         of(WHEEL, reference={"kind": "rates", "rates": ["sqrt(1 - t)"]})
