@@ -193,7 +193,8 @@ class GainMargin:
     Attributes
     ----------
     lower, upper
-        None if the loop is stable down to 1/`LARGEST_FACTOR`, or up to `LARGEST_FACTOR`.
+        None if the loop is stable down to 1/`LARGEST_FACTOR`, or up to `LARGEST_FACTOR`, or as far
+        as it has a derivative within the step of the differences.
     """
 
     lower: float | None
@@ -380,6 +381,8 @@ def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
 
         def rate(factor: float, names: tuple[str, ...] = names) -> float:
             scaled = loop.with_gains(dict.fromkeys(names, factor))
+            if not np.isfinite(scaled.closed).all():
+                return np.nan
             return growth(scaled.at_rest or scaled).rate
 
         ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
@@ -396,7 +399,9 @@ def _first_unstable(rate: Callable[[float], float], step: float) -> float | None
 
     known, end = 0.0, np.log(step)
     while abs(end) <= np.log(LARGEST_FACTOR) * (1 + 1e-12):
-        if not rate_at(end) <= 0.0:
+        if np.isnan(last := rate_at(end)):
+            return None
+        if last > 0.0:
             return float(np.exp(brentq(rate_at, known, end, xtol=1e-12)))
         known, end = end, end + np.log(step)
     return None

@@ -276,7 +276,7 @@ class Cascade(Controller):
         inside = self.commanded(s).tracking
         return frobenius(inside.Q - inside.Qd)
 
-    def errors(self, s: Tracking) -> Array:
+    def loop_errors(self, s: Tracking) -> Array:
         """Return log(R_cᵀR) and e of the attitude, p − p_d and its rate in space, ``(..., 2m)``."""
         G, inside = rigid(s.G), self.commanded(s).tracking
         position = G.translations(s.Q)[..., 0] - _desired(s, 0, 0).value

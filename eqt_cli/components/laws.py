@@ -168,7 +168,7 @@ class Controller(TimeVarying, Component):
         """Return the law that L and the gains are of, if another one, with group and inertia."""
         return None
 
-    def errors(self, s: Tracking) -> Array | None:
+    def loop_errors(self, s: Tracking) -> Array | None:
         """Return errors in which a cascade may not change along a reference, inner loop first."""
         return None
 

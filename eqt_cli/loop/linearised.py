@@ -424,7 +424,7 @@ class _About:
         T[:, m : 2 * m, :m] = rate[:, :m, :m] = rate[:, m : 2 * m, m : 2 * m] = F @ ad
         rate[:, m : 2 * m, :m] = F @ (ad @ ad + G.ad_matrix(s.Vd_dot))
         yield T, rate, n
-        if n == 2 * m and self.loop.controller.errors(s) is not None:
+        if n == 2 * m and self.loop.controller.loop_errors(s) is not None:
             # Forward differences: a reference begins at its first time.
             T, *later = (self._later(k * STEP)._errors.slope for k in range(3))
             yield (
@@ -443,7 +443,7 @@ class _About:
         """The errors of the law as a function of x."""
 
         def errors(x: Array) -> Array:
-            values = self.loop.controller.errors(self.loop.tracking(self.times, self._flat(x)))
+            values = self.loop.controller.loop_errors(self.loop.tracking(self.times, self._flat(x)))
             return cast(Array, values)
 
         return self._derivative(errors, with_command=False)
