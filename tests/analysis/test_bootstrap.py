@@ -68,11 +68,16 @@ def rare(random, size):
 
 
 def coverages(runs):
-    """How often intervals hold the mean: of normal, lognormal and rarely large values."""
+    """How often intervals hold the mean: of the columns of the table, heavy tails and ties last."""
     draws = {
         lambda random, size: random.normal(size=size): 0.0,
         lambda random, size: random.lognormal(size=size): np.exp(0.5),
         rare: 0.9 + 0.1 * 20,
+        lambda random, size: random.standard_t(3, size): 0.0,
+        lambda random, size: random.pareto(2.5, size) + 1: 2.5 / 1.5,
+        lambda random, size: np.where(
+            random.random(size) < 0.3, 0.0, random.normal(0, 1, size)
+        ): 0.0,
     }
     for draw, mean in draws.items():
         found = intervals(draw(np.random.default_rng(runs), (runs, 600)), resamples=999)
