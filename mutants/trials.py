@@ -37,6 +37,9 @@ BUDGET = 30.0
 Less than 20 leaves out tests that tell some; a machine that is busy measures more than it takes.
 """
 
+AGAIN = 400.0
+"""The same for what survives: a law in a class is read by thousands of tests, and told by one."""
+
 WAIT = 900
 """s after which a trial that does nothing ends."""
 
@@ -78,8 +81,15 @@ class Trials:
         self.items = {item.nodeid: item for item in session.items}
         self.tests = _what_tests_call(session)
         self.functions = _functions()
+        for budget in (BUDGET, AGAIN):
+            self.budget, self.survivors = budget, list[Mutant]()
+            self._try(self.mutants)
+            self.mutants = self.survivors
+        return True
+
+    def _try(self, mutants: list[Mutant]) -> None:
         running: dict[int, tuple[Mutant, int]] = {}
-        for mutant in self.mutants:
+        for mutant in mutants:
             chosen = self.chosen(mutant)
             if not chosen:
                 self.done(mutant, UNTESTED, "")
@@ -95,7 +105,6 @@ class Trials:
             running[pid] = mutant, read
         while running:
             self._wait(running)
-        return True
 
     def _wait(self, running: dict[int, tuple[Mutant, int]]) -> None:
         pid, status = os.wait()
@@ -108,8 +117,12 @@ class Trials:
             self.done(mutant, TIMEOUT if by_limit else KILLED, told or f"signal {ended}")
         elif os.WEXITSTATUS(status) == BROKEN:
             raise RuntimeError(f"{mutant.key}: the trial itself has failed")
+        elif os.WEXITSTATUS(status):
+            self.done(mutant, KILLED, told)
         else:
-            self.done(mutant, KILLED if os.WEXITSTATUS(status) else SURVIVED, told)
+            self.survivors.append(mutant)
+            if self.budget == AGAIN:
+                self.done(mutant, SURVIVED, told)
 
     def reads(self, mutant: Mutant) -> bool:
         """Whether the fault takes effect only when its file is read."""
@@ -137,7 +150,7 @@ class Trials:
         by_time = sorted((n for n in seconds if seconds[n] <= SLOW), key=lambda n: seconds[n])
         first_cases = {nodeid.partition("[")[0]: nodeid for nodeid in reversed(by_time)}
         chosen: list[str] = []
-        for order, budget in ((by_time, BUDGET / 2), (first_cases.values(), BUDGET)):
+        for order, budget in ((by_time, self.budget / 2), (first_cases.values(), self.budget)):
             spent = sum(seconds[nodeid] for nodeid in chosen)
             for nodeid in sorted(set(order) - set(chosen), key=lambda n: seconds[n]):
                 spent += seconds[nodeid]
