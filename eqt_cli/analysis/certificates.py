@@ -411,7 +411,7 @@ class LiteralForm(Identity):
 
     def applies(self, loop: ClosedLoop) -> bool:
         """Whether the loop has this law; override it if the formula does not cover every loop."""
-        return registered_name(loop.controller) == self.law
+        return loop.controller.name == self.law
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Compare torque and formula for the experiment's gains and for generic ones.
@@ -453,20 +453,6 @@ class Hypothesis(Certificate):
     @abstractmethod
     def check(self, setting: Setting) -> list[Row]:
         """Judge the assumption for the setting; no row if it does not apply."""
-
-
-def registered_name(law: Controller) -> str | None:
-    """The name by which a law claims to be what its source writes.
-
-    None where its class overrides the torque of a named law without taking a name of its own: then
-    it claims nothing.
-    """
-    for owner in type(law).__mro__:
-        if "name" in vars(owner):
-            return law.name
-        if "torque" in vars(owner):
-            return None
-    return None
 
 
 def _reason(error: Exception) -> str:

@@ -250,7 +250,7 @@ def feedforward(s: Tracking, P_E: Array) -> Array:
 Point = tuple[Any, Any, Any, Any, str, str]
 """(g, c, n, q), the frame of the errors and the frame of the damping."""
 
-MEMBERS: dict[str | None, Point] = {
+MEMBERS: dict[str, Point] = {
     "eqt": (1.0, 1.0, 0.0, 0.0, "spatial", "spatial"),
     "gt": (0.5, 0.5, 0.5, 0.0, "spatial", "body"),
     "nog": (0.0, 1.0, 0.0, 0.0, "spatial", "spatial"),
@@ -264,7 +264,7 @@ def claimed_point(law: Controller) -> Point | None:
 
     None for a law outside the family, or one that overrides the family's torque.
     """
-    if (named := MEMBERS.get(certificates.registered_name(law))) is not None:
+    if (named := MEMBERS.get(law.name)) is not None:
         return named
     if not isinstance(law, Family) or type(law).torque is not Family.torque:
         return None

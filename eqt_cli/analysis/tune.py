@@ -53,12 +53,6 @@ class Search(Searches[TuneSection]):
         return tuple(_constraints(self.section))
 
     @property
-    def confirm_seed(self) -> int:
-        """Seed of the held-out runs."""
-        seed = self.section.confirm.seed
-        return self.base.config.ensemble.seed + 1 if seed is None else seed
-
-    @property
     def seeks_front(self) -> bool:
         """Whether there are two objectives, so that a law can have several winners."""
         return len(self.objectives) > 1
@@ -105,9 +99,11 @@ class Search(Searches[TuneSection]):
         ]
         starts = [_entry(law.source.data, started(law.label)) for law in self.laws]
         data = self.base.source.data
-        ensemble = {"runs": self.section.confirm.runs, "seed": self.confirm_seed}
+        runs, seed = self.section.confirm.runs, self.section.confirm.seed
+        seed = self.base.config.ensemble.seed + 1 if seed is None else seed
+        ensemble = {"runs": runs, "seed": seed}
         store = dict(data.get("store") or {})
-        few = min(MOST_TRAJECTORIES, ensemble["runs"])
+        few = min(MOST_TRAJECTORIES, runs)
         store.setdefault("trajectories", "none" if self.seeks_front else few)
         changes = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
         changes |= {"sweep": [{"cases": self.cases}]} if self.cases else {}

@@ -82,11 +82,6 @@ def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:
     return G.contract(G.basis @ K[..., None, :, :])
 
 
-def hessian_times(G: MatrixLieGroup, K: Array, x: Array) -> Array:
-    """Return H x, ``(..., m)``: `gradient` to first order in a small error x."""
-    return G.contract(times(G.hat(x), K))
-
-
 # The semidirect product G ⋉ g*: states (Q, P), inputs (V, τ), and the error X X_d⁻¹ ---------------
 #
 # The paper's structure, on any group of the registry. Pairs are plain tuples of arrays with leading
@@ -356,7 +351,7 @@ class Tracking:
 
     def linear_gradient(self, x: Array) -> Array:
         """H x: `gradient` to first order in the coordinates x of a small error."""
-        return hessian_times(self.G, self.gains.K, x)
+        return self.G.contract(times(self.G.hat(x), self.gains.K))
 
     @property
     def kinetic_error(self) -> Array:
