@@ -36,11 +36,11 @@ class Part:
     axes
         Its coordinates among the m algebra coordinates.
     entries
-        Rows and columns of its block in the pose matrix.
+        Its rows and columns in the pose matrix.
     pose_unit, velocity_unit, force_unit
-        Units of the pose block, of the velocity coordinates, and of the dual coordinates.
+        Units of its entries of the pose, of the velocity coordinates, and of the dual coordinates.
     turns
-        Whether the block R is in SO(2) or SO(3): it has one angle θ, and ‖I − R‖_F = 2√2 sin(θ/2).
+        Whether its entries R are in SO(2) or SO(3), with one angle θ and ‖I − R‖_F = 2√2 sin(θ/2).
     """
 
     name: str
@@ -373,19 +373,19 @@ MAX_AXES = 64
 
 
 class ProductGroup(MatrixLieGroup):
-    """A direct product such as SO3*R3; coordinates and blocks in the order of its factors."""
+    """A direct product such as SO3*R3; coordinates and entries in the order of its factors."""
 
     name = "<group>*<group>"
 
     def __init__(self, *factors: MatrixLieGroup) -> None:
         self.factors = factors
         self.name = "*".join(factor.name for factor in factors)
-        self.blocks = _slices([factor.size for factor in factors])
+        self.places = _slices([factor.size for factor in factors])
         self.coordinates = _slices([factor.dimension for factor in factors])
-        size, dimension = self.blocks[-1].stop, self.coordinates[-1].stop
+        size, dimension = self.places[-1].stop, self.coordinates[-1].stop
         self.basis = np.zeros((dimension, size, size))
-        for factor, block, coordinates in self._layout():
-            self.basis[coordinates, block, block] = factor.basis
+        for factor, place, coordinates in self._layout():
+            self.basis[coordinates, place, place] = factor.basis
         self.axis_names = tuple(
             f"{axis}{_subscript(index)}"
             for index, factor in enumerate(factors)
@@ -419,10 +419,10 @@ class ProductGroup(MatrixLieGroup):
     def parts(self) -> tuple[Part, ...]:
         """The parts of all factors, numbered by factor."""
         parts = []
-        for number, (factor, block, coordinates) in enumerate(self._layout(), 1):
+        for number, (factor, place, coordinates) in enumerate(self._layout(), 1):
             for part in factor.parts:
                 name, axes = f"{part.name}_{number}", _shifted(part.axes, coordinates.start)
-                rows, columns = (_shifted(each, block.start) for each in part.entries)
+                rows, columns = (_shifted(each, place.start) for each in part.entries)
                 parts.append(replace(part, name=name, axes=axes, entries=(rows, columns)))
         return tuple(parts)
 
@@ -445,44 +445,44 @@ class ProductGroup(MatrixLieGroup):
         )
 
     def inverse(self, Q: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         return self.assemble(
             [G.inverse(Q[..., entries, entries]) for G, entries, _ in self._layout()]
         )
 
     def Ad_matrix(self, Q: Array) -> Array:
-        """Block by block."""
-        blocks = [G.Ad_matrix(Q[..., entries, entries]) for G, entries, _ in self._layout()]
-        return _block_diagonal(blocks, self.coordinates)
+        """Factor by factor."""
+        matrices = [G.Ad_matrix(Q[..., entries, entries]) for G, entries, _ in self._layout()]
+        return _block_diagonal(matrices, self.coordinates)
 
     def exp(self, V: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         return self.assemble([G.exp(V[..., axes]) for G, _, axes in self._layout()])
 
     def jacobian(self, x: Array) -> Array:
-        """Block by block."""
-        blocks = [G.jacobian(x[..., axes]) for G, _, axes in self._layout()]
-        return _block_diagonal(blocks, self.coordinates)
+        """Factor by factor."""
+        matrices = [G.jacobian(x[..., axes]) for G, _, axes in self._layout()]
+        return _block_diagonal(matrices, self.coordinates)
 
     def cayley(self, V: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         return self.assemble([G.cayley(V[..., axes]) for G, _, axes in self._layout()])
 
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
-        """Block by block; the numbers and rates of the factors are concatenated."""
+        """Factor by factor; the numbers and rates of the factors are concatenated."""
         screws = [factor.screw(V[..., axes]) for factor, _, axes in self._layout()]
         frames, numbers, rates = zip(*screws, strict=True)
         joined = np.concatenate(numbers, axis=-1), np.concatenate(rates, axis=-1)
         return self.assemble(list(frames)), *joined
 
     def along(self, numbers: Array, angles: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         return np.concatenate(
             [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws], axis=-1
         )
 
     def exp_along(self, numbers: Array, angles: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         return self.assemble(
             [G.exp_along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
         )
@@ -495,13 +495,13 @@ class ProductGroup(MatrixLieGroup):
         return list(zip(self.factors, numbers, _slices([len(r) for *_, r in screws]), strict=True))
 
     def log(self, Q: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         return np.concatenate(
             [G.log(Q[..., entries, entries]) for G, entries, _ in self._layout()], axis=-1
         )
 
     def log_force(self, x: Array, p: Array) -> Array:
-        """Block by block."""
+        """Factor by factor."""
         forces = [factor.log_force(x[..., at], p[..., at]) for factor, _, at in self._layout()]
         return np.concatenate(forces, axis=-1)
 
@@ -512,21 +512,21 @@ class ProductGroup(MatrixLieGroup):
         )
 
     def assemble(self, poses: list[Array]) -> Array:
-        """Return the pose whose blocks are these poses of the factors."""
-        return _block_diagonal(poses, self.blocks)
+        """Return the pose that has these poses of the factors on its diagonal."""
+        return _block_diagonal(poses, self.places)
 
     def _layout(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
-        return list(zip(self.factors, self.blocks, self.coordinates, strict=True))
+        return list(zip(self.factors, self.places, self.coordinates, strict=True))
 
 
-def _block_diagonal(matrices: list[Any], blocks: list[slice]) -> Array:
-    """Return matrices with these blocks on the diagonal."""
+def _block_diagonal(matrices: list[Any], places: list[slice]) -> Array:
+    """Return a matrix with these matrices at places on its diagonal."""
     batch = np.broadcast_shapes(*(matrix.shape[:-2] for matrix in matrices))
     like = next((each for each in matrices if not isinstance(each, np.ndarray)), matrices[0])
-    shape = (*batch, blocks[-1].stop, blocks[-1].stop)
+    shape = (*batch, places[-1].stop, places[-1].stop)
     whole = np.zeros_like(like, shape=shape, dtype=np.result_type(*matrices))
-    for matrix, block in zip(matrices, blocks, strict=True):
-        whole[..., block, block] = matrix
+    for matrix, place in zip(matrices, places, strict=True):
+        whole[..., place, place] = matrix
     return whole
 
 

@@ -323,9 +323,9 @@ class CriticalSet:
         if self.factors:
             start, total = 0, np.zeros(Q.shape[:-2])
             for factor in self.factors:
-                block = slice(start, start + len(factor.Q))
-                total = total + factor.squared_distance(Q[..., block, block])
-                start = block.stop
+                place = slice(start, start + len(factor.Q))
+                total = total + factor.squared_distance(Q[..., place, place])
+                start = place.stop
             return total
         if self.axes is None or self.axes.shape[1] == 1:
             return _square_norm(Q - self.Q)
@@ -436,8 +436,8 @@ def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
 def _of_product(G: ProductGroup, K: Array) -> list[CriticalSet] | None:
     """Υ is a sum over the factors, because off-diagonal blocks of K do not enter the trace."""
     sets = [CriticalSet("", 0, np.zeros((0, 0)), np.zeros(0))]
-    for factor, block in zip(G.factors, G.blocks, strict=True):
-        of_factor = critical_sets(factor, K[block, block])
+    for factor, place in zip(G.factors, G.places, strict=True):
+        of_factor = critical_sets(factor, K[place, place])
         if of_factor is None:
             return None
         sets = [_paired(left, right) for left in sets for right in of_factor]

@@ -554,13 +554,13 @@ class FactorPoses(PoseDistribution):
         return np.concatenate([each.draw(factor, generator) for each, factor in self._by_factor(G)])
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """Return the poses of all factors as blocks."""
+        """Return the poses of all factors as one pose."""
         assert isinstance(G, ProductGroup)
         pairs = self._by_factor(G)
         lengths = [len(each.draw(factor, np.random.default_rng(0))) for each, factor in pairs]
         columns = np.split(numbers, np.cumsum(lengths)[:-1], axis=1)
-        blocks = zip(pairs, columns, strict=True)
-        return G.assemble([each.place(factor, part) for (each, factor), part in blocks])
+        of_factors = zip(pairs, columns, strict=True)
+        return G.assemble([each.place(factor, part) for (each, factor), part in of_factors])
 
     def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
         assert isinstance(G, ProductGroup)  # checked where the configuration is read

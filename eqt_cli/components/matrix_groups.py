@@ -247,8 +247,8 @@ class EuclideanGroup(MatrixLieGroup):
         """The rotation, if there is one, then each translation column."""
         n = self.space
         rotation = slice(0, self.rotations)
-        block = slice(0, n), slice(0, n)
-        angular = Part("rotation", rotation, block, "1", "rad/s", "N m", turns=True)
+        entries = slice(0, n), slice(0, n)
+        angular = Part("rotation", rotation, entries, "1", "rad/s", "N m", turns=True)
         parts = [angular] if self.rotations else []
         for index, unit in enumerate(self.column_units):
             axes = slice(self.rotations + n * index, self.rotations + n * (index + 1))
@@ -278,7 +278,7 @@ class EuclideanGroup(MatrixLieGroup):
         return (np.linalg.eigvalsh(about_centre),)
 
     def rotation(self, Q: Array) -> Array:
-        """The rotation block, ``(..., d, d) -> (..., n, n)``."""
+        """The rotation matrix, ``(..., d, d) -> (..., n, n)``."""
         return Q[..., : self.space, : self.space]
 
     def translations(self, Q: Array) -> Array:
@@ -286,7 +286,7 @@ class EuclideanGroup(MatrixLieGroup):
         return Q[..., : self.space, self.space :]
 
     def assemble(self, rotation: Any, translations: Array) -> Array:
-        """The pose with these blocks, ``(..., n, n), (..., n, k) -> (..., d, d)``."""
+        """The pose with these matrices, ``(..., n, n), (..., n, k) -> (..., d, d)``."""
         dtype = np.result_type(rotation, translations)
         batch = np.broadcast_shapes(rotation.shape[:-2], translations.shape[:-2])
         like = translations if isinstance(rotation, np.ndarray) else rotation
@@ -306,7 +306,7 @@ class EuclideanGroup(MatrixLieGroup):
         return inverse
 
     def gram_rate(self, Q: Array, V: Array) -> Array:
-        """Return the rate without the constant block RᵀR = I."""
+        """Return the rate without the constant part RᵀR = I."""
         rate = super().gram_rate(Q, V)
         rate[..., : self.space, : self.space] = 0.0
         return rate

@@ -66,26 +66,26 @@ class RecordedColumns(NamedTuple):
         Names of the columns.
     axes
         Their coordinates in the Lie algebra, or in its dual.
-    group, block
-        The factor of the group that they belong to, and the block of this factor in a pose.
+    group, place
+        The factor of the group that they belong to, and the rows of this factor in a pose.
     """
 
     kind: str
     names: tuple[str, ...]
     axes: slice
     group: EuclideanGroup
-    block: slice
+    place: slice
 
 
 def recorded_columns(G: MatrixLieGroup, suffix: str = "") -> Iterator[RecordedColumns]:
     """Return the columns that velocities and wrenches of a group may have; none if not known."""
     if isinstance(G, ProductGroup):
-        for k, (factor, first, block) in enumerate(
-            zip(G.factors, G.coordinates, G.blocks, strict=True), start=1
+        for k, (factor, first, place) in enumerate(
+            zip(G.factors, G.coordinates, G.places, strict=True), start=1
         ):
             for each in recorded_columns(factor, str(k)):
                 axes = slice(first.start + each.axes.start, first.start + each.axes.stop)
-                yield each._replace(axes=axes, block=block)
+                yield each._replace(axes=axes, place=place)
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return
     translations = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
@@ -332,7 +332,7 @@ class Log:
             numbers = numbers @ mapping.axes(frame).T
         if frame == "body":
             return numbers
-        poses = self.poses[:, recorded.block, recorded.block]
+        poses = self.poses[:, recorded.place, recorded.place]
         return apply_matrix(transpose(recorded.group.rotation(poses)), numbers)
 
     def with_mapping(self, **changes: Any) -> Self:

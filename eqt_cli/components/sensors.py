@@ -318,7 +318,7 @@ class Channel:
     signal
         ``"pose"`` or ``"velocity"``.
     shape
-        Shape of the block of a pose, or of the coordinates of a velocity.
+        Shape of the entries of a pose, or of the coordinates of a velocity.
     clock
         Ticks at which the part is measured.
     delay
@@ -415,5 +415,5 @@ def channels(
             loses = next((sensor for sensor in measuring if sensor.loses), None)
             holds = timing["period"] is not None or not clock.acts_always
             holds = holds or bool(delay) or loses is not None
-            block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
-            yield Channel(signal, part, block.shape, clock, delay, loses, holds)
+            entries = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
+            yield Channel(signal, part, entries.shape, clock, delay, loses, holds)

@@ -155,9 +155,9 @@ def _course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath
     rotation = np.broadcast_to(np.eye(3), (*poses.shape[:-2], 3, 3)).copy()
     position = np.zeros((*poses.shape[:-2], 3))
     if turning is not None:
-        block = poses[(..., *turning.entries)]
-        size = block.shape[-1]
-        rotation[..., :size, :size] = block
+        entries = poses[(..., *turning.entries)]
+        size = entries.shape[-1]
+        rotation[..., :size, :size] = entries
     if moving is not None:
         column = poses[(..., *moving.entries)][..., 0]
         position[..., : column.shape[-1]] = column[..., :3]
@@ -186,14 +186,14 @@ _MOST_LINES = 60
 """Most lines of the grid in each direction, approximately."""
 
 HALF_SIZES = (0.62, 0.36, 0.13)
-"""Half sizes of the block that stands for the body, in lengths of its axes."""
+"""Half sizes of the box that stands for the body, in lengths of its axes."""
 
 ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
 
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF_SIZES
-"""Corners of the block in its own frame, ``(8, 3)``."""
+"""Corners of the box in its own frame, ``(8, 3)``."""
 FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-"""Corners of each face of the block, as indices into `CORNERS`, in order around the face."""
+"""Corners of each face of the box, as indices into `CORNERS`, in order around the face."""
 
 _NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
 _LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
@@ -217,8 +217,8 @@ def flat(position: Array) -> Array:
     return (position @ camera().T)[..., :2]
 
 
-def block(rotation: Array, position: Array, length: float) -> list[tuple[Array, float]]:
-    """Return the visible faces; a block is convex, so they do not hide each other.
+def box(rotation: Array, position: Array, length: float) -> list[tuple[Array, float]]:
+    """Return the visible faces; a box is convex, so they do not hide each other.
 
     Each has its corners in the plane of the picture, ``(4, 2)``, m, and its brightness from 0, in
     the shade, to 1.
@@ -504,8 +504,8 @@ class _BodyBlock:
         ]
 
     def show(self, rotation: Array, place: Array, length: float) -> None:
-        """Move the block to a place and an orientation."""
-        seen = block(rotation, place, length)
+        """Move the box to a place and an orientation."""
+        seen = box(rotation, place, length)
         self.faces.set_verts([outline for outline, _ in seen])
         self.faces.set_facecolor([(*_shaded(self.colour, light), 0.75) for _, light in seen])
         start = flat(place)
@@ -515,7 +515,7 @@ class _BodyBlock:
             name.set_position(start + 1.14 * (end - start))
 
     def hide(self, hidden: bool) -> None:
-        """Hide the block, or show it again."""
+        """Hide the box, or show it again."""
         for artist in (self.faces, *self.lines, *self.names):
             artist.set_visible(not hidden)
 

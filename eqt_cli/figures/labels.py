@@ -254,10 +254,10 @@ def pose_coordinates(
 
     `near` holds curves of about the same poses, as for `without_jumps`.
     """
-    block = pose[(..., *part.entries)].reshape(len(pose), -1)
+    entries = pose[(..., *part.entries)].reshape(len(pose), -1)
     symbol = symbols(G, part, index)[0]
-    if block.shape[1] == len(G.axis_names[part.axes]):
-        return block, symbol, part.pose_unit
+    if entries.shape[1] == len(G.axis_names[part.axes]):
+        return entries, symbol, part.pose_unit
     with np.errstate(all="ignore"):
         logarithm = np.full((len(pose), G.dimension), np.nan)
         real = np.isfinite(pose).all(axis=(1, 2))

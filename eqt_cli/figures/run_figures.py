@@ -266,8 +266,8 @@ def _half_turns(group: MatrixLieGroup, suffix: str) -> list[float]:
     sets = critical_sets(group, group.identity)
     if sets is None or len(named) != 1 or not named[0].turns:
         return []
-    blocks = [(group.identity - each.Q)[named[0].entries] for each in sets]
-    return sorted({round(float(np.linalg.norm(block)), 12) for block in blocks} - {0.0})
+    entries = [(group.identity - each.Q)[named[0].entries] for each in sets]
+    return sorted({round(float(np.linalg.norm(each)), 12) for each in entries} - {0.0})
 
 
 # Figure of directions on the sphere, in Lambert's azimuthal equal-area projection -----------------

@@ -565,7 +565,7 @@ def _reader_of_formulas(style: Style) -> Callable[[str], Any]:
 
 @contextmanager
 def replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
-    """Replace an attribute within a block."""
+    """Replace an attribute for a while."""
     original = vars(owner)[name]  # static methods as they are
     setattr(owner, name, by)
     try:

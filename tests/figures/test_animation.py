@@ -17,7 +17,7 @@ from eqt_cli.figures.animation import (
     MOST_CONTROLLERS,
     TRAIL,
     _Stage,
-    block,
+    box,
     camera,
     flat,
     gif,
@@ -129,7 +129,7 @@ def test_at_most_three_faces_of_a_block_are_seen():
     generator = np.random.default_rng(1)
     for _ in range(20):
         rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
-        faces = block(rotation, np.zeros(3), 1.0)
+        faces = box(rotation, np.zeros(3), 1.0)
         assert len(faces) == 3  # almost surely: one of each pair
         assert all(0 <= light <= 1 for _, light in faces)
 
