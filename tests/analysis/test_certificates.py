@@ -205,14 +205,8 @@ class Limited(EqT):
         return 2 * tanh(super().torque(s) / 2)
 
 
-class Nameless(EqT):
-    def torque(self, s):
-        return 2 * tanh(super().torque(s) / 2)
-
-
-@pytest.mark.parametrize("law", [Limited, Nameless])
-def test_a_subclass_with_a_torque_of_its_own_claims_nothing(law):
-    loop = closed_loop(group_named("SO3"), law())
+def test_a_subclass_with_a_torque_of_its_own_claims_nothing():
+    loop = closed_loop(group_named("SO3"), Limited())
     assert not [row for row in identities(loop) if row.controller]
     assert hypothesis("the law is covered", loop).verdict == "unknown"
 
