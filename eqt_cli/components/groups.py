@@ -373,7 +373,7 @@ MAX_AXES = 64
 
 
 class ProductGroup(MatrixLieGroup):
-    """A direct product such as SO3*R3; coordinates and entries in the order of its factors."""
+    """A direct product such as SO3*R3; coordinates and blocks in the order of its factors."""
 
     name = "<group>*<group>"
 
