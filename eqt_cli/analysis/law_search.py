@@ -214,7 +214,7 @@ GENERATIONS = "generations"
 _NUMBERED = files.FilePattern(r"\d+\.yaml", marked=True)
 
 
-def _search_entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
+def _entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
     """Return the entries that eqt writes in the folder of a search, beside those of the result.
 
     Parameters
@@ -284,9 +284,7 @@ class SearchFolder:
                 path = self.path / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 ResultFolder(path.parent).write_config(study, path.name, mark.encode())
-            for path in (
-                (self.path / self.kind.configs / law.slug).glob("*.yaml") if numbered else ()
-            ):
+            for path in self.run_of(law).glob("*.yaml") if numbered else ():
                 if path.relative_to(self.path).as_posix() not in names:
                     files.remove_written(path, _NUMBERED)
 
@@ -301,8 +299,7 @@ class SearchFolder:
         slugs = "|".join(re.escape(law.slug) for law in laws)
         with files.refusals(self.path, "used", OTHER_FOLDER):
             files.check_entries(
-                self.path,
-                (*RESULT_ENTRIES, *_search_entries(self.kind, slugs, marked=False).values()),
+                self.path, (*RESULT_ENTRIES, *_entries(self.kind, slugs, marked=False).values())
             )
 
     def claim(self, name: str, digest: str, force: bool) -> None:
@@ -314,7 +311,7 @@ class SearchFolder:
             If it holds another search or another result, and `force` is false.
         """
         record = self.record
-        entries = _search_entries(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
+        entries = _entries(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
         there = [name for name in entries if files.kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)

@@ -331,10 +331,8 @@ class Cascade(Controller):
 
     def _renewed(self, s: Tracking) -> Array:
         """Return F/m with its derivatives, as it is held."""
-        acceleration, _ = self._acceleration(s)
-        return np.concatenate(
-            [acceleration.derivative(k) for k in range(acceleration.order + 1)], axis=-1
-        )
+        a, _ = self._acceleration(s)
+        return np.concatenate([a.derivative(k) for k in range(a.order + 1)], axis=-1)
 
     def _feedback(self, s: Tracking, moving: RigidMotion) -> tuple[Jet, Any, Any]:
         """Return the rate of the integral, the feedback, and the estimate of what acts unknown."""
@@ -367,11 +365,8 @@ class Cascade(Controller):
                 velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
             )
         inputs = LawInput(s.t, R, turning, *desired)
-        memory = {
-            name.removeprefix(ATTITUDE): z
-            for name, z in s.memory.items()
-            if name.startswith(ATTITUDE)
-        }
+        n = len(ATTITUDE)
+        memory = {name[n:]: z for name, z in s.memory.items() if name.startswith(ATTITUDE)}
         J = _of_rotation(s.G, s.inertia)
         return inputs.tracking(G.rotation_group, J, s.gains, memory)
 

@@ -259,20 +259,14 @@ class Estimator(VehiclePart):
         """Return the length of each state that is kept from instant to instant, by name."""
         G, depth = schedule.G, schedule.depth
         m, n = G.dimension, 3 * G.dimension * self.has_covariance
-        of_estimate = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
-        of_estimate |= {"noise": n // 3, "age": m if schedule.rare else 0}
-        sizes = {
-            **of_estimate,
-            "velocity": m,
-            "error": 2 * m,
-            "begun": 1,
-            "past_velocity": (depth + 1) * m,
-        }
+        sizes = {"pose": G.pose_length, "bias": m, "covariance": n * (n + 1) // 2}
+        sizes |= {"noise": n // 3, "age": m if schedule.rare else 0}
+        behind = {f"behind_{name}": length for name, length in sizes.items()}
+        sizes |= {"velocity": m, "error": 2 * m, "begun": 1, "past_velocity": (depth + 1) * m}
         if self.has_covariance:
             sizes |= {"innovations": INNOVATIONS, "last_innovation": m, "lost": 1}
         if depth:
-            sizes |= {f"behind_{name}": length for name, length in of_estimate.items()}
-            sizes |= {"past_live": depth, "past_fresh": depth * len(schedule.timed)}
+            sizes |= behind | {"past_live": depth, "past_fresh": depth * len(schedule.timed)}
             sizes |= {
                 f"past_fix_{channel.part.name}": schedule.waits(channel) * channel.size
                 for channel in schedule.fixes

@@ -446,13 +446,11 @@ class ProductGroup(MatrixLieGroup):
 
     def inverse(self, Q: Array) -> Array:
         """Factor by factor."""
-        return self.assemble(
-            [G.inverse(Q[..., entries, entries]) for G, entries, _ in self._layout()]
-        )
+        return self.assemble([G.inverse(Q[..., at, at]) for G, at, _ in self._layout()])
 
     def Ad_matrix(self, Q: Array) -> Array:
         """Factor by factor."""
-        matrices = [G.Ad_matrix(Q[..., entries, entries]) for G, entries, _ in self._layout()]
+        matrices = [G.Ad_matrix(Q[..., at, at]) for G, at, _ in self._layout()]
         return _block_diagonal(matrices, self.coordinates)
 
     def exp(self, V: Array) -> Array:
@@ -496,9 +494,7 @@ class ProductGroup(MatrixLieGroup):
 
     def log(self, Q: Array) -> Array:
         """Factor by factor."""
-        return np.concatenate(
-            [G.log(Q[..., entries, entries]) for G, entries, _ in self._layout()], axis=-1
-        )
+        return np.concatenate([G.log(Q[..., at, at]) for G, at, _ in self._layout()], axis=-1)
 
     def log_force(self, x: Array, p: Array) -> Array:
         """Factor by factor."""
@@ -507,9 +503,7 @@ class ProductGroup(MatrixLieGroup):
 
     def drift(self, Q: Array) -> Array:
         """The largest drift of a factor."""
-        return reduce(
-            maximum, [G.drift(Q[..., entries, entries]) for G, entries, _ in self._layout()]
-        )
+        return reduce(maximum, [G.drift(Q[..., at, at]) for G, at, _ in self._layout()])
 
     def assemble(self, poses: list[Array]) -> Array:
         """Return the pose that has these poses of the factors on its diagonal."""

@@ -217,7 +217,7 @@ def positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> 
 
 def looks(
     results: Sequence[Result],
-    chosen_places: Sequence[Sequence[int]],
+    chosen_laws: Sequence[Sequence[int]],
     figure: str = "",
     chosen: Chosen = ALL,
     *,
@@ -238,7 +238,7 @@ def looks(
     every = list(dict.fromkeys(law for of in laws for law, _ in of))
     most = 1 + max(variant for of in laws for _, variant in of)
     places = [
-        (*laws[number][k], number * most) for number, of in enumerate(chosen_places) for k in of
+        (*of[k], number * most) for number, of in enumerate(laws) for k in chosen_laws[number]
     ]
     several = variants and len({start + variant for _, variant, start in places}) > 1
     shown = list(dict.fromkeys(law for law, *_ in places))

@@ -298,11 +298,11 @@ class Winners(OfDifferences):
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
         drawing = Drawing(figsize=(WIDTHS[width], height))
         panel = drawing.add_subplot()
-        colours_of = [look.colour for look in swept.looks]
+        laws = [look.colour for look in swept.looks]
         # Cells have no dashes: a colour that the style gives to several laws is paler for each.
         colours = [
             ink(0),
-            *(mixed(c, ink(0), 0.5 ** colours_of[:k].count(c)) for k, c in enumerate(colours_of)),
+            *(mixed(c, ink(0), 0.5 ** laws[:k].count(c)) for k, c in enumerate(laws)),
         ]
         too_few = wins.has_too_few_runs
         ahead = [cell.best if too_few else cell.winner for cell in wins.cells]

@@ -778,16 +778,13 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     """Return the push as a sum of the parts of F·b."""
     law, moves = _cascade(question), question.loop.group.parts[1].axes
     without = {KNOWN: with_fields(law, known=())}
-    position, gains = (
-        law.position,
-        {"position error": "kx", "velocity error": "kv", "integral": "ki"},
-    )
-    if position.limit is None:
+    outer, gains = law.position, {"position error": "kx", "velocity error": "kv", "integral": "ki"}
+    if outer.limit is None:
         for name, key in gains.items():
-            if getattr(position, key) is not None:
-                without[name] = with_fields(law, position=with_fields(position, **{key: 0.0}))
+            if getattr(outer, key) is not None:
+                without[name] = with_fields(law, position=with_fields(outer, **{key: 0.0}))
     else:
-        still = with_fields(position, kx=0.0, kv=0.0, ki=None)
+        still = with_fields(outer, kx=0.0, kv=0.0, ki=None)
         without["position feedback"] = with_fields(law, position=still)
     whole = question.torque()[:, moves]
     columns = {name: whole - question.torque(law=each)[:, moves] for name, each in without.items()}

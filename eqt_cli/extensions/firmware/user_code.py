@@ -200,8 +200,7 @@ def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
     if symbols is None:
         return None
     names = [
-        sorted({_plain(name) for name, is_variable in symbols if is_variable is kind})
-        for kind in (True, False)
+        sorted({_plain(name) for name, kind in symbols if kind is each}) for each in (True, False)
     ]
     return names[0], [name for name in names[1] if not _keeps_nothing(name)]
 
