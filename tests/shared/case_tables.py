@@ -9,17 +9,17 @@ def cases(text):
     Lines that are given are kept as lines; those of a message are joined by spaces. A line that
     begins with # is a comment.
     """
-    found = []
+    pairs = []
     for line in text.strip("\n").splitlines():
         if line.startswith("#"):
             continue
         if line.startswith("    "):
-            found[-1][1].append(line.strip())
-        elif found and not found[-1][1]:
-            found[-1][0].append(line)
+            pairs[-1][1].append(line.strip())
+        elif pairs and not pairs[-1][1]:
+            pairs[-1][0].append(line)
         else:
-            found.append(([line], []))
-    return [("\n".join(given), " ".join(said)) for given, said in found]
+            pairs.append(([line], []))
+    return [("\n".join(written), " ".join(said)) for written, said in pairs]
 
 
 def slow(why, *values, unless=False, **more):
@@ -27,8 +27,8 @@ def slow(why, *values, unless=False, **more):
     return pytest.param(*values, marks=[] if unless else [pytest.mark.slow(why)], **more)
 
 
-def refusal(error, function, *given, **named):
+def refusal(error, function, *arguments, **named):
     """What this error says, which a call must raise."""
     with pytest.raises(error) as caught:
-        function(*given, **named)
+        function(*arguments, **named)
     return str(caught.value)

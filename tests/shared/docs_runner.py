@@ -65,10 +65,10 @@ class Block:
 
 def blocks(page):
     """The fenced blocks of a page."""
-    for found in BLOCK.finditer(page):
-        language = re.sub(r"^\{code-block\}\s*", "", found["head"]).strip()
-        caption = CAPTION.match(found["body"])
-        text = found["body"][caption.end() :] if caption else found["body"]
+    for block in BLOCK.finditer(page):
+        language = re.sub(r"^\{code-block\}\s*", "", block["head"]).strip()
+        caption = CAPTION.match(block["body"])
+        text = block["body"][caption.end() :] if caption else block["body"]
         text = text.replace(" \\\n", " ") if language == "sh" else text
         yield Block(language, caption.group(1) if caption else None, text)
 
@@ -174,10 +174,10 @@ def read_command(line):
     accept(words[1:])
     sets = tuple(change for flag, change in pairwise(words) if flag == "--set")
     target = "".join(words[3:4] if checks else words[2:3])
-    own = target.endswith(".yaml") and not target.startswith("configs/")
+    is_users = target.endswith(".yaml") and not target.startswith("configs/")
     made = target.startswith("results/")  # by a command before it, which was not carried out
     computing = (checks or words[1] in ("run", "sweep", "tune", "worst")) and not made
-    if expected == 0 and computing and (own or sets):
+    if expected == 0 and computing and (is_users or sets):
         study(read_config(Path(target), sets))
 
 

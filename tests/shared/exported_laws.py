@@ -55,8 +55,8 @@ def made(group, laws, **more):
 @functools.cache
 def law_of(group, law, real="double", **more):
     """One exported law."""
-    [found] = exported(made(group, [law], **more), [], ARITHMETICS[real])
-    return found
+    [law] = exported(made(group, [law], **more), [], ARITHMETICS[real])
+    return law
 
 
 def fits(law, group):

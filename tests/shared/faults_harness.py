@@ -133,7 +133,7 @@ class Session:
 
 def workers_of(pid: int) -> list[int]:
     """The processes that a process has started to compute for it."""
-    found = []
+    workers = []
     for path in Path(f"/proc/{pid}/task").glob("*/children"):
         try:
             children = path.read_text().split()
@@ -145,8 +145,8 @@ def workers_of(pid: int) -> list[int]:
             except OSError:
                 continue
             if "spawn_main" in words:
-                found.append(int(child))
-    return found
+                workers.append(int(child))
+    return workers
 
 
 def kill_one(workers: list[int], rng: random.Random) -> bool:
@@ -195,14 +195,14 @@ def _dask(*words: str) -> subprocess.Popen[bytes]:
 
 def parts(out: Path) -> dict[str, tuple[int, int]]:
     """The parts that a folder holds: name, and what tells whether it was written again."""
-    found = {}
+    states = {}
     for entry in ResultFolder(out).parts.listed().values():
         try:
             state = entry.path.stat()
         except FileNotFoundError:  # packed meanwhile
             continue
-        found[entry.path.name] = (state.st_ino, state.st_mtime_ns)
-    return found
+        states[entry.path.name] = (state.st_ino, state.st_mtime_ns)
+    return states
 
 
 def check_left_over(out: Path, before: dict[str, tuple[int, int]]) -> None:
@@ -219,14 +219,14 @@ def check_left_over(out: Path, before: dict[str, tuple[int, int]]) -> None:
 
 def contents(path: Path) -> dict[str, np.ndarray]:
     """Every dataset of a result and of its groups, read without eqt."""
-    found = {}
+    datasets = {}
     with h5py.File(path / "results.h5" if path.is_dir() else path) as file:
         file.visititems(
             lambda name, item: (
-                found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
+                datasets.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
             )
         )
-    return found
+    return datasets
 
 
 def assert_equal(path: Path, expected: dict[str, np.ndarray]) -> None:
@@ -234,12 +234,12 @@ def assert_equal(path: Path, expected: dict[str, np.ndarray]) -> None:
     assert_same(contents(path), expected)
 
 
-def assert_same(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
-    assert found.keys() == expected.keys()
+def assert_same(actual: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
+    assert actual.keys() == expected.keys()
     for name, values in expected.items():
-        assert found[name].dtype == values.dtype, name
-        assert found[name].shape == values.shape, name
+        assert actual[name].dtype == values.dtype, name
+        assert actual[name].shape == values.shape, name
         if values.dtype == object:
-            np.testing.assert_array_equal(found[name], values, err_msg=name)
+            np.testing.assert_array_equal(actual[name], values, err_msg=name)
         else:
-            assert found[name].tobytes() == values.tobytes(), name
+            assert actual[name].tobytes() == values.tobytes(), name

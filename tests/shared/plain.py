@@ -13,20 +13,20 @@ TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 def basis(group):
     """The basis of so(3), se(3) or se(2), rotation first."""
     if group == "SE2":
-        found = np.zeros((3, 3, 3))
-        found[0, 1, 0], found[0, 0, 1], found[1, 0, 2], found[2, 1, 2] = 1.0, -1.0, 1.0, 1.0
-        return found
+        tensor = np.zeros((3, 3, 3))
+        tensor[0, 1, 0], tensor[0, 0, 1], tensor[1, 0, 2], tensor[2, 1, 2] = 1.0, -1.0, 1.0, 1.0
+        return tensor
     d = {"SO3": 3, "SE3": 4}[group]
-    found = []
+    tensor = []
     for k in range(3):
         E, (i, j) = np.zeros((d, d)), ((k + 1) % 3, (k + 2) % 3)
         E[j, i], E[i, j] = 1.0, -1.0
-        found.append(E)
+        tensor.append(E)
     for k in range(3 if d == 4 else 0):
         E = np.zeros((d, d))
         E[k, 3] = 1.0
-        found.append(E)
-    return np.array(found)
+        tensor.append(E)
+    return np.array(tensor)
 
 
 class Plain:
@@ -74,11 +74,11 @@ class Plain:
         parts = np.split(y, [n, n + m, 2 * n + m, 2 * n + 2 * m])
         return parts[0].reshape(d, d), parts[1], parts[2].reshape(d, d), parts[3], parts[4]
 
-    def field(self, t, y, asked, lag):
+    def field(self, t, y, command, lag):
         Q, V, Qd, Pd, x = self.split(y)
-        limited = np.clip(asked(t, y), self.low, self.high)
-        given = limited if lag is None else x
-        V_dot = np.linalg.solve(self.J, self.ad(V).T @ (self.J @ V) + given + self.push(t))
+        limited = np.clip(command(t, y), self.low, self.high)
+        torque = limited if lag is None else x
+        V_dot = np.linalg.solve(self.J, self.ad(V).T @ (self.J @ V) + torque + self.push(t))
         Vd = np.linalg.solve(self.I, Pd)
         Pd_dot = self.ad(Vd).T @ Pd + self.torque(t)
         x_dot = np.zeros(self.m) if lag is None else (limited - x) / lag
@@ -88,11 +88,11 @@ class Plain:
     def run(self, y, times, *, lag=None, period=None, delay=0):
         """The states at the times; continuous, or with a command held for a period."""
         if period is None:
-            asked = lambda t, y: self.law(t, *self.split(y)[:4])  # noqa: E731
-            args = (asked, lag)
+            command = lambda t, y: self.law(t, *self.split(y)[:4])  # noqa: E731
+            args = (command, lag)
             span = times[0], times[-1]
             return solve_ivp(self.field, span, y, t_eval=times, args=args, **TIGHT).y.T
-        found, waiting = [y], [np.zeros(self.m)] * delay
+        states, waiting = [y], [np.zeros(self.m)] * delay
         for k in range(round(times[-1] / period)):
             t = k * period
             waiting.append(self.law(t, *self.split(y)[:4]))
@@ -107,9 +107,9 @@ class Plain:
                 args=(lambda t, y, held=held: held, lag),
                 **TIGHT,
             ).y.T
-            found += list(solved[: len(inside)])
+            states += list(solved[: len(inside)])
             y = solved[-1]
-        return np.array(found)
+        return np.array(states)
 
 
 def exp(group, v):

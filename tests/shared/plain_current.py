@@ -58,5 +58,5 @@ class Vehicle:
     def run(self, R, p, V, times):
         """R, p and V at some times."""
         start, span = np.concatenate([np.ravel(R), p, V]), (times[0], times[-1])
-        found = solve_ivp(self.field, span, start, "DOP853", times, rtol=1e-11, atol=1e-12)
-        return found.y[:9].T.reshape(-1, 3, 3), found.y[9:12].T, found.y[12:].T
+        solved = solve_ivp(self.field, span, start, "DOP853", times, rtol=1e-11, atol=1e-12)
+        return solved.y[:9].T.reshape(-1, 3, 3), solved.y[9:12].T, solved.y[12:].T

@@ -19,19 +19,19 @@ def logarithm(Q):
         for _ in range(10):
             Q, one = (Q + np.linalg.inv(one)) / 2, (one + np.linalg.inv(Q)) / 2
     X = (Q - np.eye(len(Q))) @ np.linalg.inv(Q + np.eye(len(Q)))
-    square, power, found = X @ X, X, 0 * X
+    square, power, series = X @ X, X, 0 * X
     for k in range(1, 45, 2):
-        found, power = found + power / k, power @ square
-    return 8 * found
+        series, power = series + power / k, power @ square
+    return 8 * series
 
 
 def basis(group):
     """The basis of so(2), so(3), se(2), se(3), se_2(3) or of R^n, rotation first."""
     if group.startswith("R"):
         n = int(group[1:])
-        found = np.zeros((n, n + 1, n + 1))
-        found[range(n), range(n), n] = 1.0
-        return found
+        tensor = np.zeros((n, n + 1, n + 1))
+        tensor[range(n), range(n), n] = 1.0
+        return tensor
     dimension, columns = {
         "SO2": (2, 0),
         "SO3": (3, 0),
@@ -39,17 +39,17 @@ def basis(group):
         "SE3": (3, 1),
         "SE23": (3, 2),
     }[group]
-    size, found = dimension + columns, []
+    size, tensor = dimension + columns, []
     for i, j in [(1, 0)] if dimension == 2 else [(2, 1), (0, 2), (1, 0)]:
         E = np.zeros((size, size))
         E[i, j], E[j, i] = 1.0, -1.0
-        found.append(E)
+        tensor.append(E)
     for column in range(dimension, size):
         for row in range(dimension):
             E = np.zeros((size, size))
             E[row, column] = 1.0
-            found.append(E)
-    return np.array(found)
+            tensor.append(E)
+    return np.array(tensor)
 
 
 class Algebra:
@@ -102,13 +102,13 @@ class Kalman:
 
     def weights(self, tick, known):
         """Of the first `known` velocities in the way from 0 to a tick, s."""
-        found, ends = np.zeros(len(self.ticks)), [*self.ticks[1:known], np.inf]
+        weights, ends = np.zeros(len(self.ticks)), [*self.ticks[1:known], np.inf]
         for j, (start, end) in enumerate(zip(self.ticks, ends, strict=False)):
             if end <= tick:
-                found[j : j + 2] += self.h * (end - start) / 2
+                weights[j : j + 2] += self.h * (end - start) / 2
             elif start < tick:
-                found[j] += self.h * (tick - start)
-        return found
+                weights[j] += self.h * (tick - start)
+        return weights
 
     def error(self, tick, known):
         """Of q, by the first fix and these velocities alone: its row in u."""

@@ -43,12 +43,12 @@ class Vehicle(plain.Plain):
             slip[-n:] -= Q[:n, :n].T @ self.current(t)
         return -self.linear * slip - self.quadratic * np.abs(slip) * slip
 
-    def field(self, t, y, asked, _):
+    def field(self, t, y, command, _):
         Q, V, Qd, Pd, x = self.split(y)
-        wanted = asked(t, y)
+        wanted = command(t, y)
         f = wanted if len(wanted) == len(x) else self.thrusts(wanted)
-        given = self.B @ (f if self.T is None else x)
-        V_dot = np.linalg.solve(self.I, self.ad(V).T @ (self.I @ V) + given + self.drag(t, Q, V))
+        torque = self.B @ (f if self.T is None else x)
+        V_dot = np.linalg.solve(self.I, self.ad(V).T @ (self.I @ V) + torque + self.drag(t, Q, V))
         Vd = np.linalg.solve(self.I, Pd)
         Pd_dot = self.ad(Vd).T @ Pd + self.torque(t)
         x_dot = np.zeros_like(x) if self.T is None else (f - x) / self.T

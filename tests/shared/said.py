@@ -11,18 +11,18 @@ def said_of(table):
 
     There, what is indented by four is a line of the message, and what is indented further goes on.
     """
-    found, wrong = {}, None
+    messages, wrong = {}, None
     for line in filter(None, table.splitlines()):
         text = line.strip()
         if line.startswith(8 * " "):
-            found[wrong] += f" {text}"
+            messages[wrong] += f" {text}"
         elif line.startswith(4 * " "):
-            found[wrong] = f"{found[wrong]}\n{text}".lstrip("\n")
+            messages[wrong] = f"{messages[wrong]}\n{text}".lstrip("\n")
         elif not line.startswith("#"):
             wrong, _, message = line.partition(" →")
-            assert wrong not in found, wrong
-            found[wrong] = message[1:]
-    return found
+            assert wrong not in messages, wrong
+            messages[wrong] = message[1:]
+    return messages
 
 
 def sections_of(line):
