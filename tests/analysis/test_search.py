@@ -83,7 +83,7 @@ def test_one_number_for_several_entries(small):
     eqt, gt = read(small).laws
     assert eqt.at({"gains.kp[0:2]": 4.0}).data["gains"]["kp"] == [4.0, 4.0, 2.0]
     assert list(gt.axes) == ["gains.kp[0:2]", "gains.kp[2:3]"]
-    assert gt.given == ("gains.kp[0:2]", "controllers[1].gains.kp[2:3]")
+    assert gt.written == ("gains.kp[0:2]", "controllers[1].gains.kp[2:3]")
     assert eqt.start == (1 / 7,)
     assert gt.start is None  # its entries differ, so that no one number is its start
     assert values_text({"gains.kp[0:2]": 4.0}) == "kp[0:2] 4"

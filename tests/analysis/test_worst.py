@@ -294,7 +294,7 @@ def test_whole_numbers_stay_whole_and_keys_of_a_law_are_its_own():
     first, second = search.laws
     assert [first.values([share])["control.delay"] for share in (0, 0.3, 0.6, 1)] == [0, 1, 2, 3]
     assert list(first.axes) == ["control.delay"]
-    assert second.given == ("control.delay", "controllers[1].gains.kp")
+    assert second.written == ("control.delay", "controllers[1].gains.kp")
     assert list(second.axes) == ["control.delay", "gains.kp"]
 
 
