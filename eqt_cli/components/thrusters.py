@@ -404,7 +404,8 @@ class Thrusters(Actuator):
 
 def _norms(B: Array) -> Array:
     """Return the norms of the rows, ``(m, 1)``; 1 for rows that are 0 beside the largest."""
-    norms: Array = np.linalg.norm(B, axis=1, keepdims=True)
+    largest = np.maximum(np.abs(B).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    norms: Array = largest * np.linalg.norm(B / largest, axis=1, keepdims=True)  # none overflows
     return np.where(norms > SMALLEST * norms.max(), norms, 1.0)
 
 
