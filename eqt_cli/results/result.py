@@ -777,6 +777,8 @@ class Result(StoredRuns):
         if quantity.of not in INTEGRALS or not self._has_signals(quantity):
             return math.nan, 0
         hold, odd = quantity.hold(self.described.holds), (len(self.times) - 1) // 2 * 2 + 1
+        if self.times[odd - 1] - self.times[0] <= window.start:  # too few to leave some out
+            return math.nan, 0
         missed = int(changes_missed(self.times, hold).max()) if hold else 0
         if hold and not missed:
             return 0.0, 0

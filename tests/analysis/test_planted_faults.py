@@ -230,14 +230,14 @@ def initial_state_at_0(exact, loop, Q, V, Qd, Vd, t=0.0):
 
 
 def of_the_inverse_in_the_second_factor(exact, G, Q):
-    matrix, block, axes = exact(G, Q).copy(), G.blocks[1], G.coordinates[1]
+    matrix, block, axes = exact(G, Q).copy(), G.places[1], G.coordinates[1]
     second = G.factors[1]
     matrix[..., axes, axes] = second.Ad_matrix(second.inverse(Q[..., block, block]))
     return matrix
 
 
 def least_drift(exact, G, Q):
-    drifts = [f.drift(Q[..., block, block]) for f, block in zip(G.factors, G.blocks, strict=True)]
+    drifts = [f.drift(Q[..., block, block]) for f, block in zip(G.factors, G.places, strict=True)]
     return np.min(drifts, axis=0)
 
 

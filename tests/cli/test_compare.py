@@ -325,3 +325,8 @@ def test_how_far_laws_carry_is_asked_of_a_sweep(eqt, folder):
     assert eqt("run", "c.yaml", "--out", "r", "-q").code == 0
     done = eqt("compare", "r", "--robust")
     assert (done.code, done.err) == (2, "eqt: --robust needs a sweep; r is a single experiment\n")
+
+
+def test_a_result_of_two_samples_is_compared(eqt):
+    eqt("run", "c.yaml", "--set", "time.samples=2", "--out", "two", "--quiet")
+    assert eqt("compare", "two").code == 0
