@@ -226,7 +226,7 @@ class LawMargins:
     delay
         Delay margin, s: added delay of the command. For a sampled law, the largest whole number of
         periods with which the loop is stable. Infinite if no delay makes the loop unstable; None
-        if the loop is unstable without added delay.
+        if the loop is unstable without added delay, or seems so at one of the single times.
     delay_periods
         Delay margin of a sampled law in periods.
     delay_is_least
@@ -321,15 +321,16 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
     largest, omitted = growth(linear.at_rest or linear), list(left_out(loop, linear))
     delay, is_least, gains = None, False, dict[str, GainMargin]()
     changes = linear.at_rest is None
-    if largest.is_stable:
-        if not growth(linear).is_stable:  # in the coordinates of the command
-            pass
-        elif len(linear.phases) > 1:
+    # The command turns in coordinates at rest; a delay margin is that of its own coordinates.
+    at_times = largest if changes or linear.is_constant else growth(linear)
+    if largest.is_stable and at_times.is_stable:
+        if len(linear.phases) > 1:
             delay, is_least = _delay_of_cycle(linear)
         else:
             [cut] = linear.phases
             each = zip(cut.A, cut.B, cut.C, strict=True)
             delay = min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in each)
+    if largest.is_stable:
         gains = _gain_margins(linear)
     periods = None
     if linear.period is not None and delay is not None and np.isfinite(delay):

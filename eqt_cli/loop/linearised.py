@@ -16,6 +16,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.laws import LinearPlant
+from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, Errors
@@ -427,11 +428,7 @@ class _About:
         if n == 2 * m and self.loop.controller.loop_errors(s) is not None:
             # Forward differences: a reference begins at its first time.
             T, *later = (self._later(k * STEP)._errors.slope for k in range(3))
-            yield (
-                T,
-                (4 * later[0] - 3 * T - later[1]) / (2 * STEP),
-                2 * len(range(m)[G.parts[0].axes]),
-            )
+            yield (T, (4 * later[0] - 3 * T - later[1]) / (2 * STEP), 2 * rigid(G).rotations)
 
     def _later(self, step: float) -> Self:
         """Return the chart a step later along a reference in closed form."""
