@@ -56,24 +56,22 @@ class LinearPlant(NamedTuple):
     Attributes
     ----------
     times : (k,)
-        One time where the plant is constant; else the middles of pieces of the horizon, s.
+        One time where the plant is constant; else knots: begin and end of the horizon or, of a
+        sampled plant, its last instant, and those in between, s.
     A, B
+        At the knots, of a sampled plant at the middles of the periods that begin there,
         ``(k, n, n)`` and ``(k, n, m)``.
     period
         Control period, s; None for a continuous plant.
-    piece, periods
-        Length of a piece in s, and in control periods.
-    is_periodic
-        Whether the plant begins again as it ends.
+    differs
+        What is not at the end of the horizon as at its begin, in words; "" where all repeats.
     """
 
     times: Array
     A: Array
     B: Array
     period: float | None
-    piece: float
-    periods: int
-    is_periodic: bool
+    differs: str = ""
 
 
 @dataclass(frozen=True)

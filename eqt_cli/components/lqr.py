@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix, dot
+from eqt_cli.base.arrays import Array, apply_matrix, as_array, dot
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.option_types import Count, Matrix
 from eqt_cli.components.groups import MatrixLieGroup
@@ -64,13 +64,32 @@ class Regulator:
     Attributes
     ----------
     gain : (m, n)
-        K.
+        K; from a knot on ``(4, m, n)``, the coefficients of a cubic in the time since, falling.
     value : (n, n)
-        S; the cost from x is xᵀSx.
+        S; the cost from x is xᵀSx. ``(4, n, n)`` likewise.
+    since : (1, 1)
+        The time of the knot, s; None if K and S are constant.
     """
 
     gain: Array
     value: Array
+    since: Array | None = None
+
+    def gain_at(self, t: Any) -> Array:
+        """Return K at time t, or at an array of times."""
+        return self._at(self.gain, t)
+
+    def value_at(self, t: Any) -> Array:
+        """Return S likewise."""
+        return self._at(self.value, t)
+
+    def _at(self, matrices: Array, t: Any) -> Array:
+        if self.since is None:
+            return matrices
+        elapsed = as_array(t)[..., None, None] - self.since
+        a, b, c, d = (matrices[..., k, :, :] for k in range(4))
+        at: Array = ((a * elapsed + b) * elapsed + c) * elapsed + d
+        return at
 
 
 @dataclass(frozen=True)
@@ -91,19 +110,33 @@ class ActuatorModel:
 
 @dataclass(frozen=True)
 class RegulatorTable:
-    """Regulators held from one knot to the next.
+    """Regulators from one knot to the next.
 
     Attributes
     ----------
     knots : (k,)
         Times at which each begins, s.
     gains, values
-        Their matrices, ``(k, m, n)`` and ``(k, n, n)``.
+        Their coefficients, ``(k, 4, m, n)`` and ``(k, 4, n, n)``.
     """
 
     knots: Array
     gains: Array
     values: Array
+
+    @classmethod
+    def through(cls, times: Array, regulators: Sequence[Regulator]) -> RegulatorTable:
+        """Return the cubic splines through regulators at some times."""
+        from scipy.interpolate import CubicSpline
+
+        gains, values = (
+            np.swapaxes(CubicSpline(times, matrices).c, 0, 1)
+            for matrices in (
+                [each.gain for each in regulators],
+                [each.value for each in regulators],
+            )
+        )
+        return cls(times[:-1], gains, values)
 
     def __repr__(self) -> str:
         """Return a digest, because the text of an array leaves out entries."""
@@ -111,9 +144,9 @@ class RegulatorTable:
         return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
 
     def at(self, t: Any) -> Regulator:
-        """Return the regulator at time t, or those at an array of times."""
+        """Return the regulator from the last knot before time t, or those of an array of times."""
         row = piece_at(self.knots, t)
-        return Regulator(self.gains[row], self.values[row])
+        return Regulator(self.gains[row], self.values[row], self.knots[row, None, None])
 
 
 @dataclass(frozen=True)
@@ -124,11 +157,11 @@ class Lqr(Controller):
     the forces of `model` at the reference. K minimises
     ∫ (εᵀW_ε ε + eᵀW_e e + uᵀW_u u) dt for the loop to first order about its reference, by the law's
     own inertia: from the algebraic Riccati equation where the linearised loop is constant, else
-    from the Riccati differential equation, backwards from the end of the horizon, with one K for
-    each of `pieces` pieces; if the reference ends as it begins, from its periodic solution. Where
-    control is sampled, the loop is discretised with its period, and the cost is a sum over
-    the instants, times the period. z is the law's own model of delays and of linear actuators,
-    which starts at 0 and knows no limits.
+    from the Riccati differential equation, backwards from S at the end of the horizon, which is
+    that of the loop as it is there, without end; with `periodic`, its periodic solution. Between
+    `pieces` + 1 knots, K and S are cubic splines. Where control is sampled, the loop is discretised
+    with its period, and the cost is a sum over the instants, times the period. z is the law's own
+    model of delays and of linear actuators, which starts at 0 and knows no limits.
 
     L = xᵀSx is the cost from x to first order. No error of finite size is claimed to decay. The
     bits of K depend on the LAPACK library.
@@ -138,7 +171,9 @@ class Lqr(Controller):
     weights
         Weights of pose, velocity and torque.
     pieces
-        Number of pieces of the horizon in each of which K is constant.
+        Number of pieces of the horizon, from knot to knot.
+    periodic
+        Whether the motion begins again after the horizon; Q_d, V_d and τ_d must be there again.
     """
 
     name: ClassVar[str] = "lqr"
@@ -150,6 +185,7 @@ class Lqr(Controller):
 
     weights: LqrWeights = field(default=LqrWeights(), metadata=STRUCTURE)
     pieces: Count = 100
+    periodic: bool = False
     # Of the design; pydantic, which reads all types, knows no arrays.
     regulator: Any = field(default=None, init=False, repr=False)  # Regulator | None
     table: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)  # RegulatorTable
@@ -182,13 +218,18 @@ class Lqr(Controller):
         Raises
         ------
         InputError
-            If no gain makes the loop stable.
+            If no gain makes the loop stable, or it is `periodic` and does not repeat.
         """
+        if self.periodic and plant.differs:
+            raise InputError(
+                f"periodic: {plant.differs}",
+                Remedy("leave periodic out, or give time.duration a period of the reference"),
+            )
         n, m = plant.B.shape[-2:]
         Q, R = np.zeros((n, n)), square(self.weights.torque, m, G)
         for k, weight in enumerate((self.weights.pose, self.weights.velocity)):
             Q[k * m : (k + 1) * m, k * m : (k + 1) * m] = square(weight, m, G)
-        design = _Design(plant, Q, R)
+        design = _Design(plant, Q, R, self.periodic)
         states = slice(2 * m, n)
         model = ActuatorModel(plant.A[0][states, states], plant.B[0][states]) if n > 2 * m else None
         if len(plant.times) == 1:
@@ -215,7 +256,7 @@ class Lqr(Controller):
     def torque(self, s: Tracking) -> Array:
         """τ_d − f_d − K x, body frame."""
         now, torque = self._at(s.t), self.feedforward_torque(s)
-        return torque if now is None else torque - apply_matrix(now.gain, self.state(s))
+        return torque if now is None else torque - apply_matrix(now.gain_at(s.t), self.state(s))
 
     def errors(self, s: Tracking) -> tuple[Array, Array]:
         """Return ε and e."""
@@ -240,7 +281,7 @@ class Lqr(Controller):
 
     def _value(self, s: Tracking) -> Array:
         now, n = self._at(s.t), 2 * s.G.dimension
-        return np.zeros((n, n)) if now is None else now.value
+        return np.zeros((n, n)) if now is None else now.value_at(s.t)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the length of the modelled states of the actuators."""
@@ -263,8 +304,8 @@ class Lqr(Controller):
 class _Design:
     """The Riccati equations of a linear plant with the weights Q of x and R of u."""
 
-    def __init__(self, plant: LinearPlant, Q: Array, R: Array) -> None:
-        self.plant = plant
+    def __init__(self, plant: LinearPlant, Q: Array, R: Array, periodic: bool = False) -> None:
+        self.plant, self.periodic = plant, periodic
         step = plant.period or 1.0  # a sampled cost is a sum over instants, times the period
         self.Q, self.R = step * Q, step * R
 
@@ -278,7 +319,7 @@ class _Design:
         with suppress(np.linalg.LinAlgError, ValueError):  # there is no S, or it is not finite
             S = solve(A, B, self.Q, self.R)
             S = (S + S.T) / 2
-            gain = self._gain(k, S)
+            gain = self._gain(A, B, S)
             eigenvalues = np.linalg.eigvals(A - B @ gain)
             growth = np.abs(eigenvalues).max() - 1 if sampled else eigenvalues.real.max()
             if growth < -LEAST_DECAY * np.abs(eigenvalues).max():
@@ -290,48 +331,55 @@ class _Design:
         )
 
     def over_time(self) -> RegulatorTable:
-        """Return the regulators of all pieces, backwards from the end of the horizon."""
-        plant = self.plant
-        S, steps = self.constant(len(plant.times) - 1).value, list[tuple[Array, Array]]()
-        for _ in range(SWEEPS if plant.is_periodic else 1):
-            after, steps = S, []
-            for k in reversed(range(len(plant.times))):
-                middle = self._earlier(k, S, plant.periods // 2)
-                steps.append((self._gain(k, middle), middle))
-                S = self._earlier(k, middle, plant.periods - plant.periods // 2)
+        """Return the regulators over time, backwards from the end of the horizon."""
+        times = self.plant.times
+        S, regulators = self.constant(len(times) - 1).value, list[Regulator]()
+        for _ in range(SWEEPS if self.periodic else 1):
+            after, regulators = S, []
+            for k in reversed(range(len(times))):
+                regulators.append(self._earlier(k, S))
+                S = regulators[-1].value
             if np.abs(S - after).max() <= SETTLED * np.abs(S).max():
                 break
-        gains, values = map(np.array, zip(*reversed(steps), strict=True))
-        return RegulatorTable(plant.times - plant.piece / 2, gains, values)
+        return RegulatorTable.through(times, regulators[::-1])
 
-    def _gain(self, k: int, S: Array) -> Array:
-        A, B = self.plant.A[k], self.plant.B[k]
+    def _gain(self, A: Array, B: Array, S: Array) -> Array:
         if self.plant.period is None:
             return np.linalg.solve(self.R, B.T @ S)
         return np.linalg.solve(self.R + B.T @ S @ B, B.T @ S @ A)
 
-    def _earlier(self, k: int, S: Array, periods: int) -> Array:
-        """Return S some periods earlier, or half a piece of a continuous loop."""
-        if self.plant.period is not None:
-            A, B = self.plant.A[k], self.plant.B[k]
-            for _ in range(periods):
-                S = self.Q + A.T @ S @ (A - B @ self._gain(k, S))
-        else:
-            n = len(S)
-            X = self._half_pieces[k] @ np.concatenate([np.eye(n), S])
-            S = np.linalg.solve(X[:n].T, X[n:].T).T
-        return (S + S.T) / 2
+    def _earlier(self, k: int, S: Array) -> Regulator:
+        """Return the regulator at a knot from S at the next one or, for the last, at the end."""
+        times, A, B, period = self.plant.times, self.plant.A, self.plant.B, self.plant.period
+        following, n = min(k + 1, len(times) - 1), len(S)
+        if period is None:
+            if following > k:
+                X = self._pieces[k] @ np.concatenate([np.eye(n), S])
+                S = np.linalg.solve(X[:n].T, X[n:].T).T
+                S = (S + S.T) / 2
+            return Regulator(self._gain(A[k], B[k], S), S)
+        instants = max(1, round((times[following] - times[k]) / period))
+        for share in np.arange(instants)[::-1] / instants:
+            A_now, B_now = (each[k] + share * (each[following] - each[k]) for each in (A, B))
+            gain = self._gain(A_now, B_now, S)
+            S = self.Q + A_now.T @ S @ (A_now - B_now @ gain)
+            S = (S + S.T) / 2
+        return Regulator(gain, S)
 
     @cached_property
-    def _half_pieces(self) -> Array:
-        """How (X, SX) goes back by half a piece: −Ṡ = AᵀS + SA − SBR⁻¹BᵀS + Q is linear in them."""
+    def _pieces(self) -> Array:
+        """How (X, SX) goes back by a piece: −Ṡ = AᵀS + SA − SBR⁻¹BᵀS + Q is linear in them.
+
+        The matrix of a piece is the mean of those at its ends.
+        """
         from scipy.linalg import expm
 
         A, B = self.plant.A, self.plant.B
         moved = B @ np.linalg.solve(self.R, np.swapaxes(B, 1, 2))
         weights = np.broadcast_to(self.Q, A.shape)
         hamiltonian = np.block([[A, -moved], [-weights, -np.swapaxes(A, 1, 2)]])
-        return expm(-self.plant.piece / 2 * hamiltonian)
+        steps = np.diff(self.plant.times)[:, None, None]
+        return expm(-steps / 2 * (hamiltonian[1:] + hamiltonian[:-1]))
 
 
 # The linear-quadratic regulator in the error coordinates of a symmetry of rigid motions -----------

@@ -607,10 +607,13 @@ def _designed(experiment: Experiment, index: dict[str, int], problems: Problems)
         if not (count := loop.controller.pieces):
             continue
         with problems.catching("controllers", index[label]):
-            control, piece = loop.vehicle.control, horizon / count
-            if control is not None:  # a whole number of periods
-                piece = control.period * max(1, round(piece / control.period))
-            times = np.concatenate([[0.0], np.arange(piece / 2, horizon, piece), [horizon]])
+            times = np.linspace(0.0, horizon, count + 1)
+            if (control := loop.vehicle.control) is not None:
+                last = max(1, math.ceil(horizon / control.period - 1e-9)) - 1
+                step = max(1, round(horizon / count / control.period))
+                middles = control.period * (0.5 + np.unique([*range(0, last, step), last]))
+                times = np.minimum(middles, horizon)
+            times = np.array([0.0, *times, horizon])
             shown = reference_over_horizon(experiment, times)
             if shown.spent or not shown.finite.all():
                 return experiment  # the checks of the reference say so

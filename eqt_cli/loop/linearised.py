@@ -34,7 +34,7 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     Parameters
     ----------
     times : (k + 2,)
-        The begin of the horizon, the middles of its k equal pieces, and its end, s.
+        The begin of the horizon, the times of the k matrices of `LinearPlant`, and the end, s.
     poses, velocities
         Q_d and V_d at these times, ``(k + 2, d, d)`` and ``(k + 2, m)``.
 
@@ -53,12 +53,28 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     A, B, period = linear.closed, linear.phases[0].B, linear.period
     if len(linear.phases) > 1:
         raise InputError("actuators slower than the law have no regulator; shorten their period")
-    pieces = slice(1) if linear.is_constant else slice(1, -1)
-    piece = 2 * float(times[1] - times[0])
-    periods = 1 if period is None else round(piece / period)
-    is_periodic = bool(np.abs(A[0] - A[-1]).max() <= SAME * np.abs(A).max())
-    plant = LinearPlant(times[pieces], A[pieces], B[pieces], period, piece, periods, is_periodic)
+    plant = LinearPlant(np.zeros(1), A[:1], B[:1], period)
+    if not linear.is_constant:
+        knots = times[1:-1] if period is None else period * np.floor(times[1:-1] / period)
+        plant = LinearPlant(knots, A[1:-1], B[1:-1], period, _differs(linear.about, A=A, B=B))
     return dataclasses.replace(loop, controller=loop.controller.designed(loop.group, plant))
+
+
+def _differs(about: "_About", **matrices: Array) -> str:
+    """Return what is not at the last time as at the first, in words; "" where all repeats."""
+    s = about.loop.tracking(about.times, about.states)
+    parts = {"Q_d": s.Qd, "V_d": s.Vd, "τ_d": s.tau_d + 0.0 * s.P, **matrices}
+    for name, values in parts.items():
+        change = np.abs(values[-1] - values[0])
+        if not change.max() <= SAME * np.abs(values).max():
+            entry = np.unravel_index(change.argmax(), change.shape)
+            first, last = (f"{values[place][entry]:.6g}" for place in (0, -1))
+            place = ", ".join(str(k) for k in entry)
+            return (
+                f"{name}[{place}] is {first} at the begin of the horizon and {last} at its end, "
+                f"{about.times[-1]:g} s, a difference of {change[entry]:.3g}"
+            )
+    return ""
 
 
 STEP = 1e-4

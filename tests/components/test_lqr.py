@@ -4,12 +4,14 @@ With x = (ε, e), Q = Q_d exp(ε) and V = V_d + ad_{V_d}ε + e to first order, �
 ė = ∂V̇/∂V (ad_{V_d}ε + e) − ad_{V̇_d}ε − ad_{V_d}e + 𝕀⁻¹u, where 𝕀V̇ = ad*_V 𝕀V.
 """
 
+import functools
+
 import numpy as np
 import pytest
 import yaml
 from case_tables import refusal, slow
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm, logm, solve_discrete_are
+from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_are
 
 import eqt_cli
 from eqt_cli.base.errors import ConfigError
@@ -88,53 +90,163 @@ def test_a_sampled_late_loop_has_the_gains_of_the_dense_equation(axis):
     assert np.abs(row[6:9]).max() < GAINS
 
 
-def test_along_a_periodic_reference_gains_are_those_of_the_periodic_solution():
-    """The gain of each piece against −Ṡ = AᵀS + SA − SBBᵀS + Q, after two periods."""
-    rates = {"kind": "rates", "rates": RATES}
-    table = law_of(
-        controllers=[{"kind": "lqr", "pieces": 200}], reference=rates, time={"duration": 5.0}
-    ).table
-    inverse, B = np.diag(1 / J), np.vstack([np.zeros((3, 3)), np.diag(1 / J)])
-    rate = 2 * np.pi / 5
+# Along references that move: R_d = exp(a e_z) exp(b e_x), with ω = (ḃ, ȧ sin b, ȧ cos b).
 
-    def plant(t):
-        w = np.array([0.5 * np.cos(rate * t), 0.3, 0.4 * np.sin(rate * t)])
-        w_dot = rate * np.array([-0.5 * np.sin(rate * t), 0.0, 0.4 * np.cos(rate * t)])
-        slope = inverse @ (hat(J * w) - hat(w) * J)
-        lower = [slope @ hat(w) - hat(w_dot), slope - hat(w)]
-        return np.block([[np.zeros((3, 3)), np.eye(3)], lower])
+REPEATS = 5.0
+MOTIONS = {
+    "path": {
+        "kind": "path",
+        "factors": [
+            {"axis": "wz", "by": f"0.6*sin(2*pi*t/{REPEATS})"},
+            {"axis": "wx", "by": f"0.4*sin(4*pi*t/{REPEATS})"},
+        ],
+    },
+    "slew": {"kind": "slew", "to": {"rotvec": [2, 0, 0]}, "start": 1.0, "duration": REPEATS - 2},
+}
+
+
+def turning(kind, **changes):
+    """A configuration that turns and returns, or slews from rest to rest."""
+    return {"reference": MOTIONS[kind], "time": {"duration": REPEATS}, **changes}
+
+
+def angles(kind, t):
+    """(a, b) and their two derivatives."""
+    if kind == "path":
+        rates = np.array([2, 4]) * np.pi / REPEATS
+        phase, size = rates * t, np.array([0.6, 0.4])
+        return size * [np.sin(phase), rates * np.cos(phase), -(rates**2) * np.sin(phase)]
+    length = REPEATS - 2
+    s = np.clip((t - 1) / length, 0, 1)
+    rows = (
+        10 * s**3 - 15 * s**4 + 6 * s**5,
+        30 * s**2 * (1 - s) ** 2,
+        60 * s * (1 - s) * (1 - 2 * s),
+    )
+    return np.array([[0, 2 * row / length**k] for k, row in enumerate(rows)])
+
+
+INVERSE = np.diag(1 / J)
+B = np.vstack([np.zeros((3, 3)), INVERSE])
+
+
+def plant(kind, t):
+    """A at time t, by hand."""
+    (_, b), (da, db), (dda, ddb) = angles(kind, t)
+    w = np.array([db, da * np.sin(b), da * np.cos(b)])
+    w_dot = [ddb, dda * np.sin(b) + da * db * np.cos(b), dda * np.cos(b) - da * db * np.sin(b)]
+    slope = INVERSE @ (hat(J * w) - hat(w) * J)
+    lower = [slope @ hat(w) - hat(np.array(w_dot)), slope - hat(w)]
+    return np.block([[np.zeros((3, 3)), np.eye(3)], lower])
+
+
+@functools.cache
+def values(kind, periods=1):
+    """S as a function over the last horizon, from its stationary value at the end."""
 
     def riccati(before, flat):
-        S, A = flat.reshape(6, 6), plant(-before)
+        S, A = flat.reshape(6, 6), plant(kind, -before % REPEATS)
         return (A.T @ S + S @ A - S @ B @ B.T @ S + np.eye(6)).ravel()
 
-    found = solve_ivp(riccati, (0, 15), np.eye(6).ravel(), rtol=1e-6, atol=1e-8, dense_output=True)
-    middles = table.knots + 5.0 / 400
-    expected = [B.T @ found.sol(15 - t).reshape(6, 6) for t in middles]
-    # A is held over pieces of 25 ms: to second order, measured 3.7e-4.
-    np.testing.assert_allclose(table.gains, expected, rtol=0, atol=6e-4)
+    last = plant(kind, REPEATS)
+    end = solve_continuous_are(last, B, np.eye(6), np.eye(3)).ravel()
+    span, bounds = (0, periods * REPEATS), {"rtol": 1e-10, "atol": 1e-12}
+    found = solve_ivp(riccati, span, end, "DOP853", dense_output=True, **bounds)
+    return lambda t: found.sol(periods * REPEATS - t).reshape(6, 6)
+
+
+def errors(kind, pieces, **law):
+    """The largest errors of K and S, relative, at times between all knots, and at the end."""
+    options = {"kind": "lqr", "pieces": pieces, **law}
+    table = law_of(**turning(kind, controllers=[options])).table
+    times = np.append(np.linspace(0.0, REPEATS, 307, endpoint=False), REPEATS)
+    S = np.array([values(kind, 3 if law else 1)(t) for t in times])
+    now = table.at(times)
+    pairs = (now.gain_at(times), B.T @ S), (now.value_at(times), S)
+    return np.array([np.abs(found - true).max() / np.abs(true).max() for found, true in pairs])
+
+
+@pytest.mark.parametrize(
+    ("kind", "law"), [("path", {}), ("path", {"periodic": True}), ("slew", {})]
+)
+def test_gains_and_values_at_all_times_are_wrong_by_the_square_of_a_piece(kind, law):
+    """Against −Ṡ = AᵀS + SA − SBBᵀS + I: twice the pieces, a quarter of the error."""
+    few, many = (errors(kind, pieces, **law) for pieces in (50, 100))
+    assert (few < 1e-2).all()  # of pieces of 0.1 s; measured 8.3e-3
+    np.testing.assert_allclose(few / many, 4.0, rtol=0.05)
+
+
+def test_a_slew_from_rest_to_rest_ends_with_the_gains_at_rest():
+    """Nothing repeats: its loop goes on at rest, without end, as in the closed form above."""
+    table = law_of(**turning("slew")).table
+    gain = table.at(REPEATS).gain_at(REPEATS)
+    expected = np.hstack([np.eye(3), np.diag(np.sqrt(1 + 2 * J))])
+    np.testing.assert_allclose(gain, expected, rtol=0, atol=GAINS)
+    first = table.at(0.0).gain_at(0.0)
+    assert np.abs(first - B.T @ values("slew")(0.0)).max() < 1e-3
+    assert np.abs(first - expected).max() > 1e-2
+
+
+@pytest.mark.parametrize("kind", ["path", "slew"])
+@pytest.mark.parametrize("velocity", [1.0, 0.0])
+def test_the_cost_to_come_falls_along_a_reference_that_moves(kind, velocity):
+    """ẋ = (A − BK)x by an integration here; L falls by the cost, to the square of a piece."""
+    weights = {"velocity": velocity}
+    law = {"kind": "lqr", "weights": weights}
+    table = law_of(**turning(kind, controllers=[law])).table
+    times = np.linspace(0.0, REPEATS, 501)
+    Q = np.diag([1.0] * 3 + [velocity] * 3)
+
+    def rates(t, flat):
+        x = flat[:36].reshape(6, 6)
+        K = table.at(t).gain_at(t)
+        running = (x * (Q @ x)).sum(axis=0) + ((K @ x) ** 2).sum(axis=0)
+        return np.concatenate([((plant(kind, t) - B @ K) @ x).ravel(), running])
+
+    start = np.concatenate([np.eye(6).ravel(), np.zeros(6)])
+    found = solve_ivp(rates, (0, REPEATS), start, t_eval=times, rtol=1e-9, atol=1e-12).y
+    x = np.moveaxis(found[:36].reshape(6, 6, -1), -1, 0)
+    S = table.at(times).value_at(times)
+    L = np.einsum("tik,tij,tjk->tk", x, S, x)
+    assert (np.diff(L, axis=0) < 0).all()
+    np.testing.assert_allclose(L + found[36:].T, np.broadcast_to(L[0], L.shape), rtol=3e-3)
+
+
+def test_gains_of_a_sampled_loop_that_moves_are_those_of_its_recursion():
+    """One knot in each of ten instants, or in each: the same to the square of a piece."""
+    found = []
+    for pieces in (10, 20, 100):
+        law = {"kind": "lqr", "pieces": pieces}
+        made = turning("path", controllers=[law], control={"period": 0.05})
+        found.append(law_of(**made).table)
+    times = 0.05 * np.arange(100)
+    few, many, all_of_them = (each.at(times).gain_at(times) for each in found)
+    late = np.abs(few - all_of_them).max(), np.abs(many - all_of_them).max()
+    assert late[0] < 0.2 * np.abs(all_of_them).max() and 3.5 < late[0] / late[1] < 5.0
 
 
 @pytest.mark.parametrize("last", [0.99, 0.8], ids=["from above", "from below"])
 def test_a_regulator_that_decays_slowly_over_a_period_is_periodic(last):
-    """Against one recursion over 300 periods of three pieces, of three instants each.
+    """Against one recursion over 300 periods of nine instants, of which four are knots.
 
-    S begins with the constant gain of the last piece, and the first period reaches neither bound.
+    S begins with the constant gain of the last knot, and the first period reaches neither bound.
     """
-    A, B = np.array([0.95, 1.01, last])[:, None, None], np.ones((3, 1, 1))
-    Q, R, middles = np.array([[1.0]]), np.array([[400.0]]), []
-    plant = LinearPlant(0.3 * np.arange(3) + 0.15, A, B, 0.1, 0.3, 3, True)
-    table = _Design(plant, Q, R).over_time()
-    S = 1.0
+    knots = np.array([0, 3, 6, 8])
+    A = np.array([0.95, 1.01, last, 0.9])[:, None, None]
+    Q, R, found = np.array([[1.0]]), np.array([[400.0]]), []
+    plant = LinearPlant(0.1 * knots, A, np.ones((4, 1, 1)), 0.1)
+    table = _Design(plant, Q, R, periodic=True).over_time()
+    each, S = np.interp(np.arange(9), knots, A[:, 0, 0]), 1.0
     for instant in reversed(range(9 * 300)):
-        a = A[instant // 3 % 3, 0, 0]
+        a = each[instant % 9]
+        gain = S * a / (0.1 * R[0, 0] + S)
         S = 0.1 * Q[0, 0] + a * S * a * (1 - S / (0.1 * R[0, 0] + S))
-        if instant < 9 and instant % 3 == 2:
-            middles.append((S * a / (0.1 * R[0, 0] + S), S))
-    gains, values = np.array(middles[::-1]).T
-    np.testing.assert_allclose(table.values[:, 0, 0], values, rtol=1e-8)
-    np.testing.assert_allclose(table.gains[:, 0, 0], gains, rtol=1e-8)
-    np.testing.assert_allclose(table.knots, 0.3 * np.arange(3), atol=1e-15)
+        if instant in knots:
+            found.append((gain, S))
+    gains, values = np.array(found[::-1]).T
+    at, times = table.at(0.1 * knots), 0.1 * knots
+    np.testing.assert_allclose(at.value_at(times)[:, 0, 0], values, rtol=1e-8)
+    np.testing.assert_allclose(at.gain_at(times)[:, 0, 0], gains, rtol=1e-8)
 
 
 @pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
@@ -264,6 +376,28 @@ def test_weights_that_give_no_regulator_are_refused(options, message):
         ConfigError, law_of, controllers=[{"kind": "lqr", **options}]
     ).partition(": ")
     assert place.startswith("config:") and said == f"controllers[0]{message}"
+
+
+@pytest.mark.parametrize(
+    ("reference", "duration", "differs", "difference"),
+    [
+        (MOTIONS["slew"], 5.0,
+         "Q_d[1, 1] is 1 at the begin of the horizon and -0.416147 at its end, 5 s", "1.42"),
+        ({"kind": "path", "factors": [{"axis": "wz", "by": "sin(t)"}]}, np.pi,
+         "V_d[2] is 1 at the begin of the horizon and -1 at its end, 3.14159 s", "2"),
+        ({"kind": "path", "factors": [{"axis": "wz", "by": "t*(t-1)**3"}]}, 1.0,
+         "V_d[2] is -1 at the begin of the horizon and 0 at its end, 1 s", "1"),
+        ({"kind": "path", "factors": [{"axis": "wz", "by": "t**2*(t-1)**3"}]}, 1.0,
+         "τ_d[2] is -6 at the begin of the horizon and 0 at its end, 1 s", "6"),
+    ],
+)  # fmt: skip
+def test_a_motion_that_does_not_repeat_is_not_periodic(reference, duration, differs, difference):
+    law = [{"kind": "lqr", "periodic": True}]
+    changes = {"reference": reference, "controllers": law, "time": {"duration": duration}}
+    assert refusal(ConfigError, law_of, **changes).partition(": ")[2] == (
+        f"controllers[0]: periodic: {differs}, a difference of {difference}; leave periodic out, "
+        "or give time.duration a period of the reference"
+    )
 
 
 def test_laws_that_read_no_gains_need_none_and_compensate_known_forces():

@@ -9,7 +9,7 @@ import functools
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 
 import eqt_cli
 
@@ -105,53 +105,56 @@ Q = np.diag([4.0] * 3 + [2.0] * 3 + [0.5] * 6)
 R = np.diag([2.0] * 3 + [0.1] * 3)
 
 
-def periodic():
-    """S as a function, integrated backwards over 8 periods; each shrinks what is left by 40."""
+def values():
+    """S as a function, integrated backwards from its stationary value at the end."""
 
     def riccati(before, flat):
-        S, (A, B) = flat.reshape(12, 12), plant(-before)
+        S, (A, B) = flat.reshape(12, 12), plant(REPEATS - before)
         return (A.T @ S + S @ A - S @ B @ np.linalg.solve(R, B.T @ S) + Q).ravel()
 
-    stop, bounds = 8 * REPEATS, {"rtol": 1e-9, "atol": 1e-9}
-    found = solve_ivp(riccati, (0, stop), Q.ravel(), "DOP853", dense_output=True, **bounds)
-    return lambda t: found.sol(stop - t).reshape(12, 12)
+    end = solve_continuous_are(*plant(REPEATS), Q, R).ravel()
+    bounds = {"rtol": 1e-9, "atol": 1e-9}
+    found = solve_ivp(riccati, (0, REPEATS), end, "DOP853", dense_output=True, **bounds)
+    return lambda t: found.sol(REPEATS - t).reshape(12, 12)
 
 
-@pytest.mark.slow("integrates a Riccati equation over 8 periods")
-def test_gains_tend_to_those_of_the_periodic_riccati_equation():
-    """Gains of n and 3n pieces share their times; without their h² they are right to h⁴."""
-    few, many = table_of(150), table_of(450)
-    S, times = periodic(), few.knots + REPEATS / 300
+def test_gains_tend_to_those_of_the_riccati_equation():
+    """At the knots of n pieces; without their h², those of n and 2n are right to h⁴."""
+    times = np.linspace(0.0, REPEATS, 101)
+    few, many = (table_of(pieces).at(times).gain_at(times) for pieces in (100, 200))
+    S = values()
     expected = np.array([np.linalg.solve(R, plant(t)[1].T @ S(t)) for t in times])
     size = np.abs(expected).max()
-    assert np.abs(few.gains - expected).max() < 2e-3 * size  # measured 1.6e-3
-    assert np.abs(many.gains[1::3] - expected).max() < 2.2e-4 * size  # a ninth, 1.7e-4
-    without = (9 * many.gains[1::3] - few.gains) / 8
-    assert np.abs(without - expected).max() < 1e-6 * size  # measured 1.5e-7
+    assert np.abs(few - expected).max() < 1e-2 * size
+    assert np.abs(many - expected).max() < 2.5e-3 * size  # a quarter
+    assert np.abs((4 * many - few) / 3 - expected).max() < 1e-5 * size
 
 
 SAMPLED = {"control": {"period": PERIOD, "delay": 1}}
 
 
-def test_gains_of_a_sampled_loop_are_those_of_the_periodic_difference_equation():
+def test_gains_of_a_sampled_loop_are_those_of_the_difference_equation():
     """States ε, e, the command that acts and the one on its way; A of each period at its middle."""
     period = 0.04
     count = round(REPEATS / period)
-    found = table_of(count, control={"period": period, "delay": 1}).gains
+    table, times = (
+        table_of(count, control={"period": period, "delay": 1}),
+        period * np.arange(count),
+    )
+    found = table.at(times).gain_at(times)
     B, steps = np.zeros((18, 6)), []
     B[12:] = np.eye(6)
     for k in range(count):
         rows = np.block([*plant((k + 0.5) * period)])
         both = expm(period * np.vstack([rows, np.zeros((6, 18))]))
         steps.append(np.vstack([both[:12], np.zeros((6, 18))]))
-    cost, S = np.zeros((18, 18)), np.zeros((18, 18))
+    cost, expected = np.zeros((18, 18)), []
     cost[:12, :12] = period * Q
-    for _ in range(8):
-        expected = []
-        for A in reversed(steps):
-            K = np.linalg.solve(period * R + B.T @ S @ B, B.T @ S @ A)
-            S = cost + A.T @ S @ (A - B @ K)
-            expected.insert(0, K)
+    S = solve_discrete_are(steps[-1], B, cost, period * R)
+    for A in reversed(steps):
+        K = np.linalg.solve(period * R + B.T @ S @ B, B.T @ S @ A)
+        S = cost + A.T @ S @ (A - B @ K)
+        expected.insert(0, K)
     size = np.abs(expected).max()
     own = np.concatenate([found[:, :, :12], found[:, :, 18:24]], axis=-1)
     assert np.abs(own - expected).max() < 1e-9 * size  # differences of the loop; measured 9e-11

@@ -61,6 +61,35 @@ def test_c_gives_the_same_signals(loop_with, states, in_c, group):
         np.testing.assert_allclose(found[name], expected[0], rtol=0, atol=ROUNDING, err_msg=name)
 
 
+MOVING = """group: SO3
+inertia: [1.0, 2.0, 2.5]
+reference: {kind: rates, rates: [0.5*cos(t), 0.3, 0.4*sin(t)]}
+controllers: [{kind: lqr, pieces: 7}]
+initial: {pose: {kind: exp_normal, std: 0.6}}
+ensemble: {runs: 1, seed: 4}
+time: {duration: 2, samples: 3}
+"""
+
+
+def test_c_gives_the_same_gains_and_l_between_knots(tmp_path, states, in_c):
+    path = tmp_path / "flight.yaml"
+    path.write_text(MOVING, encoding="utf-8")
+    [loop] = build(read_config(path)).loops.values()
+    [state] = states(loop, (1,))
+    field, shown = trace(loop).field, sampled(signals, loop, (len(state),))
+    for since, t in ((0.0, 0.13), (2 / 7, 0.4), (12 / 7, 2.0)):
+        held = loop.holding(since)
+        inputs = {"state": state, "time": [t], "parameters": flat(leaves(loop))}
+        inputs["held"] = flat(held.held_leaves)
+        expected = loop.holding(t).vector_field(t, state)
+        np.testing.assert_array_equal(held.vector_field(t, state), expected)
+        found = in_c(field, **inputs)["derivative"]
+        np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
+        found = in_c(shown, **inputs)["lyapunov"]
+        expected = signals(loop, np.array([t]), state[None])["lyapunov"]
+        np.testing.assert_allclose(found, expected[0], rtol=0, atol=ROUNDING)
+
+
 SAMPLED = """group: SO3
 inertia: [1.0, 2.0, 2.5]
 gains: {kp: 2, kd: 2}
