@@ -4,6 +4,7 @@ import numpy as np
 import plain_current as plain
 import pytest
 import yaml
+from scipy.linalg import solve_continuous_are
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
@@ -248,6 +249,59 @@ def test_margins_know_that_a_current_turns_a_vehicle_across():
     assert law_margins == pytest.approx(expected, abs=1e-5) and expected > 0.01
     whole = (np.array(BOAT) + np.array(SEA)).tolist()
     assert eqt_cli.margins(held(inertia=whole)).laws[0].growth.eigenvalue.real < -0.01
+
+
+def test_a_regulator_knows_the_current_and_the_added_mass():
+    """By differences of Fossen's equations about a pose that is held across the current."""
+    case, at = CASES["tide"], [0.3, -0.4, 0.9]
+    drag = {"kind": "drag", "linear": DRAG, "current": [0.4, 0.3, -0.1]}
+    forces = [drag, {"kind": "restoring", **case["restoring"]}]
+    pose = {"rotvec": at, "position": [1, 2, 3]}
+    reference = {"reference": {"kind": "constant", "pose": pose}}
+    text = config(case, model={"forces": forces}, controllers=["lqr"], **reference)
+    del text["task"], text["target"], text["gains"], text["plant"]
+    loop = eqt_cli.load_experiment(text).experiment(0).loops["lqr"]
+    vehicle = program(case | {"drag": {"linear": DRAG, "current": drag["current"]}})
+    start, M = Rotation.from_rotvec(at).as_matrix(), np.array(case["rigid"]) + case["added"]
+    hold = -M @ vehicle.acceleration(0.0, start, np.zeros(3), np.zeros(6))
+    vehicle.control = lambda R, p, V: hold
+
+    def rates(x):
+        R = start @ Rotation.from_rotvec(x[:3]).as_matrix()
+        return vehicle.acceleration(0.0, R, np.zeros(3), x[6:])
+
+    steps = 1e-5 * np.eye(12)
+    slope = np.array([(rates(e) - rates(-e)) / 2e-5 for e in steps]).T
+    A = np.block([[np.zeros((6, 6)), np.eye(6)], [slope]])
+    B = np.vstack([np.zeros((6, 6)), np.linalg.inv(M)])
+    S = solve_continuous_are(A, B, np.eye(12), np.eye(6))
+    gain = loop.controller.regulator.gain
+    np.testing.assert_allclose(gain, B.T @ S, rtol=0, atol=1e-7)  # of differences over 1e-5
+    Q = loop.reference.motion(SE3, 0.0)[0]
+    s = loop.tracking(0.0, loop.initial_state(Q, np.zeros(6), Q, np.zeros(6)))
+    np.testing.assert_allclose(loop.command(s), hold, rtol=0, atol=1e-13)
+
+
+@pytest.mark.slow("compiles and runs the loop")
+def test_certificates_know_the_work_of_a_current(tmp_path):
+    """L rises by it, which is no fault: its balance holds, and its decrease is not claimed."""
+    start = {"pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.2, 0.1, -0.3]}}
+    text = held(name="held") | {"initial": start, "time": {"duration": 5.0, "samples": 51}}
+    text |= {"solver": {"engine": "native"}}
+    result = eqt_cli.open_results(eqt_cli.run(text, tmp_path / "held"))
+    rows = {row.name: row.verdict for row in eqt_cli.verify(tmp_path / "held").rows}
+    assert rows["energy balance"] == rows["momentum balance"] == "holds"
+    assert rows["decrease of L"] == "not covered"
+    Q = result.pose.values[0, 0]
+    R, V = np.eye(3), np.zeros(6)
+    R[:2, :2] = Q[0, :2, :2]
+    vehicle = program(HELD, control=law)
+    R, p, V = vehicle.run(R, np.append(Q[0, :2, 2], 0.0), V, result.time.values)
+    M = np.array(BOAT) + SEA
+    L = np.einsum("ti,ij,tj->t", V[:, 2:5], M, V[:, 2:5]) / 2 + 2 * TURN * (1 - R[:, 0, 0]) / 2
+    L += PULL * (p[:, :2] ** 2).sum(axis=1) / 2
+    np.testing.assert_allclose(result.lyapunov.values[0, 0], L, rtol=0, atol=1e-6)
+    assert np.diff(L).max() > 0.01
 
 
 # What is said.

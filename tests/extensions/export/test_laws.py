@@ -6,6 +6,7 @@ import re
 import subprocess
 
 import numpy as np
+import plain_current as plain
 import pytest
 from case_tables import refusal, slow
 from exported_laws import ALL, FLAGS, IN_TURN, checked, compilers, law_of, library, made, written
@@ -13,6 +14,7 @@ from exported_laws import ALL, FLAGS, IN_TURN, checked, compilers, law_of, libra
 import eqt_cli
 from eqt_cli.base.errors import EqtError
 from eqt_cli.components.groups import group_named
+from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.study import Study
@@ -113,6 +115,42 @@ def test_a_regulator_whose_gains_change_at_knots_is_refused():
         "lqr: the numbers of lqr change at instants of the run, and C code has one set of them; "
         "export another law, or lqr for a reference that does not change its loop"
     )
+
+
+@pytest.mark.slow("compiles")
+def test_a_regulator_in_c_holds_a_vehicle_in_a_current(tmp_path):
+    """By Fossen's equations at the reference, and as eqt around it."""
+    body, added = [0.16, 0.16, 0.16, 11.5, 11.5, 11.5], [0.12, 0.12, 0.12, 5.5, 12.7, 14.57]
+    drag, current = [0.07, 0.07, 0.07, 4.03, 6.22, 5.18], [0.4, 0.3, -0.1]
+    known = [
+        {"kind": "drag", "linear": drag, "current": current},
+        {"kind": "restoring", "weight": 112.8, "buoyancy": 114.8, "centre_of_buoyancy": [0.02] * 3},
+    ]
+    changes = {
+        "inertia": {"rigid": body, "added": added},
+        "model": {"forces": known},
+        "reference": {"kind": "constant", "pose": {"rotvec": [0.3, -0.4, 0.9]}},
+    }
+    [law] = exported(made("SE3", ["lqr"], **changes), [], ARITHMETICS["double"])
+    loop, random, n = law.loop, np.random.default_rng(4), 20
+    G, Qd = loop.group, loop.reference.motion(loop.group, 0.0)[0]
+    x = 0.3 * random.normal(size=(n, 18)) * (np.arange(n) > 0)[:, None]  # at the reference first
+    at = {"pose": Qd @ G.exp(x[:, :6]), "velocity": x[:, 6:12]}
+    at |= {"t": np.zeros(n), "desired_pose": np.broadcast_to(Qd, (n, 4, 4))}
+    at |= {"desired_velocity": np.zeros((n, 6)), "desired_acceleration": np.zeros((n, 6))}
+    states = {INPUT + name: values.reshape(n, -1) for name, values in at.items()}
+    found = torques(
+        law,
+        library(law, written(law, tmp_path), compilers()[0]),
+        states | {MEMORY + "actuators": x[:, 12:]},
+    )
+    flow = (lambda t: np.array(current)), (lambda t: np.zeros(3))
+    lift = {"weight": 112.8, "buoyancy": 114.8, "at": [0.02] * 3}
+    vehicle = plain.Vehicle(body, added, drag, np.zeros((6, 6)), *flow, **lift)
+    rates = vehicle.acceleration(0.0, Qd[:3, :3], np.zeros(3), np.zeros(6))
+    np.testing.assert_allclose(found[0], -np.add(body, added) * rates, rtol=0, atol=1e-13)
+    s = LawInput(**at).tracking(G, loop.inertia, loop.gains, {"actuators": x[:, 12:]})
+    np.testing.assert_allclose(found, loop.controller.torque(s), rtol=0, atol=1e-12)
 
 
 def judge(law, folder, count):

@@ -5,7 +5,9 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import plain_current as plain
 import pytest
+from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.api.loading import source_from
@@ -16,7 +18,7 @@ from eqt_cli.components.recording_check import read_recording
 from eqt_cli.components.references import LogReference
 from eqt_cli.config.experiment import build
 from eqt_cli.extensions.recordings.prediction import Replay
-from tests.extensions.recordings.conftest import DRAG, NOISE, RELATIVE, model, true_plant
+from tests.extensions.recordings.conftest import DRAG, NAMES, NOISE, RELATIVE, model, true_plant
 
 INERTIA, ABOUT, ALONG = (
     "plant.inertia.relative",
@@ -35,6 +37,33 @@ def test_the_true_numbers_are_found(recorded):
     written = eqt_cli.load_experiment(found.config).base.resolved
     assert written["plant"]["inertia"]["relative"] == found.numbers[0].value
     assert written["plant"]["forces"][0]["linear"] == [found.numbers[1].value] * 3
+
+
+@pytest.mark.slow("integrates 60 pieces here, and compiles")
+def test_added_mass_and_a_current_are_found(tmp_path, monkeypatch):
+    """From a motion by Fossen's equations, under a wrench that is held from row to row."""
+    monkeypatch.chdir(tmp_path)
+    body, added = [0.16, 0.18, 0.2, 11.5, 11.5, 11.5], [0.12, 0.1, 0.14, 5.5, 12.7, 14.57]
+    drag, current, period = [0.07, 0.07, 0.07, 4.03, 6.22, 5.18], [0.4, 0.3, -0.1], 0.04
+    flow = (lambda t: np.array(current)), (lambda t: np.zeros(3))
+    vehicle = plain.Vehicle(body, added, drag, np.zeros((6, 6)), *flow)
+    R, p, V, rows = np.eye(3), np.zeros(3), np.zeros(6), []
+    for k in range(76):
+        wrench = np.array([0.05, 0.06, 0.05, 6, 6, 5]) * np.sin(0.1 * k + np.arange(6))
+        turned = Rotation.from_matrix(R).as_quat()
+        rows.append([k * period, *turned, *V[:3], *wrench[:3], *p, *V[3:], *wrench[3:]])
+        vehicle.control = lambda R, p, V, wrench=wrench: wrench
+        R, p, V = (each[-1] for each in vehicle.run(R, p, V, np.array([0.0, period])))
+    header = ",".join((NAMES["SO3"] + NAMES["SE3"]).split())
+    np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="", fmt="%.17g")
+    forces = [{"kind": "drag", "linear": drag, "current": [0.1, 0.1, -0.1]}]
+    inertia = {"rigid": body, "added": [*added[:3], 8.0, 8.0, 14.57]}
+    plant = {"inertia": inertia, "forces": forces}
+    config = model("SE3", inertia={"rigid": body, "added": added}, plant=plant)
+    keys = [f"plant.inertia.added[{k}]" for k in (3, 4)]
+    keys += [f"plant.forces[0].current[{k}]" for k in (0, 1)]
+    found = eqt_cli.fit(config, "flight.csv", keys, {"velocity": "body"}, horizon=0.4)
+    assert [n.value for n in found.numbers] == pytest.approx([5.5, 12.7, 0.4, 0.3], rel=1e-7)
 
 
 def test_noise_is_all_that_is_left(recorded):
