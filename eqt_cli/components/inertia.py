@@ -224,7 +224,7 @@ def with_other_products(G: MatrixLieGroup, matrices: Array) -> Array:
     return matrices * signs
 
 
-UNEQUAL, DENSITIES = 10, (1e-3, 1e5)
+UNEQUAL, DENSITIES = 10, (1e-2, 1e5)
 """Ratio of masses by direction, and mean densities within the radius of gyration, kg/m³, beyond
 which moments and masses look exchanged."""
 

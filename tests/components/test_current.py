@@ -428,6 +428,7 @@ ORDER += "rotation comes first: move the last {} rows and columns to the front"
         ("SE3", [11.5, 11.5, 11.5, 0.16, 0.16, 0.16], True),  # BlueROV2
         ("SE3", [17.0, 24.2, 26.07, 0.28, 0.28, 0.28], True),
         ("SE3", [30.5, 30.5, 30.5, 0.177, 3.45, 3.45], True),  # REMUS
+        ("SE3", [50.0, 60.0, 60.0, 0.8, 3.0, 3.0], True),  # with added mass, shorter
         ("SE3", [0.03, 0.03, 0.03, 1.43e-5, 1.43e-5, 2.89e-5], True),  # Crazyflie
         ("SE2", [[25.8, 0, 0], [0, 33.8, 1.01], [0, 1.01, 2.76]], True),  # CyberShip II
         ("SE2", [5.3e6, 8.3e6, 3.7e9], True),  # a supply vessel
