@@ -23,6 +23,9 @@ GROUP_TOLERANCE = 1e-9
 ANGLES = ("rotvec", "angles")
 """Keys of a pose that hold angles."""
 
+HALF_TURN = 180 * (1 + 1e-9)
+"""Angle, deg, beyond which a turn is more than half of one, but for decimals."""
+
 QUATERNION_TOLERANCE = 1e-3
 """Largest difference of a quaternion's norm from 1, as left by rounding to three digits."""
 
@@ -222,6 +225,40 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     if problems:
         return None
     return rotation_of_euler(sequence, np.array(angles))
+
+
+# Turns that poses do not count ----------------------------------------------------------------
+
+
+def check_turn(first: Any, second: Any, G: MatrixLieGroup, problems: Problems) -> None:
+    """Note a motion between two poses whose angles say another way than the shorter one."""
+    start, end = (_turn_as_written(value, G) for value in (first, second))
+    if start is None or end is None:
+        return
+    sizes = [float(np.degrees(np.linalg.norm(turn))) for turn in (start, end, end - start)]
+    if min(max(sizes[:2]), sizes[2]) > HALF_TURN:
+        degrees = f"; write '{np.radians(sizes[2]):.6g} deg' if degrees were meant"
+        problems.add(
+            f"turns by {sizes[2]:.6g} deg, as written, but poses do not count turns, so that the "
+            "motion would take the shorter way; go by waypoints at most 180 deg from each other"
+            + degrees
+            * (sizes[2] > 360)
+        )
+
+
+def _turn_as_written(value: Any, G: MatrixLieGroup) -> Array | None:
+    """Return the rotation vector by which a pose is written, or that of its rotation."""
+    pose = pose_from(value, G, Problems())
+    if pose is None or not isinstance(G, EuclideanGroup) or not G.rotations:
+        return None
+    rotvec, euler = (value.get(k) if isinstance(value, dict) else None for k in ("rotvec", "euler"))
+    if rotvec is not None:
+        return vector(validated(Angle | list[Angle], rotvec, Problems()), G.rotations, G)
+    angles = validated(list[Angle], euler["angles"], Problems()) if euler else []
+    if euler is None or np.count_nonzero(angles) > 1:
+        return G.log(pose)[: G.rotations]
+    axes = np.eye(3)[["xyz".index(axis) for axis in euler["sequence"].lower()]]
+    return np.asarray(angles @ axes)
 
 
 # Numbers that are meant as degrees ------------------------------------------------------------

@@ -19,7 +19,7 @@ from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import TimeVarying
-from eqt_cli.components.pose_notation import pose_from, vector
+from eqt_cli.components.pose_notation import check_turn, pose_from, vector
 from eqt_cli.components.recording import coordinate_names
 from eqt_cli.components.recording_check import RecordingInFile
 from eqt_cli.numbers.jets import Jet, series, value_and_derivative
@@ -537,6 +537,7 @@ class SlewReference(PiecewiseReference):
         """Note invalid poses."""
         for option, pose in (("from", self.from_), ("to", self.to)):
             pose_from(pose, G, problems.at(option))
+        check_turn(self.from_, self.to, G, problems.at("to"))
 
 
 @dataclass(frozen=True)

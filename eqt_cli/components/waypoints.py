@@ -20,7 +20,7 @@ from eqt_cli.base.option_types import Positive, Real, Unit, unknown_key, validat
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.log_table import MAPPING
 from eqt_cli.components.motions import Pieces, spline
-from eqt_cli.components.pose_notation import pose_from
+from eqt_cli.components.pose_notation import check_turn, pose_from
 from eqt_cli.components.recording_check import InFile, notes
 from eqt_cli.components.references import PiecewiseReference, check_rising
 
@@ -381,6 +381,8 @@ class WaypointsReference(InFile, PiecewiseReference):
     def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
         for index, point in enumerate(points):
             pose_from(point.pose, G, problems.at(index, "pose"))
+            if index:
+                check_turn(points[index - 1].pose, point.pose, G, problems.at(index, "pose"))
         check_rising(points, problems)
 
 
