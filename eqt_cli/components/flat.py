@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
@@ -19,7 +20,7 @@ from eqt_cli.base.arrays import (
     transpose,
     where,
 )
-from eqt_cli.base.errors import Problems, Remedy
+from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Kind, Real, Unit
 from eqt_cli.components import motions
@@ -46,6 +47,9 @@ WEAK = 0.01
 
 SAMPLES = 1001
 """Times at which the thrust is checked; between them by its rate."""
+
+NOISE = 0.1
+"""Acceleration, m/s², by noise from row to row above which a recording is to be smoothed."""
 
 FREE, ALONG_VELOCITY = "free", "velocity"
 
@@ -87,7 +91,8 @@ class FlatReference(ClosedReference):
         last: polynomials of degree 7, whose first six derivatives have no jumps in between.
     of
         Instead, the positions of a reference: of a `path`, or, through the poses of `waypoints` or
-        of a `log`, a motion of minimum snap.
+        of a `log`, a motion of minimum snap; through those of a file with its velocities at the
+        ends.
     heading
         ψ in space, rad: an expression in t (default 0); `velocity`: horizontally along ṗ_d; `free`:
         no law is to follow it, and Q_d has ψ = 0. SE3 only.
@@ -201,14 +206,26 @@ class FlatReference(ClosedReference):
         from scipy.interpolate import make_interp_spline  # slow to import
 
         times, points = self._knots(G)
-        rest = [(k, np.zeros(points.shape[1])) for k in (1, 2, 3)]
-        spline = make_interp_spline(times, points, DEGREE, bc_type=(rest, rest))
+        ends = self._end_velocities(G, times)
+        rest = [(k, np.zeros(points.shape[1])) for k in (2, 3)]
+        spline = make_interp_spline(
+            times, points, DEGREE, bc_type=tuple([(1, v), *rest] for v in ends)
+        )
         starts, powers = times[:-1], range(DEGREE + 1)
         between = np.stack([spline(starts, nu=k) / math.factorial(k) for k in powers], axis=1)
-        still = np.zeros((2, *between.shape[1:]))
-        still[:, 0] = points[0], points[-1]
         starts = np.array([min(times[0], 0.0) - 1.0, *times])
-        return starts, np.concatenate([still[:1], between, still[1:]])
+        even = np.zeros((2, *between.shape[1:]))
+        even[:, 0] = points[0] - ends[0] * (times[0] - starts[0]), points[-1]
+        even[:, 1] = ends
+        return starts, np.concatenate([even[:1], between, even[1:]])
+
+    def _end_velocities(self, G: MatrixLieGroup, times: Array) -> Array:
+        """Return the velocities at the first and the last knot, in space: of a recording, its."""
+        G, velocities = rigid(G), np.zeros((2, rigid(G).space))
+        if self.inner is not None and self.inner.files:
+            Q, V, _ = self.inner.motion(G, times[[0, -1]])
+            velocities = apply_matrix(G.rotation(Q), V[..., G.rotations :])
+        return velocities
 
     def _piece(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
         """Return the start and the coefficients of the piece at a time, or at each of some."""
@@ -368,8 +385,24 @@ class FlatReference(ClosedReference):
             self.inner.check(G, problems)
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """Yield those of the reference in `of`."""
-        yield from () if self.inner is None else self.inner.remarks(G)
+        """Yield those of the reference in `of`, and the smoothing that a recording needs."""
+        if self.inner is None:
+            return
+        yield from self.inner.remarks(G)
+        if not self.inner.files or getattr(self.inner, "smoothing", None) is not None:
+            return
+        from eqt_cli.components.waypoints import smoothed
+
+        times = self.inner.knot_times(G)
+        with suppress(InputError):
+            noise = smoothed(G, times, self.inner.motion(G, times)[0], [None] * len(G.parts))
+            if noise.residuals[-1] > NOISE * np.median(np.diff(times)) ** 2:
+                each = zip(G.parts, noise.residuals, strict=True)
+                sizes = ", ".join(f"{part.name}: {size:.2g}" for part, size in each)
+                yield (
+                    "goes through every row, noise included, which four derivatives make large; "
+                    f"write `of: {{kind: waypoints, file: …, smoothing: {{{sizes}}}}}`"
+                )
 
 
 def _turns_with_body(G: EuclideanGroup, force: Any) -> bool:

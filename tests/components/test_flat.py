@@ -199,3 +199,35 @@ def test_the_file_of_the_path_is_a_file_of_the_reference():
     path = {"kind": "waypoints", "file": "plan.csv"}
     assert FlatReference(of=path).files == {"of": "plan.csv"}
     assert FlatReference(position=[0, 0, 0]).files == {}
+
+
+def flat_through(rows, **options):
+    """The motion of minimum snap through positions at times, as a recording has them."""
+    text = "t,x,y,z,qw,qx,qy,qz\n" + "".join(f"{t},{x},0,0,1,0,0,0\n" for t, x in rows)
+    made = FlatReference(of={"kind": "waypoints", "file": "plan.csv", **options}, heading=0.0)
+    return made.with_files({"plan.csv": text})
+
+
+def test_a_recording_at_constant_speed_is_flown_at_constant_speed():
+    """At 2 m/s from 1 m: no acceleration, also at its ends, where it does not rest."""
+    G, made = GROUPS["SE3"], flat_through([(0.1 * k, 1 + 0.2 * k) for k in range(11)])
+    for t in (-0.5, 0.0, 0.03, 0.5, 1.0, 1.2):
+        position = made.flat_output(G, t).position
+        np.testing.assert_allclose(position[0], [1 + 2 * t, 0, 0], atol=1e-12)
+        np.testing.assert_allclose(position[1], [2, 0, 0], atol=1e-9)
+        np.testing.assert_allclose(position[2:], 0, atol=1e-6)  # fourth differences of decimals
+    assert list(made.remarks(G)) == []
+
+
+def test_a_noisy_recording_says_what_smoothing_it_needs():
+    """Noise of 1 cm at 10 Hz; the residual in x is its standard deviation but for the fit."""
+    rng, times = np.random.default_rng(3), 0.1 * np.arange(60)
+    rows = list(zip(times, np.sin(times) + 0.01 * rng.standard_normal(60), strict=True))
+    [said] = flat_through(rows).remarks(GROUPS["SE3"])
+    size = float(said.partition("translation: ")[2].partition("}")[0])
+    assert "smoothing: {rotation: " in said
+    assert 0.007 < size < 0.012
+    smooth = {"rotation": 0.01, "translation": 0.01}
+    assert list(flat_through(rows, smoothing=smooth).remarks(GROUPS["SE3"]))[1:] == [
+        "smoothed: the root mean square residual of translation is 0.01 m"
+    ]
