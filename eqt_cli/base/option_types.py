@@ -413,6 +413,8 @@ def seconds(text: str) -> float:
 
 def _time_as_written(value: Any, handler: Any) -> Any:
     """Return a time such as ``20 ms`` as it is, once it is read; any other value is a count."""
+    if isinstance(value, float) and not value.is_integer():
+        raise ValueError(f"counts control periods, got {value:g}; for a time write '{value:g} s'")
     if not has_unit(value):
         return handler(value)
     if not 0 <= seconds(value) < math.inf:

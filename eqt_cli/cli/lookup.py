@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import webbrowser
+from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
@@ -19,6 +20,8 @@ from eqt_cli.cli.output import print_findings, say
 from eqt_cli.config import shipped
 
 if TYPE_CHECKING:
+    from eqt_cli.base.arrays import Array
+    from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
 
 # `eqt list` and `eqt docs`: the available components, and the documentation -----------------------
@@ -270,8 +273,35 @@ def check(
     )
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
-    text = "\n".join([text, *needed, *(f"reference: {jump}" for jump in jumps), *untried])
+    said = [*_gains(experiment), *needed, *(f"reference: {jump}" for jump in jumps), *untried]
+    text = "\n".join([text, *said])
     output.print_findings(_document(config, [], checked), text, json=json)
+
+
+def _gains(experiment: Experiment) -> Iterator[str]:
+    """Yield the gains of the laws, as papers write them, too, and what they mean."""
+    from eqt_cli.loop.linearised import small_errors
+
+    said = dict[str, list[str]]()
+    for title, loop in zip(experiment.titles.values(), experiment.loops.values(), strict=True):
+        law, inner = loop.controller, loop.inside
+        if not (law.reads_gains or law.inside_reads_gains):
+            continue
+        K, K_d, words = inner.gains.K, inner.gains.K_d, []
+        if all(part.turns for part in inner.group.parts) and _is_number(K) and _is_number(K_d):
+            kp, kd = K[0, 0], K_d[0, 0]
+            words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
+        for each in small_errors(loop):
+            axes = ", ".join(each.axes)
+            words.append(f"{axes} {each.bandwidth:.3g} rad/s, damping {each.damping:.2g}")
+        said.setdefault("; ".join(words), []).append(title)
+    yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in said.items())
+
+
+def _is_number(matrix: Array) -> bool:
+    """Whether a matrix is a number times I."""
+    diagonal = matrix.diagonal()
+    return len({*diagonal}) == 1 and abs(matrix).sum() == abs(diagonal).sum()
 
 
 def _document(

@@ -52,6 +52,10 @@ else:
     ]
 
 
+OF_FORCE = {"kx": "k_x", "kv": "k_v", "ki": "k_i"}
+"""Gains of the acceleration, each with the name of that of the force, which is m times as large."""
+
+
 @dataclass(frozen=True)
 class PositionGains:
     """The feedback of the position, p̈_d − sat(k_x e + k_v ė + k_i ∫e) with e = p − p_d in space.
@@ -72,28 +76,47 @@ class PositionGains:
     period
         Of the position loop, s: a whole number of control periods. Between its instants, F and its
         derivatives are held. If left out, F is computed whenever the law is.
+    k_x, k_v, k_i
+        Instead of `kx`, `kv` and `ki`, gains of the force, as Lee, Leok and McClamroch (2010) have
+        them: m times those of the acceleration, N/m, N s/m and N/(m s).
     """
 
     # Not strict, for the reason given in `Distribution`.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
-    kx: Annotated[EachAxis, Scale("k_x", "1/s^2", is_symbol=True)]
-    kv: Annotated[EachAxis, Scale("k_v", "1/s", is_symbol=True)]
+    kx: Annotated[EachAxis | None, Scale("k_x", "1/s^2", is_symbol=True)] = None
+    kv: Annotated[EachAxis | None, Scale("k_v", "1/s", is_symbol=True)] = None
     ki: Annotated[
         Real | None, Scale("k_i", "1/s^3", is_symbol=True), AfterValidator(lambda ki: ki or None)
     ] = None
     c1: Annotated[Positive | None, Scale("c_1", "1/s", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
     period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
+    k_x: Annotated[EachAxis | None, Scale("k_x", "N/m", is_symbol=True)] = None
+    k_v: Annotated[EachAxis | None, Scale("k_v", "N s/m", is_symbol=True)] = None
+    k_i: Annotated[Real | None, Scale("k_i", "N/(m s)", is_symbol=True)] = None
 
     def check(self, space: int, problems: Problems) -> None:
-        """Note gains for each axis that are too few or too many, and c1 without an integral."""
-        for name in ("kx", "kv"):
-            count = np.size(getattr(self, name))
-            if np.ndim(getattr(self, name)) and count != space:
-                problems.at(name).add(f"expected a number, or {space} of them, got {count}")
-        if self.c1 is not None and self.ki is None:
+        """Note gains that are missing, twice there, or not for each axis; c1 without integral."""
+        for name, of_force in OF_FORCE.items():
+            both = {each: getattr(self, each) for each in (name, of_force)}
+            there = {each: gain for each, gain in both.items() if gain is not None}
+            if len(there) > 1:
+                problems.at(of_force).add(f"is {name} times the mass; give one of the two")
+            elif not there and name != "ki":
+                problems.at(name).add(f"missing; give {name}, or {of_force} of the force")
+            for each, gain in there.items():
+                if np.ndim(gain) and np.size(gain) != space:
+                    expected = f"expected a number, or {space} of them, got {np.size(gain)}"
+                    problems.at(each).add(expected)
+        if self.c1 is not None and self.ki is None and self.k_i is None:
             problems.at("c1").add("belongs to the integral; give ki, too")
+
+    def of_mass(self, mass: float) -> PositionGains:
+        """Return the gains with those of the force divided by the mass."""
+        gains = {name: getattr(self, of_force) for name, of_force in OF_FORCE.items()}
+        given = {name: gain / mass for name, gain in gains.items() if gain is not None}
+        return with_fields(self, **dict.fromkeys(OF_FORCE.values()), **given)
 
     def bounded(self, u: Any) -> Any:
         """Return sat(u), of an array or a series."""
@@ -249,8 +272,9 @@ class Cascade(Controller):
             problems.at("along").add(f"missing; {why}", Remedy(remedy))
         if problems:
             return self
-        direction = unit_vector(along)
-        return with_fields(self, known=plant.forces, direction=direction, exact=plant.exact)
+        mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
+        known = {"known": plant.forces, "position": self.position.of_mass(mass)}
+        return with_fields(self, **known, direction=unit_vector(along), exact=plant.exact)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return no time that is left at the first instant, and some at the others."""

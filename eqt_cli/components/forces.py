@@ -32,6 +32,9 @@ from eqt_cli.components.references import InExpressions, instants_of
 from eqt_cli.numbers.jets import value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
+UNLIKE = 0.03
+"""Relative difference of numbers of one body beyond which they get a remark; of g it is 0.005."""
+
 # The base class of forces; it knows no law, actuator or engine ------------------------------------
 
 
@@ -342,6 +345,16 @@ class GravityGradient(Force):
         coordinates = [torque[..., k] for k in range(3)]
         return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
 
+    def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
+        """Yield a remark on a tensor that is not the body's."""
+        body = inertia.matrix[:3, :3]
+        if (
+            not inertia.matrix[:3, 3:].any()
+            and np.abs(body - self.inertia).max() > UNLIKE * np.abs(body).max()
+        ):
+            diagonal = ", ".join(f"{x:.4g}" for x in np.diagonal(body))
+            yield "inertia", f"is not that of the body, [{diagonal}]; correct one of the two"
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than SO3 and SE3, invalid numbers, and a frame other than body."""
         if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
@@ -505,6 +518,34 @@ class Restoring(Force):
             matrix[: axes.start, axes] = moment(np.asarray(at), matrix[axes, axes]).T
         return matrix * self.buoyancy / GRAVITY
 
+    def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
+        """Yield remarks on a weight and a centre of mass that are not those of the inertia."""
+        assert isinstance(G, EuclideanGroup) and G.translation is not None
+        axes, W, r = G.translation.axes, float(np.max(self.weight)), self.centre_of_mass
+        body = inertia.matrix - (0.0 if inertia.added is None else inertia.added)
+        masses, coupling = body[axes, axes], body[: axes.start, axes]
+        mass = masses[0, 0]
+        is_known = np.abs(masses - mass * np.eye(len(masses))).max() <= ROUNDING * mass
+        if is_known and W and not abs(W / (mass * GRAVITY) - 1) <= UNLIKE:
+            yield (
+                "weight",
+                f"is that of {W / GRAVITY:.4g} kg, and the inertia has {mass:.4g} kg, which weigh "
+                f"{mass * GRAVITY:.5g} N; correct one of the two",
+            )
+        if r is None or not W or not np.any(r):
+            return
+        wanted = moment(np.asarray(r), (mass if is_known else W / GRAVITY) * np.eye(G.space)).T
+        if (
+            np.abs(coupling - wanted).max()
+            > (UNLIKE if is_known else 1 - UNLIKE) * np.abs(wanted).max()
+        ):
+            yield (
+                "centre_of_mass",
+                "is off the origin, but the inertia does not couple force and torque as m r× does: "
+                f"its block of torque and force is {_rows(coupling)} for {_rows(wanted)}; correct "
+                "it, or put the origin at the centre of mass",
+            )
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than SE2 and SE3, invalid points, and a direction that is 0."""
         if not rigid_motions(G):
@@ -530,3 +571,7 @@ class Restoring(Force):
                 vehicle_parts.check_numbers(value, problems.at(name))
         if self.up is not None and not any(vehicle_parts.drawn(self.up, None)):
             problems.at("up").add("expected a direction, got a vector of zeros")
+
+
+def _rows(matrix: Array) -> str:
+    return str([[float(f"{x:.3g}") + 0.0 for x in row] for row in matrix.tolist()])

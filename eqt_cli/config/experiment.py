@@ -7,7 +7,7 @@ is built even where another is broken, and what depends on a broken section is s
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtWarning, InputError, Problems, closest
+from eqt_cli.base.errors import InputError, KeyPath, Problems, closest
 from eqt_cli.base.option_types import (
     MISSING,
     Kind,
@@ -37,13 +37,16 @@ from eqt_cli.components.initial_states import (
     ListedVelocities,
     PoseDistribution,
     VelocityDistribution,
+    pose_distributions,
 )
 from eqt_cli.components.laws import Controller, controllers, distinct_titles
 from eqt_cli.components.log_table import MAPPING, LogMapping, MappingError
+from eqt_cli.components.matrix_groups import FARTHEST
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
+from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.recording import read_starts
-from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
 from eqt_cli.config.preflight import reference_over_horizon, try_laws, try_vehicle
 from eqt_cli.config.schema import (
@@ -52,7 +55,6 @@ from eqt_cli.config.schema import (
     Config,
     GainsSection,
     InitialSection,
-    OwnGainsSection,
     marked,
     marks_of,
 )
@@ -63,6 +65,7 @@ from eqt_cli.config.sections import (
     gains_from,
     inertia_from,
     known_forces,
+    kp_and_kd,
     vehicle_from,
 )
 from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
@@ -232,18 +235,45 @@ class Experiment:
         """Sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
-    @cached_property
-    def remarks(self) -> list[EqtWarning]:
-        """Remarks for the user that are not errors."""
+    def remarks(self) -> Iterator[tuple[KeyPath, str]]:
+        """Yield remarks on what the sections say together, and on angles, each with its key."""
         broken = not_rigid(self.group, self.loop.inertia, self.config.time.duration)
-        if not broken or self.config.rigid is False:
-            return []
-        return [
-            EqtWarning(
-                f"{self.source.place(('inertia',))}: inertia: not the inertia of a rigid body: its "
-                f"{broken}; correct it, or add `rigid: false` if the system is not one rigid body"
+        if broken and self.config.rigid is not False:
+            yield (
+                ("inertia",),
+                f"not the inertia of a rigid body: its {broken}; correct it, or add "
+                "`rigid: false` if the system is not one rigid body",
             )
-        ]
+        model, acting = self.config.model, {each.name for each in self.loop.vehicle.forces}
+        known = model.forces if model and not isinstance(model.forces, str) else None
+        if "restoring" in {each.name for each in known or ()} - acting:
+            yield (
+                ("plant", "forces"),
+                "lacks the weight that model.forces has, so that laws hold the body against "
+                "nothing; repeat it here",
+            )
+        yield from self._turns()
+
+    def _turns(self) -> Iterator[tuple[KeyPath, str]]:
+        """Yield remarks on angles that are written as numbers and exceed a full turn."""
+        data, parts = self.source.data, self.group.parts
+        of_pose = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
+        of_pose |= {"std", "coordinates"} if all(part.turns for part in parts) else set()
+        initial = data.get("initial") or {}
+        for path, value, angles in (
+            (("reference",), data.get("reference"), (*ANGLES, "heading")),
+            (("target",), data.get("target"), ANGLES),
+            ((ACTUATORS,), data.get(ACTUATORS), ("pyramid",)),
+            (("initial", "pose"), initial.get("pose"), of_pose),
+        ):
+            yield from many_turns(value, angles, path)
+        most = self.config.settling_threshold
+        if isinstance(most, float) and most > FARTHEST and any(part.turns for part in parts):
+            yield (
+                ("settling_threshold",),
+                f"no rotation is further than {FARTHEST:.3g} from another, so that {most:g} is "
+                f"always kept; write '{most:g} deg' if degrees were meant",
+            )
 
     @property
     def plugins(self) -> dict[str, str]:
@@ -429,7 +459,7 @@ class _Sections:
             law: Controller | None = Kind(controllers).read(named, here, G, OF_EVERY_LAW)
             if law_gains is not None:
                 of = None if law is None or G is None else law.gains_group(G)
-                gains = validated(OwnGainsSection, law_gains, here.at("gains"), group=of)
+                gains = validated(GainsSection, law_gains, here.at("gains"), group=of)
             if law is not None and G is not None:
                 law, texts = with_data(law, self.source, here)
                 self.files |= texts
@@ -450,13 +480,19 @@ class _Sections:
                 )
             else:
                 law_gains = gains.model_dump(exclude_none=True) if gains else {}
+                law_gains = kp_and_kd(law_gains, law.gains_group(G), here.at("gains")) if G else {}
                 self.laws[label] = _Entry(law, index, law_gains, tuple(options))
 
     def gains(self, G: MatrixLieGroup) -> dict[str, Gains | None]:
         """Return the gains of every law, and give laws the options that follow them."""
         data, here = self.source.data, self.problems.at("gains")
         section = data.get("gains")
-        known = fields_of(GainsSection, section, here, G) if isinstance(section, dict) else {}
+        known = {}
+        if isinstance(section, dict):
+            known = kp_and_kd(fields_of(GainsSection, section, here, G), G, here)
+            for name in [] if here else {"kp", "kd"} - known.keys():
+                here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
+            self.sections["gains"] = GainsSection.model_construct(**known)
         shared, by_label = gains_from(known, G, here), dict[str, Gains | None]()
         meant = closest("gains", data.keys() - Config.model_fields.keys())
         if section is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
@@ -597,7 +633,7 @@ def _reads_gains(entry: Any) -> bool:
     gains = entry.get("gains") if isinstance(entry, dict) else None
     name = entry.get("kind") if isinstance(entry, dict) else entry
     kind = controllers.get(name) if name in controllers.names() else Controller
-    return kind.reads_gains and not (isinstance(gains, dict) and {"kp", "kd"} <= gains.keys())
+    return kind.reads_gains and not (isinstance(gains, dict) and len(gains) > 1)
 
 
 def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:
@@ -682,9 +718,14 @@ def _wrong_task(law: Controller, task: str) -> str:
 
 def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Problems) -> None:
     """Note code that the engine cannot call, or that needs a control period."""
-    if law.code is None or vehicle.control is not None:
+    if vehicle.control is not None:
         return
-    if law.code.memory:
+    kind = type(law)
+    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
+        problems.add("answers at control instants only; set control.period, at which it is called")
+    elif law.code is None:
+        return
+    elif law.code.memory:
         problems.at("memory").add(
             "goes on by a period at every call; set control.period, at which the code is called"
         )

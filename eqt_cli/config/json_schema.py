@@ -19,7 +19,7 @@ from eqt_cli.base.option_types import Kind, Scale, option_names, owners
 from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.components.groups import groups
 from eqt_cli.config.designs import BLOCK, designs
-from eqt_cli.config.schema import DEFAULT_ENGINE, Config, OwnGainsSection, not_swept
+from eqt_cli.config.schema import DEFAULT_ENGINE, Config, GainsSection, not_swept
 from eqt_cli.engines.engine import SolverChecks, engines
 
 
@@ -33,7 +33,7 @@ def scale_of(config: Any, key: str) -> Scale | None:
     for step in steps:
         config = _within(config, step)
         if isinstance(step, str):
-            kind = OwnGainsSection if step == "gains" else _hints(kind).get(step)
+            kind = GainsSection if step == "gains" else _hints(kind).get(step)
         if isinstance(config, dict) and (of := _kind_in(kind)):
             name = config.get("kind", config.get("engine"))
             kind = next((each for each in of.registry.all() if each.name == name), None)
@@ -78,6 +78,7 @@ def json_schema() -> dict[str, Any]:
     shared["PoseDistribution"] = {"anyOf": pose["anyOf"]}
     one = {"$ref": "#/$defs/PoseDistribution"}
     pose["anyOf"] = [one, {"type": "array", "items": one}]
+    top["gains"]["anyOf"][0]["minProperties"] = 2
     del top["reference"]["default"], top["reference"]["title"]
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)

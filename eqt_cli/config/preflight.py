@@ -54,14 +54,8 @@ from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.inertia import in_other_order, over_horizon
-from eqt_cli.components.initial_states import (
-    Stream,
-    draw_initial_states,
-    generator_at,
-    pose_distributions,
-)
+from eqt_cli.components.initial_states import Stream, draw_initial_states, generator_at
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, RandomOf
 from eqt_cli.components.vehicle_parts import PlantInertia
@@ -325,6 +319,8 @@ def _try_part(tried: Trial, loop: ClosedLoop, part: Any, t: Any, states: Array) 
     G, s, kind = loop.group, loop.tracking(t, states), type(part)
     if isinstance(part, Force):
         tried.fits(part.in_body(G, t, s.Q, s.V), kind.acting, states, G.dimension)
+        if np.asarray(part.instants(G, 1.0), dtype=float).ndim != 1:
+            tried.is_wrong(kind.instants, "no list of times, s, in order")
         return
     _require_states(part, part.states(G), tried.name)
     x = np.zeros((*states.shape[:-1], part.states(G)))
@@ -498,6 +494,12 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
 # Remarks on an experiment -------------------------------------------------------------------------
 
 
+FORCE_SAMPLES = 4_001
+"""Times over the horizon at which a user's force is compared with itself."""
+
+FORCE_JUMP = 0.2
+"""Share of its range by which a force that changes between two of these times jumps."""
+
 MOST_NOISE = 1.0
 """Largest standard deviation of a measured rotation without a remark, rad."""
 
@@ -505,13 +507,12 @@ MOST_NOISE = 1.0
 def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
     """Return remarks on an experiment and its reference, to be shown before it is run."""
     placed = [
-        *_angle_remarks(experiment),
+        *experiment.remarks(),
         *_component_remarks(experiment),
         *_noise_remarks(experiment),
         *_numerical_remarks(experiment, shown),
     ]
     return [
-        *experiment.remarks,
         *(EqtWarning(f"{experiment.source.place(k)}: {dotted(k)}: {text}") for k, text in placed),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
@@ -519,14 +520,6 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
 
 Placed = Iterator[tuple[KeyPath, str]]
 """Remarks, each with the key that it is about."""
-
-
-def _angle_remarks(experiment: Experiment) -> Placed:
-    """Remark on angles that are written as numbers and exceed a full turn."""
-    data = experiment.source.data
-    initial_angles = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
-    for section, angles in (("reference", ANGLES), ("target", ANGLES), ("initial", initial_angles)):
-        yield from many_turns(data.get(section), angles, (section,))
 
 
 def _component_remarks(experiment: Experiment) -> Placed:
@@ -541,15 +534,35 @@ def _component_remarks(experiment: Experiment) -> Placed:
     now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
     now = true.at(now, 0.0) if isinstance(true, PlantInertia) else now
     section = "plant" if plant and plant.forces else "model"
+    kinds = [force.name for force in loop.vehicle.forces]
     for index, force in enumerate(loop.vehicle.forces):
         for key, text in force.remarks(G, now):
-            yield (section, "forces", index, key), text
+            if key != "weight" or kinds.count(force.name) == 1:  # several weights are one in all
+                yield (section, "forces", index, key), text
+        if is_foreign(type(force).__module__) and (t := _jump(experiment, force)) is not None:
+            yield (
+                (section, "forces", index),
+                f"jumps at about t = {t:.4g} s, which engines may step over; give its times in "
+                "`instants(self, G, until)`",
+            )
     for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
         yield (
             ("estimator",),
             f"nothing measures the {part}, so that the error of its estimate "
             "grows without bound; add an entry for it to sensors.pose",
         )
+
+
+def _jump(experiment: Experiment, force: Force) -> float | None:
+    """Return where a force jumps in time, at the start of the runs, though it gives no instant."""
+    G, Q, V = experiment.group, experiment.initial_pose, experiment.initial_velocity
+    times = np.linspace(0.0, experiment.config.time.duration, FORCE_SAMPLES)
+    values = np.array([force.in_body(G, t, Q, V) for t in times.tolist()])
+    steps = np.abs(np.diff(values, axis=0)).max(axis=-1)
+    known = np.searchsorted(times, force.instants(G, times[-1]))
+    steps[np.clip(known, 1, len(steps)) - 1] = 0.0
+    jumps = steps.max() > FORCE_JUMP * np.ptp(values, axis=0).max()
+    return float(times[steps.argmax()]) if jumps else None
 
 
 def _noise_remarks(experiment: Experiment) -> Placed:
@@ -691,8 +704,11 @@ LINEARISED = 9
 GOLDEN = (5**0.5 - 1) / 2
 """Golden ratio. The fractional parts of its multiples are spread evenly without equal gaps."""
 
-MOST_ENTRIES = 100_000
-"""Largest number of matrix entries over all times; at 9 times, this allows 105 states."""
+CERTAIN = 1.1
+"""Growth in a cycle, at each single time, beyond which a sampled loop that changes is unstable."""
+
+MOST_ENTRIES = 200_000
+"""Largest number of matrix entries over all times; at 9 times, this allows 149 states."""
 
 
 def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
@@ -701,7 +717,16 @@ def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
     for label, loop in small_loops(experiment, along).items():
         with np.errstate(all="ignore"):
             linear = linearised(loop, *along)
-        if not (linear.is_constant and np.isfinite(linear.closed).all()):
+        if not np.isfinite(linear.closed).all():
+            continue
+        if not linear.is_constant:
+            sizes = np.abs(np.linalg.eigvals(linear.closed)).max(axis=-1)
+            if linear.cycle is not None and sizes.min() > CERTAIN:
+                yield (
+                    f"the loop of '{label}' is unstable wherever the reference is held: small "
+                    f"errors grow by {sizes.min():.4g} or more in {linear.cycle:g} s; check the "
+                    "sizes of its gains, and the delays; `eqt margins` shows more"
+                )
             continue
         largest = growth(linear)
         if largest.is_stable and -largest.rate * horizon < log(2.0):

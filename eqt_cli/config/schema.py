@@ -136,7 +136,7 @@ class LawKind(ReadLater):
         """Return the JSON schema of a law with its options."""
         label = "The name of the law in tables and figures; its kind."
         gains = "Gains of this law, where they differ from the section `gains`."
-        section: Any = {**TypeAdapter(OwnGainsSection).core_schema, "ref": OwnGainsSection.__name__}
+        section: Any = {**TypeAdapter(GainsSection).core_schema, "ref": GainsSection.__name__}
         shared = handler(core_schema.list_schema(section))["items"]  # of all laws, by its reference
         more = {
             "label": {"type": "string", "description": label},
@@ -203,7 +203,7 @@ KP, KD = Scale("k_p", STIFFNESS, is_symbol=True), Scale("k_d", DAMPING, is_symbo
 
 
 class GainsSection(Section):
-    """Gains of the control laws.
+    """Gains of the control laws, or of one law, where it has others than the section `gains` says.
 
     Attributes
     ----------
@@ -212,25 +212,17 @@ class GainsSection(Section):
         a product of groups also a list with one of these per factor.
     kd
         Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix.
-    """
-
-    kp: Annotated[Weight, KP]
-    kd: Annotated[Matrix, KD]
-
-
-class OwnGainsSection(Section):
-    """Gains of one law, where it has others than the section `gains` says.
-
-    Attributes
-    ----------
-    kp
-        Navigation weight of this law.
-    kd
-        Rayleigh tensor of this law.
+    k_R
+        Instead of `kp`, for attitudes, the stiffness of Lee, Leok and McClamroch (2010): K = k_R/2
+        times I.
+    k_Omega
+        Instead of `kd`, for attitudes, their damping: K_d = k_Omega times I.
     """
 
     kp: Annotated[Weight | None, KP] = None
     kd: Annotated[Matrix | None, KD] = None
+    k_R: Annotated[Positive | None, Scale("k_R", STIFFNESS, is_symbol=True)] = None
+    k_Omega: Annotated[Positive | None, Scale("k_\\Omega", DAMPING, is_symbol=True)] = None
 
 
 class InitialSection(Section):

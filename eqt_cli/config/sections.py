@@ -77,6 +77,24 @@ def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -
     return None if K is None or K_d is None else Gains(K, K_d)
 
 
+OF_ATTITUDES = {"k_R": ("kp", 0.5), "k_Omega": ("kd", 1.0)}
+"""Gains of attitudes as papers write them, each with the gain that it gives, and its factor."""
+
+
+def kp_and_kd(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> dict[str, Any]:
+    """Return the gains of a section as `kp` and `kd`, after noting what cannot be both."""
+    gains = dict(section)
+    for name in OF_ATTITUDES.keys() & section.keys():
+        value, (gain, factor) = gains.pop(name), OF_ATTITUDES[name]
+        if gain in section:
+            problems.at(name).add(f"gives {gain}, which is given, too; remove one of the two")
+        elif not all(part.turns for part in G.parts):
+            problems.at(name).add(f"is a gain of attitudes alone, got {G.name}; give {gain}")
+        else:
+            gains[gain] = factor * value
+    return gains
+
+
 def _weight(value: Any, G: MatrixLieGroup) -> Array:
     """Return the d×d weight, from one matrix or from one for each factor."""
     if not isinstance(G, ProductGroup) or not isinstance(value, list):

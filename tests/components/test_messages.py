@@ -173,7 +173,7 @@ sensors: {pose: [{kind: noise, std: 1, dropout: 1.0}]}
     sensors.pose[0].dropout: expected a probability of at least 0 and less than 1, got 1
 control: {period: 0.1}
 sensors: {pose: [{kind: noise, std: 1, delay: 0.1}]}
-    sensors.pose[0].delay: expected a whole number, got 0.1
+    sensors.pose[0].delay: counts control periods, got 0.1; for a time write '0.1 s'
 control: {period: 0.1}
 sensors: {pose: [{kind: noise, std: -1}, {kind: noise, std: 1, period: 1, of: translation}, {kind:
   bias, period: 0.5}]}
@@ -184,7 +184,7 @@ sensors: {pose: [{kind: noise, std: -1}, {kind: noise, std: 1, period: 1, of: tr
 control: {period: 0.1, delay: 0.02}
 sensors: {pose: [{kind: noise, std: 1, period: 0.25}]}
 actuators: [{kind: limit, limit: -1}, {kind: rate_limit, rate: 1}]
-    control.delay: expected a whole number, got 0.02 |
+    control.delay: counts control periods, got 0.02; for a time write '0.02 s' |
     actuators[0].limit: expected a number greater than 0, got -1
 # An entry keeps its number where one before it is wrong.
 actuators: [{kind: limit, limit: -1}, {kind: rate_limit, rate: 1}]

@@ -171,12 +171,12 @@ def test_the_cross_check_of_many_knots_is_of_the_beginning(config, monkeypatch):
 
 def test_angles_of_many_turns_that_are_written_as_numbers_are_told(config):
     asked = [
-        "reference={kind: slew, to: {rotvec: [45, 15*pi, 720 deg]}, duration: 1}",
+        "reference={kind: constant, pose: {rotvec: [45, 15*pi, 720 deg]}}",
         "initial={pose: {kind: euler, low: -30, high: 6}}",
     ]
     found = [str(remark) for remark in remarks(build(read_config(config, asked)))]
     assert [said.partition(": ")[2] for said in found if "rotation of" in said] == [
-        "reference.to.rotvec[0]: rotation of 45 rad is 7.2 turns; write '45 deg' if degrees were "
+        "reference.pose.rotvec[0]: rotation of 45 rad is 7.2 turns; write '45 deg' if degrees were "
         "meant",
         "initial.pose.low: rotation of -30 rad is 4.8 turns; write '-30 deg' if degrees were meant",
     ]

@@ -53,7 +53,10 @@ inertia[0][1]=5 → inertia[0][1]: inertia[0] is 2, not a list; set all of inert
 ensemble[0]=1 → ensemble[0]: ensemble is a mapping, not a list; set all of ensemble instead
 initial.pose.kind=euler →
     initial.pose.kind: initial.pose is 'haar', not a mapping; set all of initial.pose instead
-gains.kp= → gains.kp: expected a number, a list (the diagonal) or a list of rows, got null
+gains.kp= →
+    gains.kp: missing; this key is required: Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ):
+        scalar, diagonal or d×d matrix; for a product of groups also a list with one of these per
+        factor
 time.samples=1 → time.samples: expected a whole number of at least 2, got 1
 time={samples: 5} → time.duration: missing; this key is required: Length of the horizon, s
 controllers=[eqt, eqt] →

@@ -54,6 +54,8 @@ def test_a_part_without_words_for_a_report(message, base, line, found):
 Force, return -V, "return -V[..., :2]" →
     own' is wrong at the start of run 0: own.py:10: acting returns an array of shape (5, 2) for 5
         runs; expected (5, 3)
+Force, return -V, "return -V\n\n    def instants(self, G, until):\n        return 3.0" →
+    own' is wrong at the start of run 0: own.py:13: instants returns no list of times, s, in order
 Force, return -V, return -self.drag * V →
     own' fails at the start of run 0: AttributeError: 'Own' object has no attribute 'drag' at
         own.py:11: return -self.drag * V
