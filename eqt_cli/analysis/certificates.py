@@ -14,7 +14,7 @@ from eqt_cli.analysis.exact import NotRationalError, discrepancy
 from eqt_cli.analysis.sample import ExactStates, Refutation, Sample, UnprovableError, prove, written
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.registry import Registry, described, place_of
-from eqt_cli.base.reporting import Block, TextTable, reporter, step
+from eqt_cli.base.reporting import NOTHING, Block, TextTable, brief, reporter, step
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
@@ -660,4 +660,4 @@ def _cells(row: Row) -> list[str]:
 def _number(value: float | None) -> str:
     if value is None:
         return ""
-    return f"{value:.1e}" if value and abs(value) < 1e-2 else f"{value:.3g}"
+    return f"{value:.1e}" if NOTHING < abs(value) < 1e-2 else brief(value, 3)

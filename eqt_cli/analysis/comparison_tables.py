@@ -9,9 +9,9 @@ from typing import Any
 
 from eqt_cli.analysis.compare import ClaimVerdict, Comparison, Judgement
 from eqt_cli.analysis.intervals import FEWEST, LEAST_SEEN, POWER, SHARE, Level, Pair
-from eqt_cli.base.reporting import Block, TextTable, listed, significant
+from eqt_cli.base.reporting import Block, TextTable, listed, percent, significant
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import Plain, percent
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun
 
 Record = dict[str, Any]

@@ -17,7 +17,7 @@ from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.files import CASE
-from eqt_cli.base.reporting import Block, TextTable, significant
+from eqt_cli.base.reporting import Block, TextTable, fixed, significant
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Plain, Quantity, Window
@@ -530,13 +530,14 @@ class AtEqualCost:
         """The range of the reduction over all pairs of searches, in percent."""
         if math.isnan(self.smallest):
             return "-"
-        ends = dict.fromkeys(f"{100 * end:.1f}" for end in (self.smallest, self.largest))
+        ends = dict.fromkeys(fixed(100 * end, 1) for end in (self.smallest, self.largest))
         return f"{' to '.join(ends)} %"
 
     @property
     def lead(self) -> str:
         """The reduction with its interval: ``3.1 % [1.0, 5.2]``."""
-        return f"{100 * self.relative:.1f} % [{100 * self.low:.1f}, {100 * self.high:.1f}]"
+        lead, *ends = (fixed(100 * x, 1) for x in (self.relative, self.low, self.high))
+        return f"{lead} % [{', '.join(ends)}]"
 
 
 def fronts(result: Result, record: Record) -> list[Front]:

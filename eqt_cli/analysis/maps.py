@@ -19,8 +19,8 @@ from eqt_cli.analysis.intervals import (
 )
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
-from eqt_cli.results.quantity import Plain, Quantity, fixed
+from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant, step
+from eqt_cli.results.quantity import Plain, Quantity
 from eqt_cli.results.result import Result, SweptKey, mean_over_runs
 
 # Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------

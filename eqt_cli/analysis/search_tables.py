@@ -21,7 +21,7 @@ from eqt_cli.analysis.intervals import (
 from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.analysis.search_record import AGREEING, values_text
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import Block, TextTable, listed, significant
+from eqt_cli.base.reporting import Block, TextTable, brief, fixed, listed, significant
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain, in_one_form
 from eqt_cli.results.result import Result, mean_over_runs
@@ -303,9 +303,10 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
 def _relative(winner: Array, start: Array) -> str:
     """Format the mean change relative to the mean at the starting gains, with its interval."""
     shares = relative_difference(resolved_differences(winner, start), start, Resampling.confidence)
-    mean, low, high = (f"{100 * share:+.1f}" for share in shares)
+    mean, low, high = (fixed(100 * share, 1, signed=True) for share in shares)
     if not math.isfinite(shares.value):  # of too few runs
-        return f"{100 * (winner.mean() / start.mean() - 1):+.1f} %" if start.mean() else "-"
+        change = 100 * (winner.mean() / start.mean() - 1) if start.mean() else math.nan
+        return f"{fixed(change, 1, signed=True)} %".replace("- %", "-")
     return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
 
 
@@ -347,7 +348,7 @@ def _worst_notes(record: Record) -> Iterator[str]:
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
         if not law["failed"] and (None in seen or not _same(law["value"], seen)):
-            values = ", ".join("a failed run" if v is None else f"{v:.4g}" for v in seen)
+            values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
             yield (
                 f"{law_title(law['label'])}: together with other points, the searches found "
                 f"{values}; the run amplifies rounding, so its value is no more certain than that."

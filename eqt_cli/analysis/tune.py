@@ -21,6 +21,7 @@ from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
 from eqt_cli.analysis.search_record import TUNE, entries_of, values_text
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
+from eqt_cli.base.reporting import brief
 from eqt_cli.config.designs import Cases, DrawnRange
 from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.schema import TuneSection, WorstRunSection
@@ -117,7 +118,7 @@ class Search(Searches[TuneSection]):
         values = values_text(law.values(population.shares[best].tolist()))
         cost = QUANTITIES[self.objectives[0]].cost(scored.objectives[best, 0])
         front = f", {len(population.front)} on the front" if self.seeks_front else ""
-        return f"best so far: {self.objectives[0]} {cost:.4g} at {values}{front}"
+        return f"best so far: {self.objectives[0]} {brief(cost)} at {values}{front}"
 
     def scores(self, result: Result) -> Scores:
         return scores(result, self.objectives, self.constraints)

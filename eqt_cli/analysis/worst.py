@@ -15,7 +15,7 @@ from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
 from eqt_cli.analysis.search_record import AGREEING, WORST, costs_of_runs, entries_of, expanded
 from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
-from eqt_cli.base.reporting import reporter
+from eqt_cli.base.reporting import brief, reporter
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import WorstSection
@@ -130,7 +130,7 @@ class WorstSearch(Searches[WorstSection]):
     def so_far(self, law: law_search.LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
         cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
-        return f"worst so far: {self.objective} {cost:.4g}"
+        return f"worst so far: {self.objective} {brief(cost)}"
 
     def scores(self, result: Result) -> Scores:
         return badness(self.objective, result)

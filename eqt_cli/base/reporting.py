@@ -268,14 +268,37 @@ class TextTable:
         return [row for block in self.blocks for row in block.rows]
 
 
+NOTHING = 1e-30
+"""Sizes that are written as 0: nothing physical is so small beside errors of rounding."""
+
+
 def significant(value: float, digits: int = 4) -> str:
     """A number with so many digits, zeros at its end among them; ``-`` if there is none."""
     if not math.isfinite(value):
         return "-"
-    if value == 0:
+    if abs(value) < NOTHING:
         return "0"
     text = f"{value:.{digits - 1}e}"
     size = int(text.partition("e")[2])
     if not -3 <= size < 6:
         return text
     return f"{value:.{max(0, digits - 1 - size)}f}"
+
+
+def brief(value: float, digits: int = 4) -> str:
+    """A number with at most so many digits."""
+    return f"{0.0 if abs(value) < NOTHING else value:.{digits}g}"
+
+
+def percent(share: float, *, signed: bool = False) -> str:
+    """Return a share in per cent with one decimal place, or with one digit if that is all 0."""
+    digits = 1 if abs(share) < 5e-9 else max(1, -math.floor(math.log10(100 * abs(share))))
+    return f"{fixed(100 * share, min(digits, 6), signed=signed)} %"
+
+
+def fixed(value: float, digits: int, *, signed: bool = False) -> str:
+    """Format a number with decimal places, 0 without a sign; - if not finite."""
+    if not math.isfinite(value):
+        return "-"
+    text = f"{value:{'+' * signed}.{digits}f}"
+    return text.lstrip("+-") if float(text) == 0 else text

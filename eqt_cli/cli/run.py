@@ -13,6 +13,7 @@ import typer
 from eqt_cli.base.errors import EqtError, InterruptedRun
 from eqt_cli.base.files import new_file
 from eqt_cli.base.process import Interrupted
+from eqt_cli.base.reporting import brief
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.output import notes, print_findings, say
 from eqt_cli.runs.lock import unfinished
@@ -218,7 +219,7 @@ def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:
         if law["failed"]:
             yield f"{law['label']}: a run failed"
         elif cost(law["value"]) > cost(bound):
-            yield f"{law['label']}: {metric} {law['value']:.4g} is {side} {bound:g}"
+            yield f"{law['label']}: {metric} {brief(law['value'])} is {side} {bound:g}"
 
 
 def _searched(

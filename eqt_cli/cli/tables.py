@@ -84,7 +84,7 @@ def csv_cell(value: Any) -> Any:
             float(value)
         except ValueError:
             return f"'{value}"
-    return value
+    return value + 0.0 if isinstance(value, float) else value  # never −0.0
 
 
 def _latex_row(cells: Iterable[str]) -> str:

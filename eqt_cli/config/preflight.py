@@ -367,6 +367,9 @@ MOST_WRITTEN = 1_000
 JUMP = 1e-6
 """Least jump relative to the largest value on the horizon."""
 
+LEAST_JUMP = 1e-12
+"""Least jump in SI units; smaller ones are those of rounding."""
+
 
 @dataclass(frozen=True)
 class Horizon:
@@ -460,7 +463,7 @@ def _jumps(
     ):
         largest = np.nanmax(np.abs(scale)) if np.isfinite(scale).any() else 0.0
         for t, by in zip(instants, size, strict=True):
-            if by > JUMP * largest:
+            if by > max(JUMP * largest, LEAST_JUMP):
                 yield float(t), what, f"{by:.3g} {unit}".strip()
 
 

@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
+from eqt_cli.base.reporting import NOTHING
 from eqt_cli.figures.labels import free_text, in_words
 from eqt_cli.figures.style import Width, ink
 from eqt_cli.results.result import Result, SweptKey
@@ -327,6 +328,7 @@ class Cells:
 
 def short(value: float) -> str:
     """Return a number as it is written in a cell."""
+    value = 0.0 if abs(value) < NOTHING else value
     return f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}"
 
 

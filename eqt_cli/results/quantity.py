@@ -15,6 +15,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import NOTHING, fixed
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.signals import signal_of
@@ -495,6 +496,7 @@ def in_one_form(half_width: float, *values: float) -> list[str]:
     All of them are decimals, or all powers of ten.
     """
     largest = max((abs(x) for x in values if math.isfinite(x)), default=0.0)
+    largest *= largest >= NOTHING
     known = math.isfinite(half_width) and half_width > 0
     if not (known or largest):
         return [fixed(x, 3) for x in values]
@@ -511,17 +513,3 @@ def _power(value: float, digits: int) -> str:
     if abs(value) < 0.5 * 10.0**-digits:
         return "0"
     return f"{value:.{max(0, math.floor(math.log10(abs(value))) + digits)}e}"
-
-
-def percent(share: float, *, signed: bool = False) -> str:
-    """Return a share in per cent with one decimal place, or with one digit if that is all 0."""
-    digits = 1 if share == 0 else max(1, -math.floor(math.log10(100 * abs(share))))
-    return f"{100 * share:{'+' if signed else ''}.{min(digits, 6)}f} %"
-
-
-def fixed(value: float, digits: int) -> str:
-    """Format a number with decimal places; - if not finite."""
-    if not math.isfinite(value):
-        return "-"
-    text = f"{value:.{digits}f}"
-    return text.removeprefix("-") if float(text) == 0 else text

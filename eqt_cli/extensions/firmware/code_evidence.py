@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix
+from eqt_cli.base.reporting import fixed
 from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, Family, Frame
@@ -535,7 +536,7 @@ class TorqueExplanation:
 
 def _coefficient(name: str, share: float, expected: float) -> str:
     close = abs(share - expected) < 0.005
-    one = f"{share:.6g}" if close else f"{share:.2f}".replace("-0.00", "0.00")
+    one = f"{share:.6g}" if close else fixed(share, 2)
     return f"{name}: coefficient {one} of {expected:g}"
 
 
@@ -613,10 +614,8 @@ def sum_of(columns: Mapping[str, Array], torque: Array, bound: float) -> str:
     left = torque - sum((shares[name] * column for name, column in columns.items()), 0 * torque)
     if np.abs(left).max() > bound:
         return "otherwise than by any sum of its parts"
-    return "by " + ", ".join(
-        f"{name}: coefficient {share:.2f} of 1".replace("-0.00", "0.00")
-        for name, share in shares.items()
-    )
+    coefficients = (f"{name}: coefficient {fixed(x, 2)} of 1" for name, x in shares.items())
+    return f"by {', '.join(coefficients)}"
 
 
 # Typical mistakes: frames, transposes, axes, units, options ---------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
-from eqt_cli.base.reporting import Block, TextTable
+from eqt_cli.base.reporting import Block, TextTable, brief, fixed, percent
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.motions import Pieces, through
 from eqt_cli.components.recording import WRENCH, recorded_names
@@ -83,9 +83,9 @@ class Alignment:
         """Description for notes."""
         if not self.by:
             return "clock offset from the mapping"
-        error = max(self.error, LEAST_ERROR)
+        error, offset = max(self.error, LEAST_ERROR), fixed(self.offset, 4, signed=True)
         return (
-            f"clock offset {self.offset:+.4f} s, standard error {error:.1g} s, from the {self.by}; "
+            f"clock offset {offset} s, standard error {error:.1g} s, from the {self.by}; "
             f"correlation {self.correlation:.3f}"
         )
 
@@ -728,8 +728,8 @@ def _row(share: Share, write: Plain) -> list[str]:
         write.text(f"{share.quantity}, {share.part.replace('_', ' ')}"),
         write.text(share.axis.lstrip("ωv") if share.axis else "all"),
         write.unit(share.unit),
-        *(write.number(f"{number:.3g}") for number in numbers),
-        write.text(f"{100 * share.explained:.1f} %") if known else "-",
+        *(write.number(brief(number, 3)) for number in numbers),
+        write.text(percent(share.explained)) if known else "-",
     ]
 
 
