@@ -108,7 +108,7 @@ def _block(result: Result, part: str) -> Block:
     rows = []
     for row in result.headline():
         *means, residual = (row[name] for name in names)
-        of = f"/{row['runs']}" * ("settled" in row)
+        of = f"/{row['runs'] - row['by_rounding']}" * ("settled" in row)
         ended = f"{row.get('settled', row['runs'] - row['failed'])}{of}"
         title = result.title_of[row["controller"]]
         rows.append([title, ended, *map(significant, means), significant(residual, 1)])
@@ -120,7 +120,8 @@ def _shares(result: Result) -> Iterator[str]:
     """Yield rare unsettled runs, final angles and the share of time with actuators at a limit."""
     rows = [(result.title_of[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
-        yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
+        counted = {title: row["runs"] - row["by_rounding"] for title, row in rows}
+        yield from _rare(result, {title: counted[title] - row["settled"] for title, row in rows})
     for name in result.attitude_errors if rows else ():
         unit, factor = result.shown_in("", "deg")
         turns = np.degrees(turn_of_distance(result.metric(f"final_{name}"))) * factor
@@ -155,7 +156,7 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
 
 def _accuracy(result: Result) -> Iterator[str]:
     """Yield the accuracy of the numbers: their error estimates and the cross-check."""
-    estimates = result["error_estimate"]
+    estimates = result.metric("error_estimate")
     if np.isfinite(estimates).any():
         largest, median = np.nanmax(estimates), np.nanmedian(estimates)
         yield f"error estimates: largest {largest:.2g}, median {median:.2g}"
@@ -182,7 +183,7 @@ def _disagreement(result: Result) -> Iterator[str]:
 
 def _inaccurate(result: Result) -> Iterator[str]:
     """Yield a remark if error estimates far exceed the tolerance."""
-    estimates, rtol = result["error_estimate"], result.described.rtol
+    estimates, rtol = result.metric("error_estimate"), result.described.rtol
     if rtol is None or not np.isfinite(estimates).any():
         return
     above = int(np.count_nonzero(estimates > FAR_ABOVE * rtol))

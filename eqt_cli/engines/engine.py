@@ -43,6 +43,7 @@ class Status(IntEnum):
     WORKER_LOST = 5
     ESTIMATE_LOST = 6
     DIVERGED = 7
+    BY_ROUNDING = 8
 
 
 @dataclass(frozen=True)

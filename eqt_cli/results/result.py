@@ -672,15 +672,17 @@ class Result(StoredRuns):
         Returns
         -------
         list of dict
-            ``controller``, ``runs``, ``failed``, and the numbers by name, or those of their parts
-            if the units differ; NaN if no run is good. Also the number of ``settled`` runs and the
-            mean ``saturated_share``, if the result has them.
+            ``controller``, ``runs``, ``failed`` and of these ``by_rounding``, and the numbers by
+            name, or those of their parts if the units differ; NaN if no run is good. Also the
+            number of ``settled`` runs and the mean ``saturated_share``, if the result has them.
         """
         summary: list[dict[str, Any]] = []
         for c, label in enumerate(self.labels):
             good = self.good[..., c, :]
             row: dict[str, Any] = {"controller": label, "runs": good.size}
             row["failed"] = self.failed[label]
+            by_rounding = self.status[..., c, :] == Status.BY_ROUNDING
+            row["by_rounding"] = int(np.count_nonzero(by_rounding))
             for name, of in HEADLINE.items():
                 row |= {each: self._over_good(each, c, of) for each in self.in_parts(name)}
             if self.has("settling_time"):

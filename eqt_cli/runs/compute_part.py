@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, less, minimum, sqrt, where
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import working_for
@@ -22,13 +22,14 @@ from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Solution, Status
+from eqt_cli.engines.engine import Measured, Problem, Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
 from eqt_cli.loop.signals import at_state, holds, knows_energy, of_pose
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.batches import (
+    BOUND_PER_RTOL,
     Batch,
     batches,
     batches_at,
@@ -61,6 +62,7 @@ cross-checked when the parts are packed."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
+VELOCITIES, STILL = "velocities that may stay", "least change of velocities at first"
 MOTION = "pose and velocity"
 """Inputs of metrics at every sample that are not signals. Names of signals have no spaces."""
 
@@ -208,6 +210,7 @@ class PartArrays:
             elif quantity.per is ValuePer.TRAJECTORY and (stored >= 0).any():
                 signal = values[quantity.name][stored >= 0]
                 self.data[quantity.name][stored[stored >= 0]] = signal[:, self.samples]
+        checked[solution.status != Status.OK] = -1
         if (checked >= 0).any():
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
@@ -298,11 +301,11 @@ def _solve(
     first = engine.measured(*_functions(batch, names), batch.problem, rows, returned, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
-        motion = [first.arrays[MOTION]]
         second = engine.tightened(0.1).measured(
-            difference, largest_difference, batch.problem, motion, (), *how
+            difference, largest_difference, batch.problem, [first.arrays[MOTION]], (), *how
         )
         estimate = second.numbers[ERROR]
+    _find_by_rounding(batch, first, context.threads)
     _judge(first.solution, estimate, solver.judgement.max_error)
     return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}
 
@@ -341,9 +344,12 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     K = common_weight(problem.batched_loop(extra_axes=1).gains.K)
     balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
     held = holds(problem.loop.vehicle)
-    known = (K.tobytes(), balanced, *held.items())
+    control, times = problem.loop.vehicle.control, problem.times
+    wait = 0.0 if control is None else (control.delay + 2) * control.period
+    first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
+    known = (K.tobytes(), balanced, first, *held.items())
     key = tuple(m.name for m in metrics), tuple(values.items()), known
-    numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held)
+    numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
     return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
@@ -382,9 +388,11 @@ class SampledSignals:
             sampled[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
+        integrated = [s.Vd] if "velocity" in loop.reference.starts_from else []
         return sampled | {
             POSE_ERROR: s.Q_E,
             DRIFT: G.drift(s.Q),
+            VELOCITIES: np.concatenate([s.V_tilde, *integrated], axis=-1),
             RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),
             MOTION: _motion(s),
         }
@@ -408,6 +416,8 @@ class Numbers:
         Whether the energy balance L + W is known.
     holds
         Signals that are held between ticks, with the time between two changes.
+    first
+        The first sample by which the law has moved the body, s.
     """
 
     key: Hashable
@@ -417,6 +427,7 @@ class Numbers:
     K: Array = field(compare=False)
     balanced: bool = field(compare=False)
     holds: Mapping[str, float] = field(compare=False)
+    first: float = field(compare=False)
 
     def __call__(self, over: SampledRuns, sampled: Mapping[str, Any]) -> dict[str, Any]:
         """Return the metrics and the indicators of their reliability, by name."""
@@ -436,8 +447,20 @@ class Numbers:
         return numbers | {
             "group_drift": over.largest(signals[DRIFT]),
             "unstable_distance": over.smallest(away),
+            STILL: self._least_change(over, signals[VELOCITIES]),
             "reference_residual": largest(over, signals[RESIDUAL]),
         }
+
+    def _least_change(self, over: SampledRuns, velocities: Any) -> Any:
+        """Return the least change of the velocity of a part until `first`."""
+        count, m = velocities.shape[-1], self.group.dimension
+        parts = [range(m)[part.axes] for part in self.group.parts]
+        changes = []
+        for axes in parts + [range(m, count)] * (count > m):
+            columns = (velocities[..., k] for k in axes)
+            squares = sum((x - over.initial(x)) ** 2 for x in columns)
+            changes.append(over.largest(where(less(self.first, over.time), 0.0, squares)))
+        return sqrt(reduce(minimum, changes))
 
 
 def difference(loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[str, Array]:
@@ -465,6 +488,44 @@ def _motion(s: Tracking) -> Array:
     shape = np.broadcast_shapes(Q.shape[:-1], V.shape[:-1])
     pieces = [np.broadcast_to(piece, (*shape, piece.shape[-1])) for piece in (Q, V)]
     return np.concatenate(pieces, axis=-1)
+
+
+NEAR = 1e-9
+"""Change of a velocity, or distance of a pose, that may be rounding; and the error tried."""
+
+LARGE = 1e-3
+"""Error, rad or m, that is no longer small; to grow to it from `NEAR` takes 14 time constants."""
+
+
+def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
+    """Set the status `BY_ROUNDING` for runs that start within rounding of an unstable motion.
+
+    In such a motion a velocity stays, or the pose is critical; and an error of `NEAR` at the start
+    becomes `LARGE`. So it does even where a run, by rounding, does not leave it until its end.
+    """
+    still = np.fmin(first.numbers[STILL], first.numbers["unstable_distance"])
+    near = np.flatnonzero((first.solution.status == Status.OK) & (still <= NEAR))
+    if not len(near):
+        return
+    problem, limit = batch.problem.select(near), max(LARGE, BOUND_PER_RTOL * batch.engine.rtol)
+    motion, apart = [first.arrays[MOTION][near]], np.zeros(len(near))
+    for error in (NEAR, -NEAR):  # of a law that jumps, one of them is on the other side
+        other = replace(problem, states=_moved(problem, error))
+        solved = batch.engine.measured(difference, largest_difference, other, motion, (), threads)
+        apart = np.fmax(apart, solved.numbers[ERROR])
+    for run in near[apart > limit]:
+        first.solution.status[run] = Status.BY_ROUNDING
+        first.solution.messages[run] = (
+            f"rounding decides: at its start, an error of {NEAR:g} grows beyond {limit:g}; no "
+            "solver.rtol helps; start it elsewhere"
+        )
+
+
+def _moved(problem: Problem, error: float) -> Array:
+    """Return the initial states with errors in all directions of body and reference."""
+    loop, t = problem.batched_loop(), float(problem.times[0])
+    s, x = loop.tracking(t, problem.states), error * np.cos(np.arange(loop.group.dimension))
+    return loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
 
 
 def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
