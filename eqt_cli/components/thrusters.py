@@ -206,14 +206,7 @@ class Thrusters(Actuator):
             if speed in each:
                 each[name] = each["thrust_constant"] * each.pop(speed) ** 2
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
-        inverse, limited = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST), None
-        norms = _norms(B)
-        U, sizes, _ = np.linalg.svd(B / norms, full_matrices=False)
-        strong = sizes >= part.least * sizes[0]
-        if (~strong & (sizes > SMALLEST * sizes[0])).any():
-            row_space = U[:, strong].T / norms[:, 0]
-            inverse = scale[:, None] * np.linalg.pinv(row_space @ B * scale) @ row_space
-            limited = B @ inverse
+        inverse, limited = allocation(B, part.least, scale)
         none = dict.fromkeys(("weights", "moment_constant", *SPEEDS))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
         none["scale"] = scale if self.sampled else None
@@ -300,17 +293,7 @@ class Thrusters(Actuator):
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield remarks on the directions in which thrusts push not at all, or hardly."""
-        B = wanted @ self.columns(G)
-        yield from lost_directions(G, wanted, B)
-        weak = unreachable(B, self.least)
-        if len(weak) > len(unreachable(B)):
-            weak /= np.abs(weak).max(axis=1, keepdims=True)
-            named = ", ".join(_in_words(row, G.axis_names) for row in weak @ wanted)
-            yield (
-                f"push along {named} with less than {self.least:g} of their strength elsewhere "
-                "(the rows of B divided by their norms), which is given up: what a law asks for "
-                "there is lost; add thrusters, or set a smaller least"
-            )
+        yield from lost_directions(G, wanted, wanted @ self.columns(G), self.least, self.name)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid matrix or invalid places, and numbers that do not fit them."""
@@ -409,13 +392,39 @@ def _norms(B: Array) -> Array:
     return np.where(norms > SMALLEST * norms.max(), norms, 1.0)
 
 
-def lost_directions(G: MatrixLieGroup, wanted: Array, B: Array) -> Iterator[str]:
-    """Yield a remark on the wanted directions, ``(k, m)``, in which nothing pushes."""
-    lost = unreachable(B)
+def allocation(B: Array, least: float, scale: Array) -> tuple[Array, Array | None]:
+    """Return B⁺ without weak directions, and the commands that pass through it; None for all.
+
+    A direction is weak where a singular value of B, with rows divided by their norms, is below
+    `least` of the largest. The sum of squares of u/scale is least.
+    """
+    norms = _norms(B)
+    U, sizes, _ = np.linalg.svd(B / norms, full_matrices=False)
+    strong = sizes >= least * sizes[0]
+    if not (~strong & (sizes > SMALLEST * sizes[0])).any():
+        return scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST), None
+    row_space = U[:, strong].T / norms[:, 0]
+    inverse = scale[:, None] * np.linalg.pinv(row_space @ B * scale) @ row_space
+    return inverse, B @ inverse
+
+
+def lost_directions(
+    G: MatrixLieGroup, wanted: Array, B: Array, least: float, actuators: str
+) -> Iterator[str]:
+    """Yield remarks on the wanted directions, ``(k, m)``, in which little or nothing pushes."""
+    lost, weak = unreachable(B), unreachable(B, least)
     if len(lost):
         named = ", ".join(_in_words(row, G.axis_names) for row in lost @ wanted)
         rank = f"rank {len(wanted) - len(lost)} of {len(wanted)}"
         yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
+    if len(weak) > len(lost):
+        weak /= np.abs(weak).max(axis=1, keepdims=True)
+        named = ", ".join(_in_words(row, G.axis_names) for row in weak @ wanted)
+        yield (
+            f"push along {named} with less than {least:g} of their strength elsewhere (the rows "
+            "of B divided by their norms), which is given up: what a law asks for there is lost; "
+            f"add {actuators}, or set a smaller least"
+        )
 
 
 def unreachable(B: Array, least: float = SMALLEST) -> Array:

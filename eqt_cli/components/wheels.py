@@ -6,13 +6,14 @@ from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import Field
 
 from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, less, tanh, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Angle, Positive, Real, Unit
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.thrusters import lost_directions
+from eqt_cli.components.thrusters import allocation, lost_directions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -98,6 +99,8 @@ class Wheels(Actuator):
     allocation
         `pseudo_inverse`: the torques of least sum of squares. `min_max`: those of which the largest
         is least.
+    least
+        With `pseudo_inverse`, as of `thrusters`: the weakest direction that is commanded.
     bias
         `{momentum: […], time_constant: …}`: momenta to which wheels are brought, without an effect
         on the body, to keep them away from speed 0.
@@ -115,6 +118,7 @@ class Wheels(Actuator):
     start: Annotated[Numbers | None, Unit("N m s")] = None
     friction: Friction | None = None
     allocation: Literal["pseudo_inverse", "min_max"] = "pseudo_inverse"
+    least: Annotated[float, Field(ge=0, lt=1)] = 0.05
     bias: Bias | None = None
     moves: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
     matrix: Any = field(default=None, init=False, repr=False)
@@ -170,14 +174,12 @@ class Wheels(Actuator):
         each = of_each(part, OF_EACH, self.count)
         if "speed" in each:
             each["momentum"] = each["inertia"] * each.pop("speed")
-        inverse, each["start"] = (
-            np.linalg.pinv(A, rcond=FLAT),
-            each.get("start", np.zeros(self.count)),
-        )
+        inverse = allocation(A, part.least, np.ones(self.count))[0]
+        each["start"] = each.get("start", np.zeros(self.count))
         if self.friction is not None:
             each["rubbing"] = np.array([self.friction.viscous, self.friction.coulomb])
         if self.bias is not None:
-            null = np.eye(self.count) - inverse @ A
+            null = np.eye(self.count) - np.linalg.pinv(A, rcond=FLAT) @ A
             each["pulled"] = np.concatenate(
                 [null / self.bias.time_constant, np.array([self.bias.momentum])]
             )
@@ -287,7 +289,8 @@ class Wheels(Actuator):
         """Yield a remark on the turns about which no wheel has a torque."""
         turns = wanted[np.abs(wanted[:, _turns(G)]).any(axis=1)]
         part = self if self.matrix is not None else self.of_run(G, None)
-        yield from lost_directions(G, turns, turns @ part.matrix)
+        least = 0.0 if self.allocation == "min_max" else self.least
+        yield from lost_directions(G, turns, turns @ part.matrix, least, self.name)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without wheels, and missing numbers."""

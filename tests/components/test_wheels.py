@@ -1,5 +1,6 @@
 """Reaction wheels against a plain program, against Basilisk, and by conservation."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -250,3 +251,21 @@ def test_two_wheels_of_four_are_flown_with_a_remark(axes, lost):
     np.testing.assert_allclose(part.output(G, normal, np.zeros(2)), 0, atol=1e-12)
     across = np.cross(normal, axes[0])
     np.testing.assert_allclose(part.output(G, across, np.zeros(2)), across, atol=1e-12)
+
+
+def test_a_direction_of_wheels_that_almost_agree_is_given_up_and_named():
+    """Two of three axes 0.004 rad apart: 1 N m across them takes 250 N m of each, or none."""
+    G, across = group_named("SO3"), np.array([0.0, 1.0, -1.0])
+    wheels = Wheels(axes=[[1, 0, 0], [0, 1.004, 1], [0, 1, 1.004]])
+    assert list(wheels.remarks(G, np.eye(3))) == [
+        "push along ωy − ωz with less than 0.05 of their strength elsewhere (the rows of B divided "
+        "by their norms), which is given up: what a law asks for there is lost; add wheels, or set "
+        "a smaller least"
+    ]
+    part, free = (replace(wheels, least=least).of_run(G, None) for least in (0.05, 1e-3))
+    assert np.abs(part.allocated(across)).max() < 0.01 and not list(free.remarks(G, np.eye(3)))
+    assert np.abs(free.allocated(across)).max() > 200
+    for command in np.array([[1.0, 0, 0], [0, 1.0, 1.0]]):
+        found = part.output(G, command, np.zeros(3))
+        np.testing.assert_allclose(found, command, rtol=0, atol=0.005)
+    np.testing.assert_allclose(free.output(G, across, np.zeros(3)), across, rtol=0, atol=1e-10)
