@@ -20,7 +20,6 @@ from eqt_cli.cli.output import print_findings, say
 from eqt_cli.config import shipped
 
 if TYPE_CHECKING:
-    from eqt_cli.base.arrays import Array
     from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
 
@@ -280,28 +279,24 @@ def check(
 
 def _gains(experiment: Experiment) -> Iterator[str]:
     """Yield the gains of the laws, as papers write them, too, and what they mean."""
+    import numpy as np
+
     from eqt_cli.loop.linearised import small_errors
 
-    said = dict[str, list[str]]()
+    laws = dict[str, list[str]]()
     for title, loop in zip(experiment.titles.values(), experiment.loops.values(), strict=True):
-        law, inner = loop.controller, loop.inside
+        law, gains, axes = loop.controller, loop.inside.gains, dict[str, list[str]]()
         if not (law.reads_gains or law.inside_reads_gains):
             continue
-        K, K_d, words = inner.gains.K, inner.gains.K_d, []
-        if all(part.turns for part in inner.group.parts) and _is_number(K) and _is_number(K_d):
-            kp, kd = K[0, 0], K_d[0, 0]
-            words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
-        for each in small_errors(loop):
-            axes = ", ".join(each.axes)
-            words.append(f"{axes} {each.bandwidth:.3g} rad/s, damping {each.damping:.2g}")
-        said.setdefault("; ".join(words), []).append(title)
-    yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in said.items())
-
-
-def _is_number(matrix: Array) -> bool:
-    """Whether a matrix is a number times I."""
-    diagonal = matrix.diagonal()
-    return len({*diagonal}) == 1 and abs(matrix).sum() == abs(diagonal).sum()
+        for axis, (bandwidth, damping) in small_errors(loop).items():
+            axes.setdefault(f"{bandwidth:.3g} rad/s, damping {damping:.2g}", []).append(axis)
+        words = "; ".join(f"{', '.join(names)} {how}" for how, names in axes.items())
+        kp, kd = gains.K[0, 0], gains.K_d[0, 0]
+        multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
+        if multiples and all(part.turns for part in loop.inside.group.parts):
+            words = f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g}); {words}"
+        laws.setdefault(words, []).append(title)
+    yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in laws.items())
 
 
 def _document(

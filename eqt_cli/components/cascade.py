@@ -52,7 +52,7 @@ else:
     ]
 
 
-OF_FORCE = {"kx": "k_x", "kv": "k_v", "ki": "k_i"}
+OF_FORCE = {"kx": "k_x", "kv": "k_v"}
 """Gains of the acceleration, each with the name of that of the force, which is m times as large."""
 
 
@@ -76,9 +76,9 @@ class PositionGains:
     period
         Of the position loop, s: a whole number of control periods. Between its instants, F and its
         derivatives are held. If left out, F is computed whenever the law is.
-    k_x, k_v, k_i
-        Instead of `kx`, `kv` and `ki`, gains of the force, as Lee, Leok and McClamroch (2010) have
-        them: m times those of the acceleration, N/m, N s/m and N/(m s).
+    k_x, k_v
+        Instead of `kx` and `kv`, the gains of the force of Lee, Leok and McClamroch (2010), which
+        are m times as large, N/m and N s/m.
     """
 
     # Not strict, for the reason given in `Distribution`.
@@ -94,29 +94,26 @@ class PositionGains:
     period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
     k_x: Annotated[EachAxis | None, Scale("k_x", "N/m", is_symbol=True)] = None
     k_v: Annotated[EachAxis | None, Scale("k_v", "N s/m", is_symbol=True)] = None
-    k_i: Annotated[Real | None, Scale("k_i", "N/(m s)", is_symbol=True)] = None
 
     def check(self, space: int, problems: Problems) -> None:
         """Note gains that are missing, twice there, or not for each axis; c1 without integral."""
         for name, of_force in OF_FORCE.items():
-            both = {each: getattr(self, each) for each in (name, of_force)}
-            there = {each: gain for each, gain in both.items() if gain is not None}
-            if len(there) > 1:
-                problems.at(of_force).add(f"is {name} times the mass; give one of the two")
-            elif not there and name != "ki":
-                problems.at(name).add(f"missing; give {name}, or {of_force} of the force")
-            for each, gain in there.items():
-                if np.ndim(gain) and np.size(gain) != space:
+            there = [each for each in (name, of_force) if getattr(self, each) is not None]
+            if len(there) != 1:
+                got = "both" if there else "neither"
+                problems.at(name).add(f"expected {name}, or {of_force} of the force, got {got}")
+            for each in there:
+                if np.ndim(gain := getattr(self, each)) and np.size(gain) != space:
                     expected = f"expected a number, or {space} of them, got {np.size(gain)}"
                     problems.at(each).add(expected)
-        if self.c1 is not None and self.ki is None and self.k_i is None:
+        if self.c1 is not None and self.ki is None:
             problems.at("c1").add("belongs to the integral; give ki, too")
 
     def of_mass(self, mass: float) -> PositionGains:
         """Return the gains with those of the force divided by the mass."""
-        gains = {name: getattr(self, of_force) for name, of_force in OF_FORCE.items()}
-        given = {name: gain / mass for name, gain in gains.items() if gain is not None}
-        return with_fields(self, **dict.fromkeys(OF_FORCE.values()), **given)
+        pairs = [(name, getattr(self, of_force)) for name, of_force in OF_FORCE.items()]
+        known = {name: gain / mass for name, gain in pairs if gain is not None}
+        return with_fields(self, k_x=None, k_v=None, **known)
 
     def bounded(self, u: Any) -> Any:
         """Return sat(u), of an array or a series."""

@@ -235,14 +235,13 @@ def check_turn(first: Any, second: Any, G: MatrixLieGroup, problems: Problems) -
     start, end = (_turn_as_written(value, G) for value in (first, second))
     if start is None or end is None:
         return
-    sizes = [float(np.degrees(np.linalg.norm(turn))) for turn in (start, end, end - start)]
-    if min(max(sizes[:2]), sizes[2]) > HALF_TURN:
-        degrees = f"; write '{np.radians(sizes[2]):.6g} deg' if degrees were meant"
+    largest = np.degrees(max(np.linalg.norm(start), np.linalg.norm(end)))
+    turn = float(np.degrees(np.linalg.norm(end - start)))
+    if min(largest, turn) > HALF_TURN:
+        degrees = f"; write '{np.radians(turn):.6g} deg' if degrees were meant" * (turn > 360)
         problems.add(
-            f"turns by {sizes[2]:.6g} deg, as written, but poses do not count turns, so that the "
-            "motion would take the shorter way; go by waypoints at most 180 deg from each other"
-            + degrees
-            * (sizes[2] > 360)
+            f"turns by {turn:.6g} deg as written, but poses do not count turns, so that the motion "
+            f"would take the shorter way; go by waypoints at most 180 deg from each other{degrees}"
         )
 
 
@@ -251,14 +250,15 @@ def _turn_as_written(value: Any, G: MatrixLieGroup) -> Array | None:
     pose = pose_from(value, G, Problems())
     if pose is None or not isinstance(G, EuclideanGroup) or not G.rotations:
         return None
-    rotvec, euler = (value.get(k) if isinstance(value, dict) else None for k in ("rotvec", "euler"))
-    if rotvec is not None:
-        return vector(validated(Angle | list[Angle], rotvec, Problems()), G.rotations, G)
-    angles = validated(list[Angle], euler["angles"], Problems()) if euler else []
-    if euler is None or np.count_nonzero(angles) > 1:
+    written: Any = value if isinstance(value, dict) else {}
+    if "rotvec" in written:
+        angles = validated(Angle | list[Angle], written["rotvec"], Problems())
+        return vector(angles, G.rotations, G)
+    euler = written.get("euler", {"sequence": "x", "angles": []})
+    angles = validated(list[Angle], euler["angles"], Problems())
+    if np.count_nonzero(angles) != 1:
         return G.log(pose)[: G.rotations]
-    axes = np.eye(3)[["xyz".index(axis) for axis in euler["sequence"].lower()]]
-    return np.asarray(angles @ axes)
+    return np.asarray(angles @ np.eye(3)[["xyz".index(axis) for axis in euler["sequence"].lower()]])
 
 
 # Numbers that are meant as degrees ------------------------------------------------------------

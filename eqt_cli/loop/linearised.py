@@ -830,43 +830,17 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
         yield LeftOut("what is drawn for each run (means are used)")
 
 
-class SmallErrors(NamedTuple):
-    """How small errors decay along some axes, at rest and without limits, lags and delays.
+def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:
+    """Return how errors at rest decay along each axis alone: bandwidth ω, rad/s, and damping ζ.
 
-    Attributes
-    ----------
-    axes
-        Names of the coordinates.
-    bandwidth
-        ω, rad/s: the root of stiffness over inertia.
-    damping
-        ζ: the damping over the least one without oscillation.
-    """
-
-    axes: list[str]
-    bandwidth: float
-    damping: float
-
-
-def small_errors(loop: ClosedLoop) -> list[SmallErrors]:
-    """Return bandwidth and damping by kp and kd, from 𝕀ε̈ + K_d ε̇ + Hε = 0, and of a position.
-
-    Coupled axes are taken as the modes of 𝕀 and H, each named by its largest coordinate.
+    By 𝕀ε̈ + K_d ε̇ + Hε = 0 with the gains kp and kd, and by those of a position; couplings, limits,
+    lags and delays are left out.
     """
     inner, position = loop.inside, getattr(loop.controller, "position", None)
-    inertia, H = inner.inertia.at(0.0).matrix, hessian_at_identity(inner.group, inner.gains.K)
-    roots = np.linalg.inv(np.linalg.cholesky(inertia))
-    squares, modes = np.linalg.eigh(roots @ (H + H.T) / 2 @ roots.T)
-    modes = roots.T @ modes
-    damping = (modes * (inner.gains.K_d @ modes)).sum(axis=0) / (2 * np.sqrt(squares))
-    largest = np.abs(modes * np.sqrt(np.diagonal(inertia))[:, None]).argmax(axis=0)
-    axes = [inner.group.axis_names[k] for k in largest]
-    found = sorted(zip(largest, axes, np.sqrt(squares), damping, strict=True))
+    H = hessian_at_identity(inner.group, inner.gains.K)
+    J, H, D = map(np.diagonal, (inner.inertia.at(0.0).matrix, H, inner.gains.K_d))
+    found = list(zip(inner.group.axis_names, H / J, D / J, strict=True))
     if position is not None:
         kx, kv = (np.broadcast_to(k, rigid(loop.group).space) for k in (position.kx, position.kv))
-        found += zip(kx, "xyz", np.sqrt(kx), kv / (2 * np.sqrt(kx)), strict=False)
-    alike: dict[str, SmallErrors] = {}
-    for _, axis, w, zeta in found:
-        same = alike.setdefault(f"{w:.3g} {zeta:.3g}", SmallErrors([], float(w), float(zeta)))
-        same.axes.append(axis)
-    return list(alike.values())
+        found += zip("xyz", kx, kv, strict=False)
+    return {axis: (math.sqrt(k), d / (2 * math.sqrt(k))) for axis, k, d in found}
