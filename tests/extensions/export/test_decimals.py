@@ -1,4 +1,4 @@
-"""Programs in decimal numbers, against mpmath."""
+"""Programs with many digits, entry by entry against single calls."""
 
 import mpmath
 import numpy as np
@@ -56,18 +56,15 @@ def test_operations_and_choices_are_exact():
 def test_numbers_beyond_the_range_of_doubles_are_kept():
     x = np.array([1e300, 1e-300, 2.0])
     found = evaluated(program(lambda x: x * x * x), {"x": x})["y"]
-    assert [f"{value:.0e}" for value in found] == ["1e+900", "1e-900", "8e+0"]
+    assert [round(float(mpmath.log10(value))) for value in found] == [900, -900, 1]
 
 
 def test_an_arctangent_of_infinity_is_half_of_pi():
     found = evaluated(
-        program(lambda x: arrays.apply("atan", 1.0 / x)), {"x": np.array([0.0, -0.0, 1.0])}
+        program(lambda x: arrays.apply("atan", x[:2] / x[2])[()], 3),
+        {"x": np.array([1.0, -1.0, 0.0])},
     )
-    assert [f"{value:.9f}" for value in found["y"]] == [
-        "1.570796327",
-        "-1.570796327",
-        "0.785398163",
-    ]
+    np.testing.assert_allclose([float(x) for x in found["y"]], [np.pi / 2, -np.pi / 2])
 
 
 UNDEFINED = {
@@ -84,13 +81,14 @@ UNDEFINED = {
 def test_a_function_is_not_a_number_where_it_is_undefined(name):
     x = np.array(UNDEFINED[name])
     found = evaluated(program(lambda x: arrays.apply(name, x), len(x)), {"x": x})["y"]
-    assert [value.is_nan() for value in found] == [True, True]
+    assert [mpmath.isnan(value) for value in found] == [True, True]
 
 
 def test_a_root_of_a_negative_number_is_undefined_and_one_of_zero_is_zero():
     x = np.array([-2.0, 0.0, 4.0])
     found = evaluated(program(lambda x: x**1.5), {"x": x})["y"]
-    assert [str(value.normalize()) for value in found] == ["NaN", "0", "8"]
+    assert mpmath.isnan(found[0])
+    assert found[1:] == [0, 8]
 
 
 @pytest.mark.parametrize(
