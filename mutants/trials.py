@@ -147,7 +147,8 @@ class Trials:
     def _within_budget(self, nodeids: Iterable[str]) -> list[str]:
         """As many as the budget takes: the cheapest, and half of it for one case of every test."""
         seconds = {nodeid: self.tests[nodeid]["seconds"] for nodeid in nodeids}
-        by_time = sorted((n for n in seconds if seconds[n] <= SLOW), key=lambda n: seconds[n])
+        most = max(SLOW, self.budget / 10)  # what survives is tried on longer tests, too
+        by_time = sorted((n for n in seconds if seconds[n] <= most), key=lambda n: seconds[n])
         first_cases = {nodeid.partition("[")[0]: nodeid for nodeid in reversed(by_time)}
         chosen: list[str] = []
         for order, budget in ((by_time, self.budget / 2), (first_cases.values(), self.budget)):

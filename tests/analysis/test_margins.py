@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import comb, factorial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -633,3 +634,18 @@ def test_the_delay_margin_of_any_sampled_loop_is_the_first_period_that_makes_it_
             assert delay_margin(loop) == pytest.approx(0.5 * (first - 1)) or first == 20
             finite += first < 20
     assert finite > 5
+
+
+@pytest.mark.parametrize(("most", "found"), [(0, 0), (1, 1), (37, 37), (140, 140)])
+def test_the_delay_of_a_cycle_is_the_last_stable_number_of_periods(monkeypatch, most, found):
+    monkeypatch.setattr(searched, "is_stable", lambda phases, delay: delay <= most)
+    loop: Any = SimpleNamespace(period=0.5, phases=[SimpleNamespace(B=np.zeros((1, 4, 2)))])
+    assert searched._delay_of_cycle(loop) == (0.5 * found, False)
+
+
+def test_a_cycle_that_no_delay_makes_unstable_has_no_known_end(monkeypatch):
+    monkeypatch.setattr(searched, "is_stable", lambda phases, delay: True)
+    loop: Any = SimpleNamespace(period=0.5, phases=[SimpleNamespace(B=np.zeros((1, 4, 2)))])
+    delay, is_least = searched._delay_of_cycle(loop)
+    assert is_least
+    assert delay >= 0.5 * (searched.MOST_STATES - 4) // 2

@@ -30,9 +30,12 @@ from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.references import ConstantReference
 from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.engines.library import with_comparison_sides
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extensions.firmware.program_error import bounded
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.program import traced
 
 TOL = 1e-10
 
@@ -316,3 +319,20 @@ def test_sliding_mode_is_a_failure_and_harms_no_other():
     assert np.isnan(solution.states[1, 3:]).all()
     alone = engine_of().solve(problem.select([0, 2]))
     assert np.array_equal(alone.states, solution.states[[0, 2]])
+
+
+def test_the_sides_of_comparisons_are_inputs_and_outputs():
+    """Each a < b is replaced by the sign of its side; a and b are given back in the same order."""
+
+    def function(given):
+        a, b, c = given["x"]
+        first = where(less(a, b), 10.0, 20.0)[()]
+        return {"y": np.array([first + where(less(c, a), 1.0, 2.0)[()]], dtype=object)}
+
+    program, count = with_comparison_sides(traced(function, {"x": 3}))
+    assert count == 2
+    for sides in ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)):
+        inputs = {"x": np.array([2.0, 3.0, 5.0]), "sides": np.array(sides)}
+        left, right, [[y]] = (bounded(program, inputs)[n].values for n in ("left", "right", "y"))
+        side = dict(zip(zip(*left, *right, strict=True), sides, strict=True))
+        assert y == (10 if side[2.0, 3.0] < 0 else 20) + (1 if side[5.0, 2.0] < 0 else 2)

@@ -52,6 +52,15 @@ def _datasets(path: Path) -> dict[str, Any]:
     return found
 
 
+def test_a_device_is_one_of_the_numbers_from_0(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine: Any = SimpleNamespace(lacks=())
+    poor: Any = SimpleNamespace(lacks=("double precision",), described="a device")
+    monkeypatch.setattr(devices, "devices", lambda: (poor, fine))
+    assert devices.chosen("opencl") is devices.chosen("opencl:1") is fine
+    assert "there is no device opencl:2" in refusal(InputError, devices.chosen, "opencl:2")
+    assert "lacks double precision" in refusal(InputError, devices.chosen, "opencl:0")
+
+
 def test_the_field_by_which_a_device_is_tested_is_defined_everywhere() -> None:
     """Every function is finite at each of three states, whatever their values."""
     field = devices._every_function(
