@@ -9,7 +9,7 @@ from typing import Any
 
 from eqt_cli.analysis.compare import ClaimVerdict, Comparison, Judgement
 from eqt_cli.analysis.intervals import FEWEST, LEAST_SEEN, POWER, SHARE, Level, Pair
-from eqt_cli.base.reporting import Block, TextTable, listed, percent, significant
+from eqt_cli.base.reporting import Block, TextTable, listed, percent
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun
@@ -304,7 +304,8 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
                 f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
                 "the mean time restricted to the horizon."
             )
-        notes += _sampling(name, levels, write)
+        least = min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels)
+        notes += here.sampling_note(least, write.unit(here.unit))
         if undefined := counted({level.controller: level.undefined for level in levels}):
             notes.append(f"{name}: good runs without a value: {undefined}.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
@@ -325,16 +326,6 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
     blocks = [Block("", rows)] if rows else []
     notes = _plain(notes, write)
     return TextTable("controllers", caption, [*keys, *laws], blocks, notes, keys=len(keys))
-
-
-def _sampling(name: str, levels: Sequence[Level], write: Plain) -> list[str]:
-    """State the error of integrals over samples, beyond 0.1 % or a tenth of an interval."""
-    error, missed = levels[0].measured.sampling
-    if not error > min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels):
-        return []
-    text = f"{significant(error, 2)} {write.unit(levels[0].measured.unit)}".strip()
-    by = f"; they miss {missed} of {missed + 1} held values, and alias a sensor's noise"
-    return [f"{name}: an error of up to {text} by the distance of samples{by * bool(missed)}."]
 
 
 def _with_laws_as_rows(table: TextTable) -> TextTable:

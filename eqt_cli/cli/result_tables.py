@@ -117,7 +117,7 @@ def _block(result: Result, part: str) -> Block:
 
 
 def _shares(result: Result) -> Iterator[str]:
-    """Yield rare unsettled runs, final angles and the share of time with actuators at a limit."""
+    """Yield rare unsettled runs, final angles, time at a limit, and errors by sampling."""
     rows = [(result.title_of[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
         counted = {title: row["runs"] - row["by_rounding"] for title, row in rows}
@@ -132,6 +132,12 @@ def _shares(result: Result) -> Iterator[str]:
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit: {shares}"
+    shown = [part for name in (*HEADLINE, "saturated_share") for part in result.in_parts(name)]
+    for quantity in (result.quantity(name) for name in shown if name in result.metrics):
+        if quantity.hold(result.described.holds):
+            number = result.per_run(quantity, quantity.window)
+            least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())
+            yield from number.sampling_note(least, result.unit_in_words(quantity.name))
 
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:

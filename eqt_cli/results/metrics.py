@@ -193,7 +193,15 @@ def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
     }
 
 
-INTEGRALS = (time_mean, effort, mean_turn, integral_of_square, actuator_work, root_mean_square)
+INTEGRALS = (
+    time_mean,
+    effort,
+    mean_turn,
+    integral_of_square,
+    actuator_work,
+    root_mean_square,
+    closing_rms,
+)
 """Formulas that are as accurate as the samples are close."""
 
 

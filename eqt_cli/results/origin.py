@@ -21,6 +21,7 @@ from pydantic import (
     Json,
     NonNegativeInt,
     PositiveFloat,
+    PositiveInt,
     TypeAdapter,
     ValidationError,
 )
@@ -160,6 +161,8 @@ class Experiment(BaseModel):
     holds
         Signals that are held between ticks, with the time between two changes, s; none where the
         clock or the actuators are swept.
+    decimate
+        Of so many samples of a run, one is stored.
     """
 
     titles: dict[str, Words] = {}
@@ -174,6 +177,7 @@ class Experiment(BaseModel):
     departures: Words = ""
     thrusters: list[tuple[Arrow, Arrow]] = []
     holds: dict[str, PositiveFloat] = {}
+    decimate: PositiveInt = 1
 
 
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))

@@ -17,6 +17,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, ExpressionError, printable, suggestion
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import CASE, LAW, POINT
+from eqt_cli.base.reporting import significant
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import in_wished, offered, size_of, split
 from eqt_cli.engines.engine import Status
@@ -451,6 +452,16 @@ class PerRun:
     runs: int
     sampling: tuple[float, int] = (math.nan, 0)
 
+    def sampling_note(self, least: float, unit: str) -> list[str]:
+        """State the error by the distance of the samples, if it is larger than this."""
+        error, missed = self.sampling
+        if not error > least:
+            return []
+        text = f"{significant(error, 2)} {unit}".strip()
+        by = f"; they miss {missed} of {missed + 1} held values, and alias a sensor's noise"
+        name = self.quantity.described
+        return [f"{name}: an error of up to {text} by the distance of samples{by * bool(missed)}."]
+
     def __repr__(self) -> str:
         """Return a description without the values."""
         return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"
@@ -759,7 +770,8 @@ class Result(StoredRuns):
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         unit, factor = self.shown_in(quantity.name, unit)
-        error, missed = self._sampling(quantity, window)
+        of_all = self.described.decimate if stored is not None else 1
+        error, missed = self._sampling(quantity, window, of_all)
         sampling = (error * factor, missed)
         return PerRun(quantity, window, unit, values * factor, censored, len(runs), sampling)
 
@@ -768,20 +780,22 @@ class Result(StoredRuns):
         with np.errstate(all="ignore"):  # failed runs hold NaN
             return quantity.measure(SampledRuns(self.times, self.described.holds), signals, window)
 
-    def _sampling(self, quantity: Quantity, window: Window) -> tuple[float, int]:
+    def _sampling(self, quantity: Quantity, window: Window, of_all: int) -> tuple[float, int]:
         """Return the error of an integral over samples, and how many changes they miss.
 
         The error is the change where every other sample is left out, in the mean over
         `FOR_SAMPLING` stored runs of the law for which it is largest; of smooth values a third of
         it (Richardson). 0 where a held value changes at samples only; NaN of what is no integral,
-        or without trajectories.
+        or without trajectories. Of `of_all` samples of a run one is stored.
         """
-        if quantity.of not in INTEGRALS or not self._has_signals(quantity):
+        of, signals = getattr(quantity.of, "func", quantity.of), quantity.signals
+        if of not in INTEGRALS or not all(map(self.is_over_time, signals)):
             return math.nan, 0
         hold, odd = quantity.hold(self.described.holds), (len(self.times) - 1) // 2 * 2 + 1
         if self.times[odd - 1] - self.times[0] <= window.start:  # too few to leave some out
             return math.nan, 0
-        missed = int(changes_missed(self.times, hold).max()) if hold else 0
+        times = np.linspace(self.times[0], self.times[-1], (len(self.times) - 1) * of_all + 1)
+        missed = int(changes_missed(times, hold).max()) if hold else 0
         if hold and not missed:
             return 0.0, 0
         some = {self.run_dimension: slice(min(FOR_SAMPLING, len(self.stored_runs)))}

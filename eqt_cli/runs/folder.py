@@ -585,6 +585,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
     laws = {label: loop.controller for label, loop in experiment.loops.items()}
     about = description(config, experiment.loop.vehicle.departures) | {
         "titles": experiment.titles,
+        "decimate": experiment.config.store.decimate,
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],

@@ -14,6 +14,7 @@ from eqt_cli import api
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.base.arrays import Array
+from eqt_cli.cli.result_tables import _shares
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import Plain, Window
 from eqt_cli.results.result import Result, open_result
@@ -22,7 +23,9 @@ TICK, TICKS = 0.1, 20
 LIMIT, LAG = {"kind": "limit", "limit": 0.5}, {"kind": "lag", "time_constant": 0.05}
 
 
-def run(folder: Path, samples: int, actuators: list[Any], engine: str = "solve_ivp") -> Result:
+def run(
+    folder: Path, samples: int, actuators: list[Any], engine: str = "solve_ivp", **more: Any
+) -> Result:
     """Three runs of 2 s with a law at 10 Hz."""
     config = mapping(
         name="held",
@@ -34,6 +37,7 @@ def run(folder: Path, samples: int, actuators: list[Any], engine: str = "solve_i
         time={"duration": TICK * TICKS, "samples": samples},
         early_window=1.0,
         solver={"engine": engine, "cross_check": 0, "error_estimate": False},
+        **more,
     )
     api.run(config, folder / "held")
     return open_result(folder / "held")
@@ -90,6 +94,8 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
     with run(tmp_path / "few", 5, []) as result:
         found = result.per_run(effort)
         table = text_tables(compare(result, metrics=["effort"]), Plain())["controllers"]
+        early = result.per_run(QUANTITIES["early_torque"], Window(0.0, 1.0))
+        shown = list(_shares(result))[-1]
     error, missed = found.sampling
     assert missed == 4
     assert error / 8 < abs(found.values.mean() - true) < error
@@ -97,3 +103,18 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
     assert note.startswith("effort ∫‖τ‖² dt: an error of up to ")
     held = "they miss 4 of 5 held values, and alias a sensor's noise"
     assert note.endswith(f" (N m)² s by the distance of samples; {held}.")
+    assert early.sampling[1] == 4
+    assert shown.startswith("mean ‖τ‖, first 1 s: an error of up to ")
+    assert shown.endswith(f" N m by the distance of samples; {held}.")
+
+
+def test_thinned_samples_are_all_that_a_stored_number_is_computed_from(tmp_path: Path) -> None:
+    """Of 21 samples, at all ticks, five are stored: the sums are over all of them."""
+    with run(tmp_path / "all", 21, []) as result:
+        true = result.metric("effort")
+    with run(tmp_path / "thin", 21, [], store={"decimate": 5}) as result:
+        assert len(result.times) == 5
+        np.testing.assert_array_equal(result.metric("effort"), true)
+        assert result.per_run(QUANTITIES["effort"]).sampling == (0.0, 0)
+        assert result.per_run(QUANTITIES["mean_torque"]).sampling[1] == 4
+        assert not any("samples" in line for line in _shares(result))
