@@ -131,10 +131,7 @@ class RegulatorTable:
 
         gains, values = (
             np.swapaxes(CubicSpline(times, matrices).c, 0, 1)
-            for matrices in (
-                [each.gain for each in regulators],
-                [each.value for each in regulators],
-            )
+            for matrices in zip(*((each.gain, each.value) for each in regulators), strict=True)
         )
         return cls(times[:-1], gains, values)
 
