@@ -495,7 +495,11 @@ class _Sections:
             self.sections["gains"] = GainsSection.model_construct(**known)
         shared, by_label = gains_from(known, G, here), dict[str, Gains | None]()
         meant = closest("gains", data.keys() - Config.model_fields.keys())
-        if section is None and not meant and any(map(_reads_gains, data.get("controllers") or [])):
+        if (
+            section is None
+            and not meant
+            and any(map(_reads_gains, self.sections["controllers"] or []))
+        ):
             here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
         for label, law in self.laws.items():
             by_label[label] = self._gains_of(law, known, shared, G)
@@ -632,8 +636,10 @@ def _reads_gains(entry: Any) -> bool:
     """Whether an entry of `controllers` needs the section `gains`."""
     gains = entry.get("gains") if isinstance(entry, dict) else None
     name = entry.get("kind") if isinstance(entry, dict) else entry
-    kind = controllers.get(name) if name in controllers.names() else Controller
-    return kind.reads_gains and not (isinstance(gains, dict) and len(gains) > 1)
+    kind = controllers.get(name) if name in controllers.names() else None
+    return (
+        kind is not None and kind.reads_gains and not (isinstance(gains, dict) and len(gains) > 1)
+    )
 
 
 def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:

@@ -411,6 +411,10 @@ def _rest(
 def _tracked(
     section: dict[str, Any], G: MatrixLieGroup | None, source: ConfigSource, problems: Problems
 ) -> DesiredTrajectory | None:
+    kinds = [each for each in references.all() if section.keys() <= {*option_names(each)}]
+    if not section.keys() & {"kind", "torque"} and section and kinds:
+        problems.at("kind").add(f"missing; these keys are those of kind: {kinds[0].name}")
+        return None
     name, kind = section.get("kind", "torque"), None
     with suppress(InputError):
         kind = references.get(name) if isinstance(name, str) else None

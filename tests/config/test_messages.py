@@ -140,6 +140,10 @@ reference: {kind: constant, pose: [1, 2, 3]} →
 reference: {kind: constant, velocity: null} →
     4:29: reference.velocity: expected a number or a list, got null
 controllers: eqt → 5:1: controllers: expected a list, such as [eqt], got 'eqt'
+controllers: -3; gains → 4:1: controllers: expected a list, got -3
+controllers: [eqq]; gains → 4:15: controllers[0]: unknown controller 'eqq'; did you mean 'eqt'?
+reference: {to: identity, duration: 3} →
+    4:12: reference.kind: missing; these keys are those of kind: slew
 controllers: [] → 5:1: controllers: expected at least 1 entry, got []
 controllers: [3] → 5:15: controllers[0]: expected text or a mapping, got 3
 controllers: [{kind: eqt, label: 3}] → 5:27: controllers[0].label: expected text on one line, got 3
