@@ -521,29 +521,26 @@ class Restoring(Force):
     def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
         """Yield remarks on a weight and a centre of mass that are not those of the inertia."""
         assert isinstance(G, EuclideanGroup) and G.translation is not None
-        axes, W, r = G.translation.axes, float(np.max(self.weight)), self.centre_of_mass
+        axes, W = G.translation.axes, float(np.max(self.weight))
         body = inertia.matrix - (0.0 if inertia.added is None else inertia.added)
-        masses, coupling = body[axes, axes], body[: axes.start, axes]
-        mass = masses[0, 0]
-        is_known = np.abs(masses - mass * np.eye(len(masses))).max() <= ROUNDING * mass
-        if is_known and W and not abs(W / (mass * GRAVITY) - 1) <= UNLIKE:
+        masses, coupling, I = body[axes, axes], body[: axes.start, axes], np.eye(G.space)
+        is_known = np.abs(masses - masses[0, 0] * I).max() <= ROUNDING * masses[0, 0]
+        mass = masses[0, 0] if is_known else W / GRAVITY  # with added mass in it, it is not known
+        if W and abs(W / (mass * GRAVITY) - 1) > UNLIKE:
             yield (
                 "weight",
                 f"is that of {W / GRAVITY:.4g} kg, and the inertia has {mass:.4g} kg, which weigh "
                 f"{mass * GRAVITY:.5g} N; correct one of the two",
             )
-        if r is None or not W or not np.any(r):
-            return
-        wanted = moment(np.asarray(r), (mass if is_known else W / GRAVITY) * np.eye(G.space)).T
-        if (
-            np.abs(coupling - wanted).max()
-            > (UNLIKE if is_known else 1 - UNLIKE) * np.abs(wanted).max()
-        ):
+        r = np.zeros(G.space) if self.centre_of_mass is None else np.asarray(self.centre_of_mass)
+        wanted = moment(r, mass * I).T
+        most = (UNLIKE if is_known else 1 - UNLIKE) * np.abs(wanted).max() + ROUNDING * mass
+        if W and (is_known or r.any()) and np.abs(coupling - wanted).max() > most:
+            there, right = ((x.round(4) + 0.0).tolist() for x in (coupling, wanted))
             yield (
                 "centre_of_mass",
-                "is off the origin, but the inertia does not couple force and torque as m r× does: "
-                f"its block of torque and force is {_rows(coupling)} for {_rows(wanted)}; correct "
-                "it, or put the origin at the centre of mass",
+                f"is not that of the inertia, whose block of torque and force is {there} where "
+                f"m r× is {right}; correct one of the two, or put the origin at the centre of mass",
             )
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
@@ -571,7 +568,3 @@ class Restoring(Force):
                 vehicle_parts.check_numbers(value, problems.at(name))
         if self.up is not None and not any(vehicle_parts.drawn(self.up, None)):
             problems.at("up").add("expected a direction, got a vector of zeros")
-
-
-def _rows(matrix: Array) -> str:
-    return str([[float(f"{x:.3g}") + 0.0 for x in row] for row in matrix.tolist()])

@@ -105,7 +105,7 @@ def centre_of_mass(rng):
     """Right: an origin off the centre of mass couples torque and force by m r×."""
     r = rng.normal(size=3).round(3).tolist()
     forces = [{"kind": "restoring", "weight": 19.6133, "centre_of_mass": r}]
-    return AFLOAT | {"plant": {"forces": forces}}, "plant.forces[0].centre_of_mass: is off the"
+    return AFLOAT | {"plant": {"forces": forces}}, "plant.forces[0].centre_of_mass: is not that of"
 
 
 def coupled_the_other_way(rng):
@@ -117,7 +117,14 @@ def coupled_the_other_way(rng):
     inertia[:3, :3] += 2 * (np.dot(r, r) * np.eye(3) - np.outer(r, r))
     forces = [{"kind": "restoring", "weight": 19.6133, "centre_of_mass": r}]
     changes = {"inertia": inertia.tolist(), "plant": {"forces": forces}}
-    return AFLOAT | changes, "plant.forces[0].centre_of_mass: is off the"
+    return AFLOAT | changes, "plant.forces[0].centre_of_mass: is not that of"
+
+
+def weight_at_the_origin(rng):
+    """Right: where the inertia couples torque and force, the weight is off the origin."""
+    data, said = coupled_the_other_way(rng)
+    forces = [{"kind": "restoring", "weight": 19.6133}]
+    return data | {"plant": {"forces": forces}}, said
 
 
 def gradient(rng):
@@ -171,6 +178,7 @@ KINDS = (
     no_weight,
     centre_of_mass,
     coupled_the_other_way,
+    weight_at_the_origin,
     gradient,
     angle,
     sampled,
