@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations, count
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from eqt_cli.base.errors import (
     KeyPath,
     Problems,
     Remedy,
+    alike,
     dotted,
     parse_key,
     suggestion,
@@ -155,8 +156,8 @@ def _key_in_law(key: str, index: int, keeps: bool) -> str:
 def _slug(label: str, taken: Sequence[str]) -> str:
     """Return a file name for a label that differs from the names already taken."""
     slug = files.file_name(label, "law")
-    same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
-    return f"{slug}-{same + 1}" if slug in taken else slug
+    numbered = (f"{slug}-{number}" for number in count(2))
+    return next(each for each in chain([slug], numbered) if not alike(each, taken))
 
 
 def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:

@@ -194,6 +194,11 @@ class ConfigError(EqtError):
         return "\n".join(problem.located(word) for problem in self.problems)
 
 
+def alike(name: str, names: Iterable[str]) -> str | None:
+    """Return the first of some names that equals a name but for capitals; files may not differ."""
+    return next((each for each in names if each.casefold() == name.casefold()), None)
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return `; did you mean 'x'?` for the known word closest to `word`, or an empty text."""
     nearest = closest(word, known)

@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
 
-from eqt_cli.base.errors import ComponentError, EqtError, suggestion
+from eqt_cli.base.errors import ComponentError, EqtError, alike, suggestion
 from eqt_cli.base.files import refusals, text_in
 
 # The base class of components, their registries, and the origin of their errors -------------------
@@ -190,9 +190,10 @@ class Registry(Generic[T]):
         added = []
         for component in self._components(module):
             name = _name(component)
-            if name in self._known():
+            if same := alike(name, self._known()):
+                but = f", in other capitals ('{same}')" if same != name else ""
                 raise ComponentError(
-                    f"plugin {source}: {self.kind} '{name}' already exists in eqt; "
+                    f"plugin {source}: {self.kind} '{name}' already exists in eqt{but}; "
                     "give yours another name"
                 )
             self._plugins[name] = component

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import InputError, KeyPath, Problems, closest
+from eqt_cli.base.errors import InputError, KeyPath, Problems, alike, closest
 from eqt_cli.base.option_types import (
     MISSING,
     Kind,
@@ -474,10 +474,10 @@ class _Sections:
             label = law.name if label is None else label
             if not isinstance(label, str) or not label.strip() or not label.isprintable():
                 here.at("label").add(f"expected text on one line, got {shown(label)}")
-            elif label in self.laws:
-                here.add(
-                    f"an earlier controller has the label '{label}'; give this one another `label`"
-                )
+            elif same := alike(label, self.laws):
+                also = f" than '{label}': capitals are no difference" * (same != label)
+                held = f"an earlier controller has the label '{same}'"
+                here.add(f"{held}; give this one another `label`{also}")
             else:
                 law_gains = gains.model_dump(exclude_none=True) if gains else {}
                 law_gains = kp_and_kd(law_gains, law.gains_group(G), here.at("gains")) if G else {}

@@ -19,6 +19,7 @@ from eqt_cli.base.errors import (
     KeyPath,
     Problems,
     Remedy,
+    alike,
     dotted,
     parse_key,
 )
@@ -373,8 +374,9 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
             added = load_plugin(source.folder / path, text)
             sources[path] = text
             for component in added:
-                if component in owners:
-                    message = f"{owners[component]} already defines {component}; rename one of them"
+                if same := alike(component, owners):
+                    but = f", and {component} differs in capitals only" * (same != component)
+                    message = f"{owners[same]} already defines {same}{but}; rename one of them"
                     problems.at("plugins", index).add(message)
                 owners[component] = path
     return sources

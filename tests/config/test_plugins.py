@@ -293,6 +293,22 @@ def test_the_name_of_one_of_eqts_own(message, law):
     )
 
 
+def test_the_name_of_one_of_eqts_own_in_other_capitals(message, law):
+    law.write_text(LAW.replace('"push"', '"EqT"'), encoding="utf-8")
+    assert message(**PUSH) == (
+        "c.yaml:10:11: plugins[0]: plugin law.py: controller 'EqT' already exists in eqt, in other "
+        "capitals ('eqt'); give yours another name"
+    )
+
+
+def test_two_names_of_plugins_that_differ_in_capitals(message, law, folder):
+    (folder / "other.py").write_text(LAW.replace('"push"', '"Push"'), encoding="utf-8")
+    assert message(**PUSH | {"plugins": "[law.py, other.py]"}).endswith(
+        "plugins[1]: law.py already defines controller 'push', and controller 'Push' differs in "
+        "capitals only; rename one of them"
+    )
+
+
 def test_wrong_plugins_are_reported_together(message, law):
     law.write_text("x = 1 +\n", encoding="utf-8")
     places = [line.split(": ")[0] for line in message(plugins="[law.py, no.py, 3]").splitlines()]

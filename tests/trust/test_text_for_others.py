@@ -65,6 +65,14 @@ def test_a_name_that_follows_from_a_file_or_a_label_is_that_of_no_device():
     assert _slug("NUL", []) == "law-NUL"
 
 
+def test_names_of_laws_do_not_differ_in_capitals_only():
+    """A folder of `Lee-x` would be that of `lee-x` on some disks; numbers stay unique."""
+    taken = []
+    for label in ("lee x", "Lee-x", "LEE.x", "lee-x-2", "a-3", "a", "a!", "A?"):
+        taken.append(_slug(label, taken))
+    assert len({each.casefold() for each in taken}) == len(taken)
+
+
 @pytest.mark.parametrize("columns", ["999999999", "9" * 5000, str(MOST_COLUMNS + 1)])
 def test_the_width_of_a_terminal_is_bounded(invoke, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
