@@ -518,9 +518,10 @@ class SpeedVelocity(VelocityDistribution):
 
 @dataclass(frozen=True)
 class _Listed(Distribution):
-    """An error of every run, ``(runs, …)``."""
+    """An error of every run, ``(runs, …)``, and remarks on their file."""
 
     errors: Array
+    notes: tuple[str, ...] = ()
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """Return the error of the first run."""

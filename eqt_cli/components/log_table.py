@@ -4,18 +4,18 @@ import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 from pydantic import Tag
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, suggestion
-from eqt_cli.base.files import text_of
+from eqt_cli.base.files import open_regular, text_of
 from eqt_cli.base.option_types import Positive, Real, Unit, one_of
 from eqt_cli.base.registry import extensions, of_extension
 from eqt_cli.base.units import factor, offered
@@ -98,6 +98,11 @@ def _offset_kind(value: Any) -> str | None:
     return None if isinstance(value, str) and value.isidentifier() else "number"
 
 
+Dropped = Literal["invalid", "repeated", "unordered"]
+
+
+DROPPING = "; add `drop: [{}]` to the mapping to leave such rows out"
+
 _Offset = Annotated[
     Annotated[Literal["first"], Tag("first")] | Annotated[Real, Tag("number")],
     one_of(_offset_kind, "a number of seconds, or first"),
@@ -160,6 +165,10 @@ class LogMapping:
         ``fx, fy, fz``. The velocity is that of the body's origin; the torque is about it.
     time
         How the times are read.
+    drop
+        Rows to leave out: ``invalid`` have an empty cell, a number that is not finite, or a
+        quaternion of norm 0, ``repeated`` the time of an earlier row, and ``unordered`` no time
+        after the largest so far.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -176,6 +185,7 @@ class LogMapping:
     torque: Literal["body", "spatial"] = "body"
     force: Literal["body", "spatial"] = "body"
     time: TimeMapping = field(default_factory=TimeMapping)
+    drop: list[Dropped] = field(default_factory=list)
 
     def axes(self, which: str) -> Array:
         """Return the rotation from the file's axes to the wanted ones, ``(3, 3)``."""
@@ -225,6 +235,9 @@ MIN_ENTRIES = 8
 LOOKS_LIKE = {"t": ("time", "timestamp", "stamp", "secs", "seconds")}
 """Usual headings of a column in other programs; eqt suggests them, but does not accept them."""
 
+MAX_NAMED = 10
+"""Largest number of unused columns that a remark names."""
+
 MAX_LINE = 100_000
 """Longest line, characters; a pose takes a few hundred."""
 
@@ -237,7 +250,7 @@ MAX_DIGITS = 19
 CHUNK = 20_000
 """Number of lines to read at once; where that fails, they are searched for the first error."""
 
-_WITHOUT_UNIT = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\w+|Q\d+")
+_WITHOUT_UNIT = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\d+|V_\w+|Q\d\d+")
 """Names of eqt's columns without a unit."""
 
 _HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
@@ -258,12 +271,15 @@ class LogTable:
         The line of each row in the file.
     since
         Time subtracted from column t, s, so that the rest is exact.
+    dropped
+        The lines that a mapping drops, by the reason.
     """
 
     name: str
     columns: dict[str, Array]
     lines: Sequence[int]
     since: float = 0.0
+    dropped: Mapping[Dropped, Sequence[int]] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -271,6 +287,32 @@ class LogTable:
     def error(self, row: int, message: str) -> InputError:
         """Return the error of a row."""
         return InputError(f"{self.name}:{self.lines[row]}: {message}")
+
+    def part(self, rows: slice | Array) -> Self:
+        """Return the table with some of its rows."""
+        columns = {name: numbers[rows] for name, numbers in self.columns.items()}
+        lines = [self.lines[row] for row in np.arange(len(self))[rows].tolist()]
+        return replace(self, columns=columns, lines=lines)
+
+    def without(self, drop: Collection[Dropped]) -> Self:
+        """Return the table without rows of some kinds."""
+        table = self
+        for kind in (each for each in get_args(Dropped) if each in drop and len(table)):
+            t = table.columns.get("t", np.arange(len(table)))
+            kept = np.r_[True, t[1:] > np.maximum.accumulate(t)[:-1]]
+            if kind == "repeated":
+                kept = np.isin(np.arange(len(t)), np.unique(t, return_index=True)[1])
+            elif kind == "invalid":
+                kept = np.isfinite(table.get(list(table.columns))).all(axis=1)
+                for suffix in (name[2:] for name in table.columns if name.startswith("qw")):
+                    kept &= table.get([each + suffix for each in QUATERNION]).any(axis=1)
+            if not kept.all():
+                dropped = {**table.dropped, kind: table.part(~kept).lines}
+                table = replace(table.part(kept), dropped=dropped)
+        if not len(table):
+            but = " but those that `drop` leaves out" * bool(len(self))
+            raise InputError(f"{self.name}: holds no rows of numbers{but}")
+        return table
 
     def get(self, names: Sequence[str]) -> Array:
         """Return the numbers of some columns, ``(rows, len(names))``."""
@@ -303,6 +345,8 @@ class Sheet:
         The order of quaternions, xyzw or wxyz; empty where their columns are named.
     damaged
         Whether parts of the file were skipped.
+    drop
+        The rows to leave out.
     """
 
     name: str
@@ -316,6 +360,7 @@ class Sheet:
     more: bool = False
     order: str = ""
     damaged: bool = False
+    drop: Collection[Dropped] = ()
 
     @property
     def header_place(self) -> str:
@@ -324,12 +369,24 @@ class Sheet:
 
     def require_distinct(self) -> None:
         """Raise an `InputError` if two columns have the same name."""
-        counts = Counter(self.names)
-        if repeated := next((name for name in self.names if counts[name] > 1), None):
-            raise InputError(f"{self.header_place}: two columns are named {repeated}")
+        if own := next((name for name, count in Counter(self.names).items() if count > 1), ""):
+            two = " and ".join(self.headings[k] for k, name in enumerate(self.names) if name == own)
+            raise InputError(f"{self.header_place}: two columns are named {own}: {two}; rename one")
+
+    def notes(self, table: LogTable) -> Iterator[str]:
+        """Yield the rows that are dropped, and the columns that are not used."""
+        for kind, lines in table.dropped.items():
+            rows = f"{len(lines)} {kind} row{'s' * (len(lines) > 1)}"
+            yield f"{rows} left out, the first in line {lines[0]}"
+        pairs = zip(self.names, self.headings, strict=True)
+        if unused := [heading for name, heading in pairs if name not in table.columns]:
+            named = ", ".join(unused[:MAX_NAMED])
+            more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
+            verb = "is" if len(unused) == 1 else "are"
+            yield f"column{'s' * (len(unused) > 1)} {named}{more} {verb} not used"
 
     def table(self, wanted: Collection[str]) -> LogTable:
-        """Return the numbers of some of the columns.
+        """Return the numbers of some of the columns, without the rows to drop.
 
         Raises
         ------
@@ -337,8 +394,6 @@ class Sheet:
             With the line and the error.
         """
         names = [name for name in self.names if name in wanted]
-        if not self.lines:
-            raise InputError(f"{self.name}: holds no rows of numbers")
         self._require_widths()
         since, columns = 0.0, {}
         if "t" in names and self.units.get("t") == "ns":  # floats cannot hold them exactly
@@ -349,7 +404,7 @@ class Sheet:
             for column, name in zip(numbers.T, names, strict=True):
                 factor = factor_of(name, self.units.get(name, ""))
                 columns[name] = column if factor == 1.0 else column * factor
-        return LogTable(self.name, columns, self.numbers, since)
+        return LogTable(self.name, columns, self.numbers, since).without(self.drop)
 
     def _require_widths(self) -> None:
         width = len(self.names)
@@ -380,9 +435,10 @@ class Sheet:
                     comments=None,
                     quotechar=quote,
                     usecols=places,
+                    converters=_cell if "invalid" in self.drop else None,
                     ndmin=2,
                 )
-            if rows is None or not np.isfinite(rows).all():
+            if rows is None or not ("invalid" in self.drop or np.isfinite(rows).all()):
                 raise self._wrong(first, len(chunk), names, places)
             numbers[first : first + len(chunk)] = rows
         return numbers
@@ -392,23 +448,24 @@ class Sheet:
         for row in range(first, first + count):
             entries = _entries(self.lines[row], self.delimiter)
             for name, place in zip(names, places, strict=True):
-                entry = entries[place]
-                if not (_is_number(entry) and math.isfinite(float(entry))):
+                entry, advice = entries[place], _if_dropped(entries[place])
+                if not ("invalid" in self.drop if advice else _is_number(entry)):
                     expected = f"expected a finite number in column {name}, got {_shown(entry)}"
-                    return self._error(self.numbers[row], expected)
+                    return self._error(self.numbers[row], expected + advice)
         last = self.numbers[first + count - 1]
         return self._error(self.numbers[first], f"expected numbers up to line {last}")
 
     def _nanoseconds(self) -> tuple[float, Array]:
         """Return the first time and the times since then, s, subtracted as whole numbers."""
-        place, times = self.names.index("t"), []
+        place, times = self.names.index("t"), list[float]()
         for number, line in zip(self.numbers, self.lines, strict=True):
             entry = _entries(line, self.delimiter)[place] if '"' in line else ""
             entry = entry or line.split(self.delimiter, place + 1)[place].strip()
-            if not (entry.isdecimal() and len(entry) <= MAX_DIGITS):
-                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}")
-            times.append(int(entry))
-        first = times[0]
+            exact, hint = entry.isdecimal() and len(entry) <= MAX_DIGITS, _if_dropped(entry)
+            if not exact and not (hint and "invalid" in self.drop):
+                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}{hint}")
+            times.append(int(entry) if exact else math.nan)
+        first = next((time for time in times if not math.isnan(time)), 0)
         return first / 1e9, np.array([float(time - first) for time in times]) / 1e9
 
 
@@ -436,6 +493,22 @@ def _names_of_formats() -> dict[str, str]:
     return {k: v for each in _formats().values() for k, v in of_extension(f"{each}.NAMES").items()}
 
 
+# Formats of other programs by their first bytes, with a tool that makes tables of them.
+_FOREIGN = (
+    (rb"#ROSBAG", "a bag of ROS 1", "`evo_traj bag FILE TOPIC --save_as_tum`, for format tum"),
+    (rb"\x89MCAP", "an MCAP file", "`evo_traj mcap FILE TOPIC --save_as_tum`, for format tum"),
+    (rb"SQLite", "SQLite, as bags of ROS 2 are", "`evo_traj bag2 FOLDER TOPIC --save_as_tum`"),
+    (rb"\xa3\x95", "an ArduPilot log", "`mavlogdump.py --format csv --types ATT FILE`"),
+    (rb"ULog\x01", "a PX4 flight", "eqt itself: give it a name that ends in .ulg"),
+    (rb"\x93NUMPY|PK\x03\x04.{26}[^\0]*\.npy", "a NumPy file", "numpy.load and numpy.savetxt"),
+    (rb"PK\x03\x04", "a zip archive or a workbook", "unzip, or a spreadsheet"),
+    (rb"\x1f\x8b", "a gzip archive", "gunzip"),
+    (rb"MATLAB 5", "a MAT-file of MATLAB 5", "writetable of MATLAB, or scipy.io.loadmat"),
+    (rb"MATLAB 7\.3", "a MAT-file of MATLAB 7.3", "writetable of MATLAB, or h5py"),
+    (rb"\x89HDF", "an HDF5 file", "h5py and numpy.savetxt"),
+)
+
+
 def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str) -> str:
     """Return the text of a recording; a file in a format of an extension is converted to a table.
 
@@ -445,7 +518,13 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, s
         Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot be
         converted.
     """
-    if reader := _reader(path.name):
+    reader = _reader(path.name)
+    with suppress(OSError, ValueError), open_regular(path) as stream:  # text_of reports them
+        begin = stream.read(512)
+        for start, title, tool in _FOREIGN:
+            if re.match(start, begin, re.DOTALL) and not (reader and b"ULog" in start):
+                raise InputError(f"{path}: is {title}, no text; make a table of it with {tool}")
+    if reader:
         return str(of_extension(f"{reader}.text_of_recording")(path, missing, kind, limit))
     return text_of(path, missing, kind, limit=limit, smaller=smaller)
 
@@ -510,7 +589,7 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
             factor_of(name, units.get(name, ""))
         except InputError as error:
             raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
-    return replace(sheet, units=units)
+    return replace(sheet, units=units, drop=mapping.drop)
 
 
 def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
@@ -530,15 +609,12 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
     # Where the mapping gives a name to another column, the column with this heading is not eqt's.
     # Topics in a flight log have a dot in their names.
     topics = any("." in each for each in headings)
-    known = {
-        each: name
-        for each, name in (_names_of_formats() if topics else {}).items()
-        if name not in mapping.columns
-    }
-    names = [
-        mapped.get(each, f"{each} (file)" if each in mapping.columns else known.get(each, each))
-        for each in headings
-    ]
+    known = _names_of_formats() if topics else {}
+    names = []
+    for heading in headings:
+        spellings = (heading, heading.lower(), heading.capitalize())
+        name = known.get(heading, next(filter(_is_eqt_name, spellings), heading))
+        names.append(mapped.get(heading, f"{heading} (file)" if name in mapping.columns else name))
     numbered = next((four for four in NUMBERED if set(four) <= set(names)), None)
     if numbered is None or set(QUATERNION) & set(names):
         if mapping.quaternion is not None:
@@ -625,7 +701,19 @@ def _entries(line: str, delimiter: str | None) -> list[str]:
 
 def _shown(entry: str) -> str:
     """Return a wrong entry for a message; text is not quoted, because it may be of any file."""
-    return f"'{entry}'" if _is_number(entry) and len(entry) <= MAX_SHOWN else "text"
+    short = _is_number(entry) and len(entry) <= MAX_SHOWN
+    return f"'{entry}'" if short else "text" if entry.strip() else "an empty cell"
+
+
+def _if_dropped(entry: str) -> str:
+    """Return the advice to drop rows with such an entry."""
+    valid = _shown(entry) == "text" or math.isfinite(_cell(entry))
+    return "" if valid else DROPPING.format("invalid")
+
+
+def _cell(entry: str) -> float:
+    """Return the number in an entry, NaN where it is empty; text is a `ValueError`."""
+    return float(entry.strip() or "nan")
 
 
 def _is_number(entry: str) -> bool:

@@ -523,7 +523,7 @@ class EuclideanGroup(MatrixLieGroup):
 
         Normal directions give the Haar measure: ``(..., 4)`` or ``(..., 2) -> (..., n, n)``.
         """
-        if self.space == 2:
+        if direction.shape[-1] == 2:
             return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
         return rotation_of_quaternion(direction / norm(direction)[..., None])
 

@@ -9,8 +9,10 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, transpose
 from eqt_cli.base.errors import InputError
+from eqt_cli.base.units import factor
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.log_table import (
+    DROPPING,
     LOOKS_LIKE,
     QUATERNION,
     LogMapping,
@@ -24,8 +26,15 @@ from eqt_cli.components.log_table import (
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
 
-EULER = ("yaw", "pitch", "roll")
-"""Columns of Euler angles: about z, y and x."""
+ANGLE, EULER = ("angle",), ("yaw", "pitch", "roll")
+"""Columns of an angle in the plane, and of Euler angles: about z, y and x."""
+
+# Columns that a rotation may have by its number of coordinates, the usual ones first.
+_FORMS: dict[int, Any] = {0: [()], 1: [ANGLE, QUATERNION, EULER], 3: [QUATERNION, EULER]}
+
+# Largest angle between the z axes of a body in the plane and of the world, as noise leaves it, rad.
+# The heading is uncertain by its square / 4, which is 0.005 deg.
+TILT = np.deg2rad(1.0)
 
 
 @dataclass(frozen=True)
@@ -38,13 +47,10 @@ class PoseColumns:
         Names of the columns.
     layout
         ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
-    rotation
-        The columns of a rotation in space: a quaternion, or Euler angles.
     """
 
     names: list[str]
     layout: str
-    rotation: tuple[str, ...] = QUATERNION
 
 
 VELOCITY = {"rates": "w", "velocity": "v"}
@@ -111,12 +117,13 @@ def coordinate_names(G: MatrixLieGroup) -> list[str]:
     return [axis.replace("ω", "w").translate(digits) for axis in G.axis_names]
 
 
-def pose_columns(
-    G: MatrixLieGroup, suffix: str = "", rotation: tuple[str, ...] = QUATERNION
-) -> list[str]:
-    """Return the columns of a pose, the rotation first; none if not known."""
+def pose_columns(G: MatrixLieGroup, suffix: str = "", names: Collection[str] = ()) -> list[str]:
+    """Return the columns of a pose, the rotation first; none if not known.
+
+    Of the forms of a rotation, the first is taken whose columns are among some names.
+    """
     if isinstance(G, ProductGroup):
-        parts = [pose_columns(each, str(k), rotation) for k, each in enumerate(G.factors, start=1)]
+        parts = [pose_columns(each, str(k), names) for k, each in enumerate(G.factors, start=1)]
         return [column for part in parts for column in part] if all(parts) else []
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return []
@@ -124,59 +131,67 @@ def pose_columns(
     translations = [
         letters.get(column, column) + axis for column in G.columns for axis in "xyz"[: G.space]
     ]
-    return [column + suffix for column in (*_rotation(G, rotation), *translations)]
+    return [column + suffix for column in (*_rotation(G, suffix, names), *translations)]
 
 
-def _rotation(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the columns of a rotation of the group."""
-    return {0: (), 1: ("angle",)}.get(G.rotations, in_space)
+def _rotation(G: EuclideanGroup, suffix: str, names: Collection[str]) -> tuple[str, ...]:
+    """Return the columns of a rotation of the group, without suffix."""
+    forms = _FORMS[G.rotations]
+    return next((form for form in forms if all(each + suffix in names for each in form)), forms[0])
 
 
-def _layouts(G: MatrixLieGroup) -> list[PoseColumns]:
-    """Return the layouts that poses of a group may have, the usual one first."""
-    digits = range(1, G.size + 1)
-    layouts = (
-        PoseColumns(pose_columns(G), "parts"),
-        PoseColumns(pose_columns(G, rotation=EULER), "parts", EULER),
-        # Entries come before coordinates, because velocities have the coordinates' names, too.
-        PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
-        PoseColumns(coordinate_names(G), "coordinates"),
-    )
-    return [layout for layout in layouts if layout.names]
+def _forms_of_pose(G: MatrixLieGroup) -> list[list[str]]:
+    """Return the columns of a pose in each of its forms; none if not known."""
+    alike = [[each + k for each in form for k in ("", *"123456789")] for form in _FORMS[3]]
+    forms = [pose_columns(G, names=names) for names in ((), *alike)]
+    return [form for k, form in enumerate(forms) if form and form not in forms[:k]]
 
 
 def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
     """Return the columns that hold the poses of a table; None where some are missing.
 
-    Where the table has a part of a rotation or a position, coordinates are taken for a velocity.
+    Where the table has a part of a pose in another form, coordinates are taken for a velocity.
     """
-    matching = next((layout for layout in _layouts(G) if set(layout.names) <= set(names)), None)
-    if matching and matching.layout == "coordinates":
-        parts = {*pose_columns(G), *pose_columns(G, rotation=EULER)} - {*matching.names}
-        return None if parts & {*names} else matching
-    return matching
+    digits = range(1, G.size + 1)
+    entries = [f"Q{row}{column}" for row in digits for column in digits]
+    own = coordinate_names(G)
+    # Entries come before coordinates, because velocities have the coordinates' names, too.
+    layouts = {"parts": pose_columns(G, names=names), "entries": entries, "coordinates": own}
+    fitting = (PoseColumns(each, k) for k, each in layouts.items() if each and {*each} <= {*names})
+    used, others = next(fitting, None), {*entries}.union(*_forms_of_pose(G)) - {*own}
+    return None if used and used.layout == "coordinates" and others & {*names} else used
 
 
-def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
-    """Return the columns of the poses, or raise an `InputError` if poses or times are missing."""
+def require_pose(sheet: Sheet, G: MatrixLieGroup, mapping: LogMapping, time: bool) -> PoseColumns:
+    """Return the columns of the poses, or raise an `InputError` if poses or times are missing.
+
+    Coordinates may be a pose or its velocity, which their units tell.
+    """
     if time and "t" not in sheet.names:
-        alias = next((each for each in LOOKS_LIKE["t"] if each in sheet.names), None)
+        alias = next((each for each in sheet.names if each.lower() in LOOKS_LIKE["t"]), None)
         hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
         raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
+    forms, coordinates = _forms_of_pose(G), coordinate_names(G)
     if used := used_columns(sheet.names, G):
         sheet.require_distinct()
+        units = sheet.units | mapping.units
+        bases = {name: part.error_unit for part in G.parts for name in coordinates[part.axes]}
+        unclear = [name for name in coordinates if not factor(units.get(name, ""), bases[name])]
+        if unclear and forms and used.layout == "coordinates":
+            raise InputError(
+                f"{sheet.header_place}: {', '.join(unclear)} may be the pose or a velocity; add "
+                f"`units: {{{unclear[0]}: {bases[unclear[0]]}, …}}` to the mapping if they are the "
+                f"pose, or columns such as {', '.join(forms[0])}"
+            )
         return used
-    columns, coordinates = pose_columns(G), coordinate_names(G)
-    expected, euler = columns or coordinates, pose_columns(G, rotation=EULER)
-    layouts = (columns, euler) if columns else (coordinates,)
+    layouts = forms or [coordinates]
     likely = max(layouts, key=lambda names: len({*names} & {*sheet.names}))
     missing = ", ".join(name for name in likely if name not in sheet.names)
-    others = [", ".join(euler)] if euler != columns else []
-    others += [f"the coordinates {', '.join(coordinates)}"] if columns else []
-    also = f" (or {', or '.join(others)})" if others else ""
+    others = [*map(", ".join, forms[1:]), f"the coordinates {', '.join(coordinates)}"]
+    also = f" (or {', or '.join(others)})" if forms else ""
     raise InputError(
         f"{sheet.header_place}: missing column {missing}; a pose of {G.name} has "
-        f"{', '.join(expected)}{also}"
+        f"{', '.join(layouts[0])}{also}"
     )
 
 
@@ -184,12 +199,12 @@ def table_poses(
     table: LogTable, columns: PoseColumns, G: MatrixLieGroup, mapping: LogMapping
 ) -> Array:
     """Return the pose of each row, ``(rows, d, d)``, in the wanted axes."""
-    if mapping.euler != LogMapping.euler and columns.rotation != EULER:
+    if mapping.euler != LogMapping.euler and not any(each[:4] == "roll" for each in columns.names):
         raise MappingError(
             ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
         )
     if columns.layout == "parts":
-        return _assembled(table, G, "", columns.rotation, mapping)
+        return _assembled(table, G, "", columns.names, mapping)
     if columns.layout == "coordinates":
         poses = G.exp(table.get(columns.names))
     else:
@@ -216,36 +231,47 @@ def require_norms(table: LogTable, columns: PoseColumns) -> None:
         wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
         if len(wrong):
             row = int(wrong[0])
-            raise table.error(row, f"expected a quaternion of norm 1, got norm {norms[row]:.6g}")
+            message = f"expected a quaternion of norm 1, got norm {norms[row]:.6g}"
+            raise table.error(row, message + DROPPING.format("invalid") * (not norms[row]))
 
 
 def _assembled(
-    table: LogTable, G: MatrixLieGroup, suffix: str, in_space: tuple[str, ...], mapping: LogMapping
+    table: LogTable, G: MatrixLieGroup, suffix: str, names: Collection[str], mapping: LogMapping
 ) -> Array:
     """Return poses from the columns of rotations and translations."""
     if isinstance(G, ProductGroup):
         return G.assemble(
             [
-                _assembled(table, factor, str(k), in_space, mapping)
+                _assembled(table, factor, str(k), names, mapping)
                 for k, factor in enumerate(G.factors, start=1)
             ]
         )
     assert isinstance(G, EuclideanGroup)
-    columns = pose_columns(G, suffix, in_space)
-    rotation = columns[: len(_rotation(G, in_space))]
+    form, columns = _rotation(G, suffix, names), pose_columns(G, suffix, names)
+    rotation = columns[: len(form)]
     rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
-    if len(rotation) == 1:
+    if len(form) == 1:
         angle = table.get(rotation)
         rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
-    elif rotation and in_space == EULER:
+    elif form == EULER:
         axis = dict(zip("zyx", EULER, strict=True))
         angles = table.get([axis[letter] + suffix for letter in mapping.euler.lower()])
         rotations = rotation_of_euler(mapping.euler, angles)
-    elif rotation:
+    elif form:
         rotations = G.rotation_towards(table.get(rotation))
-    rows = table.get(columns[len(rotation) :]) if G.columns else np.zeros((len(table), 0))
+    rotations = _in_plane(table, G, rotations) if G.space == 2 and form[1:] else rotations
+    rows = table.get(columns[len(form) :]) if G.columns else np.zeros((len(table), 0))
     translations = rows.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
     return _in_axes(G, rotations, translations, mapping)
+
+
+def _in_plane(table: LogTable, G: EuclideanGroup, R: Array) -> Array:
+    """Return rotations of the plane from those of space about z, ``(n, 3, 3) -> (n, 2, 2)``."""
+    tilts = np.arctan2(np.hypot(R[:, 0, 2], R[:, 1, 2]), R[:, 2, 2])
+    if len(wrong := np.flatnonzero(tilts > TILT)):
+        found = f"one that tilts it by {np.rad2deg(tilts[wrong[0]]):.3g} deg; give a column angle"
+        raise table.error(wrong[0], f"expected a rotation about z for {G.name}, got {found}")
+    return G.rotation_towards(np.stack([R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]], axis=-1))
 
 
 def _in_axes(
@@ -305,12 +331,6 @@ class Log:
         """Poses ``(n, d, d)``; raises an `InputError` where the log is not usable."""
         return table_poses(self.table, self.columns, self.group, self.mapping)
 
-    @property
-    def unused(self) -> list[str]:
-        """Headings of the columns that are not used."""
-        named = zip(self.sheet.names, self.sheet.headings, strict=True)
-        return [heading for name, heading in named if name not in self.table.columns]
-
     @cached_property
     def gaps(self) -> Array:
         """The rows after which rows are missing."""
@@ -341,9 +361,7 @@ class Log:
 
     def part(self, rows: slice) -> Self:
         """Return the log with some of its rows."""
-        columns = {name: numbers[rows] for name, numbers in self.table.columns.items()}
-        table = replace(self.table, columns=columns, lines=self.table.lines[rows])
-        return replace(self, table=table, times=self.times[rows])
+        return replace(self, table=self.table.part(rows), times=self.times[rows])
 
     def require_usable(self) -> None:
         """Raise an `InputError` if its times, its poses or their axes make it no motion."""
@@ -353,7 +371,10 @@ class Log:
         if len(steps):
             row = int(steps[0]) + 1
             before, here = self.times[row - 1], self.times[row]
-            raise self.table.error(row, f"expected a time after {before:.9g} s, got {here:.9g} s")
+            more = f" ({len(steps)} times in all)" if len(steps) > 1 else ""
+            advice = DROPPING.format("repeated" if here in self.times[:row] else "unordered")
+            message = f"expected a time after {before:.9g} s, got {here:.9g} s{more}"
+            raise self.table.error(row, message + advice)
         require_norms(self.table, self.columns)
         _ = self.poses
 
@@ -371,7 +392,7 @@ def read_log(
         With the line and the error; a `MappingError` where the mapping does not fit the file.
     """
     sheet = open_sheet(text, name, form, mapping)
-    columns = require_pose(sheet, G, time=True)
+    columns = require_pose(sheet, G, mapping, True)
     others = set(sheet.names) - set(columns.names)
     recorded = [each for each in recorded_columns(G) if set(each.names) <= others]
     used = ["t", *columns.names, *(name for each in recorded for name in each.names)]
@@ -398,23 +419,23 @@ def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tupl
                 ("time", key),
                 f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
             )
-        columns = {column: numbers[inside] for column, numbers in table.columns.items()}
-        lines = [table.lines[row] for row in np.flatnonzero(inside).tolist()]
-        table, times = LogTable(table.name, columns, lines, table.since), times[inside]
+        table, times = table.part(inside), times[inside]
     if time.offset == "first":
         return table, times - times[0]
     late = since + (time.offset or 0.0)
     return table, times + late if late else times
 
 
-START_KEYS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body")
+START_KEYS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body", "drop")
 """The keys of a mapping that a table of initial states may have."""
 
 
 def read_starts(
     text: str, name: str, G: MatrixLieGroup, mapping: LogMapping
-) -> tuple[Array, Array | None]:
+) -> tuple[Array, Array | None, tuple[str, ...]]:
     """Read initial poses ``(n, d, d)`` and velocities ``(n, m)``, if any, one row per run.
+
+    The third value are remarks on the file.
 
     Raises
     ------
@@ -429,7 +450,7 @@ def read_starts(
                 "remove this key",
             )
     sheet = open_sheet(text, name, "csv", mapping)
-    columns, coordinates = require_pose(sheet, G), coordinate_names(G)
+    columns, coordinates = require_pose(sheet, G, mapping, False), coordinate_names(G)
     velocity: list[str] = []
     for names in (
         [f"V{k}" for k in range(1, G.dimension + 1)],
@@ -449,7 +470,8 @@ def read_starts(
     table = with_units(sheet, mapping, used).table(used)
     require_norms(table, columns)
     poses = table_poses(table, columns, G, mapping)
-    return poses, _in_body_axes(table.get(velocity), G, mapping) if velocity else None
+    velocities = _in_body_axes(table.get(velocity), G, mapping) if velocity else None
+    return poses, velocities, tuple(f"{name}: {note}" for note in sheet.notes(table))
 
 
 def _in_body_axes(velocities: Array, G: MatrixLieGroup, mapping: LogMapping) -> Array:

@@ -115,7 +115,7 @@ def _advice(
         return f"are {_of_factor(kind, as_mapped.factor)}"
     differ = f"differ from the velocity of the poses by {100 * as_mapped.difference:.0f} %"
     if not fitting:
-        attitude = "angles" if log.columns.rotation == EULER else "quaternion"
+        attitude = "angles" if {*EULER} <= {*log.columns.names} else "quaternion"
         return (
             f"{differ}, and no other frame or order of the {attitude} makes them fit; check "
             "the columns, the units and the times"
@@ -147,7 +147,7 @@ def _variants(log: Log, kind: str) -> Iterator[tuple[str, Log]]:
     yield f"`attitude: {attitude}`", log.with_mapping(attitude=attitude)
     if set(QUATERNION) <= set(log.columns.names):
         yield other_order(log), reordered(log)
-    if log.columns.rotation == EULER:
+    if {*EULER} <= {*log.columns.names}:
         for order in ("".join(axes) for axes in permutations("ZYX")):
             for sequence in {order, order.lower()} - {log.mapping.euler}:
                 yield f"`euler: {sequence}`", log.with_mapping(euler=sequence)
@@ -232,9 +232,6 @@ ROTATED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
 """Angles of the first pose: a mapping is doubted if it gives more than the first angle where
 another one gives less than the second."""
 
-MAX_NAMED = 10
-"""Largest number of unused columns that a remark names."""
-
 
 def incomplete_columns(names: Collection[str]) -> Iterator[str]:
     """Describe each rotation and position that has some of its columns, but not all."""
@@ -259,11 +256,7 @@ def notes(log: Log) -> Iterator[str]:
     yield from _times(log)
     yield from misfits(log)
     yield from _start(log)
-    if unused := log.unused:
-        named = ", ".join(unused[:MAX_NAMED])
-        more = f" and {len(unused) - MAX_NAMED} more" if len(unused) > MAX_NAMED else ""
-        verb = "is" if len(unused) == 1 else "are"
-        yield f"column{'s' * (len(unused) > 1)} {named}{more} {verb} not used"
+    yield from log.sheet.notes(log.table)
 
 
 def _angles_without_unit(log: Log) -> Iterator[str]:

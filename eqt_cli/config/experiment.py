@@ -586,7 +586,7 @@ class _Sections:
         with here.catching("file"):
             text = data_file(self.source, name)
             try:
-                poses, velocities = read_starts(text, name, G, mapping)
+                poses, velocities, notes = read_starts(text, name, G, mapping)
             except MappingError as error:
                 here.at(MAPPING, *error.path).add(str(error))
                 return None
@@ -597,7 +597,7 @@ class _Sections:
             if not section.relative:
                 poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
             resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
-            listed = ListedPoses(poses), ListedVelocities(velocities)
+            listed = ListedPoses(poses, notes), ListedVelocities(velocities)
             return Start(*listed, resolved, len(poses), {name: text})
         return None
 

@@ -530,6 +530,7 @@ def _component_remarks(experiment: Experiment) -> Placed:
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
     yield from ((("reference",), text) for text in loop.reference.remarks(G))
+    yield from ((("initial", "file"), text) for text in getattr(experiment.poses, "notes", ()))
     wanted = max((loop.controller.directions(G) for loop in loops), key=len)
     for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
         for text in actuator.remarks(G, wanted):

@@ -188,7 +188,7 @@ def test_a_key_that_one_result_lacks(eqt):
 @pytest.mark.slow("runs once more")
 def test_a_stored_file_is_compared_by_its_text(eqt):
     """Its name is another one where the configuration is the copy in the result folder."""
-    Path("starts.csv").write_text("wx,wy,wz\n1,0,0\n", encoding="utf-8")
+    Path("starts.csv").write_text("wx [rad],wy [rad],wz [rad]\n1,0,0\n", encoding="utf-8")
     brief = (*BRIEF, "--set", "ensemble={}")
     initial = (*brief, "--set", "initial={file: starts.csv}", "-q", "--out")
     eqt("run", "c.yaml", *initial, "one")
@@ -196,11 +196,15 @@ def test_a_stored_file_is_compared_by_its_text(eqt):
     done = eqt("diff", "one", "again")
     assert (done.code, done.err) == (0, "")
     assert done.out.splitlines()[-1].startswith("equal: provenance differs")
-    Path("starts.csv").write_text("wx,wy,wz\n2,0,0\n", encoding="utf-8")
+    Path("starts.csv").write_text("wx [rad],wy [rad],wz [rad]\n2,0,0\n", encoding="utf-8")
     eqt("run", "c.yaml", *initial, "other")
     changes = json.loads(eqt("diff", "one", "other", "--json").out)
     assert changes["attributes"] == [
-        {"key": "file starts.csv", "first": "wx,wy,wz\n1,0,0\n", "second": "wx,wy,wz\n2,0,0\n"}
+        {
+            "key": "file starts.csv",
+            "first": "wx [rad],wy [rad],wz [rad]\n1,0,0\n",
+            "second": "wx [rad],wy [rad],wz [rad]\n2,0,0\n",
+        }
     ]
     assert not changes["configuration"]
 

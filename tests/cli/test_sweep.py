@@ -164,7 +164,12 @@ PASS = "t,qx,qy,qz,qw,tx,ty,tz\n0,0,0,0,1,1,0,0\n0.3,0.6,0,0,0.8,3,0,0\n0.5,0.8,
 def test_shards_with_every_kind_of_stored_file_are_packed(eqt, refused):
     """One is killed, so that its parts are missing; then it is computed again."""
     code = Path(__file__).parents[1] / "extensions" / "code"
-    files = {"c.yaml": STORED, "own.py": OWN, "pass.csv": PASS, "starts.csv": "wx,wy,wz\n1,0,0\n"}
+    files = {
+        "c.yaml": STORED,
+        "own.py": OWN,
+        "pass.csv": PASS,
+        "starts.csv": "wx [rad],wy [rad],wz [rad]\n1,0,0\n",
+    }
     for name, source in {"lee.c": "lee2010.c", "lee.h": "lee.h"}.items():
         files[name] = (code / source).read_text(encoding="utf-8")
     for name, text in files.items():

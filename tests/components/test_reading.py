@@ -17,6 +17,7 @@ TURNS = Rotation.from_rotvec([[0, 0, 0], [0.1, 0.2, 0.3], [0.3, 0.1, -0.2]])
 PLACES = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.0], [2.0, 3.0, 3.0]])
 EXACT = 1e-14
 HEAD = "t,qx,qy,qz,qw\n"
+DROP = "; add `drop: [%s]` to the mapping to leave such rows out"
 
 
 def lines(rows, parted=","):
@@ -50,7 +51,9 @@ def test_coordinates_of_any_group(name):
 
     G = group_named(name)
     V = np.random.default_rng(0).uniform(-1, 1, (3, G.dimension))
-    text = ",".join(["t", *coordinate_names(G)]) + "\n" + lines(np.c_[[0, 1, 2], V])
+    units = [part.error_unit for part in G.parts for _ in range(G.dimension)[part.axes]]
+    heads = [f"{axis} [{unit}]" for axis, unit in zip(coordinate_names(G), units, strict=True)]
+    text = ",".join(["t", *heads]) + "\n" + lines(np.c_[[0, 1, 2], V])
     _, poses = trajectory(text, "a.csv", "csv", G)
     np.testing.assert_allclose(poses, G.exp(V), rtol=0, atol=EXACT)
 
@@ -84,16 +87,17 @@ def test_euroc_subtracts_nanoseconds_as_integers():
         (HEAD + "0,0,0,0,1\n", "a.csv:2: expected two rows or more, got 1"),
         (HEAD + "0,0,0,0,1\n1,0,0,0,1.1\n",
          "a.csv:3: expected a quaternion of norm 1, got norm 1.1"),
-        (HEAD + "0,0,0,0,1\n\n0,0,0,0,1\n", "a.csv:4: expected a time after 0 s, got 0 s"),
+        (HEAD + "0,0,0,0,1\n\n0,0,0,0,1\n", "a.csv:4: expected a time after 0 s, got 0 s"
+         + DROP % "repeated"),
         (HEAD + "0,0,0,0,1\n1,0,nan,0,1\n", "a.csv:3: expected a finite number in column qy, got "
-         "'nan'"),
+         "'nan'" + DROP % "invalid"),
         (HEAD + "0,0,0,0,1\n1,0,x,0,1\n",
          "a.csv:3: expected a finite number in column qy, got text"),
         (HEAD + "0,0,0,0,1\n1,0,0,1\n", "a.csv:3: expected 5 entries, got 4"),
         (HEAD.strip() + ',note\n0,0,0,0,1,ok\n1,0,0,0,1,"no\n2,0,0,0,1,end\n', "a.csv:3: expected "
          "quotes in pairs"),
         (HEAD + "0,0,0,0,1\n1,1_0,0,0,1\n", "a.csv:2: expected numbers up to line 3"),
-        ("t,qx,qy,qz,qw,qx\n", "a.csv:1: two columns are named qx"),
+        ("t,qx,qy,qz,qw,qx\n", "a.csv:1: two columns are named qx: qx and qx; rename one"),
         ("t,qx,qy,qw\n0,0,0,1\n1,0,0,1\n", "a.csv:1: missing column qz; a pose of SO3 has qx, qy, "
          "qz, qw (or yaw, pitch, roll, or the coordinates wx, wy, wz)"),
         ("qx,qy,qz,qw\n0,0,0,1\n", "a.csv:1: missing column t, the time in seconds"),
@@ -112,13 +116,14 @@ EUROC = "#timestamp, p_RS_R_x [m]\n10,0,0,0,1,0,0,0\n"
     ("kind", "text", "message"),
     [
         ("euroc", EUROC + "12.5,0,0,0,1,0,0,0\n", "a:3: expected whole nanoseconds, got '12.5'"),
-        ("euroc", EUROC + "10,0,0,0,1,0,0,0\n", "a:3: expected a time after 0 s, got 0 s"),
+        ("euroc", EUROC + "10,0,0,0,1,0,0,0\n", "a:3: expected a time after 0 s, got 0 s"
+         + DROP % "repeated"),
         ("euroc", EUROC + "20,0,0,0,2,0,0,0\n", "a:3: expected a quaternion of norm 1, got norm 2"),
         ("euroc", EUROC + "20,0,0,0,1,0,0\n", "a:3: expected 8 entries, got 7"),
         ("euroc", EUROC, "a:2: expected two rows or more, got 1"),
         ("tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", "a:2: expected 8 entries, got 7"),
         ("tum", "0 0 0 0 0 0 0 1\n1 0 inf 0 0 0 0 1\n", "a:2: expected a finite number in column "
-         "y, got 'inf'"),
+         "y, got 'inf'" + DROP % "invalid"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_other_formats(kind, text, message):
@@ -130,10 +135,12 @@ def test_what_is_wrong_in_other_formats(kind, text, message):
 def test_starts_with_velocities_and_without():
     G, q = group_named("SO3"), TURNS.as_quat()
     V = np.arange(9.0).reshape(3, 3)
-    poses, none = read_starts("qx,qy,qz,qw\n" + lines(q), "s.csv", G, LogMapping())
+    poses, none, _ = read_starts("qx,qy,qz,qw\n" + lines(q), "s.csv", G, LogMapping())
     assert none is None
     np.testing.assert_allclose(poses, TURNS.as_matrix(), rtol=0, atol=EXACT)
-    _, found = read_starts("qx,qy,qz,qw,wx,wy,wz\n" + lines(np.c_[q, V]), "s.csv", G, LogMapping())
+    _, found, _ = read_starts(
+        "qx,qy,qz,qw,wx,wy,wz\n" + lines(np.c_[q, V]), "s.csv", G, LogMapping()
+    )
     np.testing.assert_array_equal(found, V)
     with pytest.raises(InputError, match=r"^s\.csv:1: missing column wz; a velocity on SO3 has"):
         read_starts("qx,qy,qz,qw,wx,wy\n" + lines(np.c_[q, V[:, :2]]), "s.csv", G, LogMapping())
@@ -326,7 +333,8 @@ def test_a_million_rows_take_seconds():
 def test_a_quaternion_of_any_size_is_told(entry, norm):
     with pytest.raises(InputError) as caught:
         trajectory(HEAD + f"0,0,0,0,1\n1,0,0,0,{entry}\n", "a.csv", "csv", group_named("SO3"))
-    assert str(caught.value) == f"a.csv:3: expected a quaternion of norm 1, got norm {norm}"
+    advice = DROP % "invalid" if norm == "0" else ""
+    assert str(caught.value) == f"a.csv:3: expected a quaternion of norm 1, got norm {norm}{advice}"
 
 
 # Velocities and wrenches --------------------------------------------------------------------------

@@ -24,8 +24,8 @@ initial: {file: starts.csv}
 time: {duration: 2, samples: 11}
 solver: {cross_check: 0}
 """
-PLAN = "t,wx,wy,wz\n0,0,0,0\n1,0.1,0.2,0\n2.5,0.3,0.2,0.1\n"
-STARTS = "wx,wy,wz\n0.1,0,0\n0,0.2,0\n0,0,0.3\n"
+PLAN = "t,wx [rad],wy [rad],wz [rad]\n0,0,0,0\n1,0.1,0.2,0\n2.5,0.3,0.2,0.1\n"
+STARTS = "wx [rad],wy [rad],wz [rad]\n0.1,0,0\n0,0.2,0\n0,0,0.3\n"
 
 
 @pytest.fixture

@@ -369,7 +369,7 @@ def test_the_help_says_what_executes_code(eqt):
 
 
 def test_pack_reads_no_file_outside_its_folder(sent, tmp_path, eqt, refused):
-    table = "t,wx,wy,wz\n0,0,0,0\n1,0,0,1\n"
+    table = "t,wx [rad],wy [rad],wz [rad]\n0,0,0,0\n1,0,0,1\n"
     (tmp_path / "secret.csv").write_text(table, encoding="utf-8")
     (sent / "own.csv").write_text(table, encoding="utf-8")
     reference = "reference: {kind: waypoints, file: own.csv}"

@@ -165,7 +165,7 @@ def test_times_of_waypoints_have_bounds(sent, refused, times):
     reference = f"reference={{kind: waypoints, points: [{points}]}}"
     assert TIMES[times] in refused("config", "check", "c.yaml", "--set", reference)
     rows = "".join(f"{float(t)!r},0,0,{k}\n" for k, t in enumerate(times))
-    Path("w.csv").write_text("t,wx,wy,wz\n" + rows, encoding="utf-8")
+    Path("w.csv").write_text("t,wx [rad],wy [rad],wz [rad]\n" + rows, encoding="utf-8")
     assert TIMES[times] in refused(
         "config", "check", "c.yaml", "--set", "reference={kind: waypoints, file: w.csv}"
     )
@@ -174,7 +174,7 @@ def test_times_of_waypoints_have_bounds(sent, refused, times):
 @pytest.mark.slow("computes what is at the bounds")
 def test_times_at_the_bounds_are_taken(sent, eqt):
     rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,2\n1,0,0,1\n1e9,0,0,0\n"
-    Path("w.csv").write_text("t,wx,wy,wz\n" + rows, encoding="utf-8")
+    Path("w.csv").write_text("t,wx [rad],wy [rad],wz [rad]\n" + rows, encoding="utf-8")
     done = eqt("config", "check", "c.yaml", "--set", "reference={kind: waypoints, file: w.csv}")
     assert done.code == 0
 
@@ -184,7 +184,7 @@ def test_times_at_the_bounds_are_taken(sent, eqt):
     [
         (
             "csv",
-            "t,wx,wy,wz\n0,0,0," + "1" * 200_000,
+            "t,wx [rad],wy [rad],wz [rad]\n0,0,0," + "1" * 200_000,
             "w:2: expected a line of at most 100000 characters, got 200006",
         ),
         ("euroc", "9" * 5000 + ",0,0,0,1,0,0,0\n", "w:1: expected whole nanoseconds, got text"),

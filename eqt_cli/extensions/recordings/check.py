@@ -113,7 +113,13 @@ def check_text(
     times, norms = log.times, quaternion_norms(log.table, log.columns)
     steps = np.diff(times)
     median = float(np.median(steps)) if len(steps) else np.nan
-    problems = list(_problems(log))
+    problems = []
+    try:
+        log.require_usable()
+    except MappingError:
+        raise
+    except InputError as error:
+        problems.append(str(error))
     all_norms = np.concatenate(list(norms.values())) if norms else np.empty(0)
     return LogCheck(
         name,
@@ -180,15 +186,3 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
         if use in VELOCITY and "/" not in default:
             default += "/s"
         yield ColumnUse(heading, name, use, unit or default, bool(default) and not unit)
-
-
-def _problems(log: Log) -> Iterator[str]:
-    """Say why the log cannot be used, and how often its time goes back."""
-    back = np.flatnonzero(np.diff(log.times) <= 0)
-    try:
-        log.require_usable()
-    except MappingError:
-        raise
-    except InputError as error:
-        more = f" ({len(back)} times in all)" if len(back) > 1 else ""
-        yield f"{error}{more if 'a time after' in str(error) else ''}"
