@@ -804,11 +804,13 @@ class Result(StoredRuns):
             read = {name: np.concatenate(self.read(name, **some)) for name in quantity.signals}
             signals = {name: values[:, :odd:step] for name, values in read.items()}
             over = SampledRuns(self.times[:odd:step], self.described.holds)
-            return np.asarray(quantity.measure(over, signals, window))
+            with np.errstate(invalid="ignore"):  # NaN of too few samples, or of infinite ones
+                return np.asarray(quantity.measure(over, signals, window))
 
         changes = np.abs(values(1) - values(2)).reshape(len(self.labels), -1)
         error = mean_over_runs(changes) / (1 if hold else 3)
-        return float(np.max(error, where=np.isfinite(error), initial=0.0)), missed
+        known = np.isfinite(error)
+        return float(np.max(error, where=known, initial=0.0)) if known.any() else math.nan, missed
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
         """Return the stored metrics that are this number over any window."""

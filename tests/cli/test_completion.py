@@ -57,7 +57,11 @@ COMPLETED = "one case of each kind of name is tried every time"
         ("eqt run c.yaml --executor l", ["local"]),
         slow(COMPLETED, "eqt run c.yaml --engine n", ["native"]),
         slow(COMPLETED, "eqt verify c.yaml --engine s", ["solve_ivp"]),
-        slow(COMPLETED, "eqt run c.yaml --set gains.k", ["gains.kp=", "gains.kd="]),
+        slow(
+            COMPLETED,
+            "eqt run c.yaml --set gains.k",
+            ["gains.kp=", "gains.kd=", "gains.k_R=", "gains.k_Omega="],
+        ),
         ("eqt sweep c.yaml --grid controllers[0].gy", ["controllers[0].gyroscopic="]),
         slow(COMPLETED, "eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
         ("eqt plot out --figure pap", ["paper"]),

@@ -84,7 +84,8 @@ def test_times_are_within_bounds(times, message):
 
 def test_what_is_wrong_in_a_file_is_noted_at_its_name():
     found = WaypointsReference(file="plan.csv").with_files({"plan.csv": TEXT + "1,0,0,0,1\n"})
-    assert notes(found) == [("file", "plan.csv:4: expected a time after 2 s, got 1 s")]
+    advice = "; add `drop: [unordered]` to the mapping to leave such rows out"
+    assert notes(found) == [("file", f"plan.csv:4: expected a time after 2 s, got 1 s{advice}")]
 
 
 def test_what_is_odd_in_a_file_is_a_remark():

@@ -171,6 +171,7 @@ def test_numbers_of_ends_of_runs_never_change():
         "WORKER_LOST": 5,
         "ESTIMATE_LOST": 6,
         "DIVERGED": 7,
+        "BY_ROUNDING": 8,
     }
     problem = Problem(None, np.zeros((2, 1)), np.arange(3.0))
     assert Solution.empty(problem).status.tolist() == [Status.OK] * problem.runs

@@ -510,7 +510,7 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
         tmp_path / "r",
     )
     stored = eqt_cli.open_results(found)
-    assert stored.status.values.tolist() == [[Status.DIVERGED, Status.OK]]
+    assert stored.status.values.tolist() == [[Status.DIVERGED, Status.BY_ROUNDING]]
     first = np.flatnonzero(np.abs(stored.velocity.values[0, 0, :, 0]) > 2 * np.pi * 100)[0]
     assert stored.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
     assert np.isfinite(stored.velocity.values[0, 0]).all(axis=1).tolist() == [
