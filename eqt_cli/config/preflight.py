@@ -559,9 +559,10 @@ def _component_remarks(experiment: Experiment) -> Placed:
 
 def _jump(experiment: Experiment, force: Force) -> float | None:
     """Return where a force jumps in time, at the start of the runs, though it gives no instant."""
-    G, Q, V = experiment.group, experiment.initial_pose, experiment.initial_velocity
+    G, Q, V = experiment.group, experiment.initial_pose[None], experiment.initial_velocity[None]
     times = np.linspace(0.0, experiment.config.time.duration, FORCE_SAMPLES)
-    values = np.array([force.in_body(G, t, Q, V) for t in times.tolist()])
+    with np.errstate(all="ignore"):  # of one run, as engines call it
+        values = np.array([force.in_body(G, t, Q, V)[0] for t in times.tolist()])
     steps = np.abs(np.diff(values, axis=0)).max(axis=-1)
     known = np.searchsorted(times, force.instants(G, times[-1]))
     steps[np.clip(known, 1, len(steps)) - 1] = 0.0

@@ -84,7 +84,7 @@ OF_ATTITUDES = {"k_R": ("kp", 0.5), "k_Omega": ("kd", 1.0)}
 def kp_and_kd(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> dict[str, Any]:
     """Return the gains of a section as `kp` and `kd`, after noting what cannot be both."""
     gains = dict(section)
-    for name in OF_ATTITUDES.keys() & section.keys():
+    for name in (each for each in OF_ATTITUDES if each in section):
         value, (gain, factor) = gains.pop(name), OF_ATTITUDES[name]
         if gain in section:
             problems.at(name).add(f"gives {gain}, which is given, too; remove one of the two")
