@@ -15,7 +15,7 @@ from eqt_cli.components.inertia import PrescribedInertia
 from eqt_cli.components.laws import Controller, EqT
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
-from eqt_cli.loop.linearised import flow, linearised
+from eqt_cli.loop.linearised import flow, linearised, small_errors
 
 J, STIFFNESS, DAMPING = 0.4, 2.0, 0.8
 """Of the wheel: Υ = 2(1 − cos θ)."""
@@ -103,6 +103,28 @@ def test_the_flow_of_a_wheel():
     # While its command is held, nothing restores or damps it; the command is a state, too.
     _, found = about_reference(WHEEL, of=flow, vehicle=Vehicle(control=Sampling(period=0.1)))
     np.testing.assert_allclose(found[0, :2], [[0, 1, 0], [0, 0, 1 / J]], rtol=1e-9, atol=1e-9)
+
+
+def test_bandwidth_and_damping_of_small_errors():
+    """Along each axis alone Jε̈ + kd ε̇ + 2 kp ε = 0; of a position ẍ + kv ẋ + kx x = 0."""
+    loop, _ = about_reference(BODY)
+    for axis, inertia in zip("xyz", BODY["inertia"], strict=True):
+        expected = (STIFFNESS / inertia) ** 0.5, DAMPING / (2 * (STIFFNESS * inertia) ** 0.5)
+        assert small_errors(loop)[f"ω{axis}"] == pytest.approx(expected, rel=1e-12)
+    cascade = {"kind": "cascade", "attitude": "eqt", "position": {"kx": 16.0, "kv": 5.6}}
+    loop, _ = about_reference(
+        {
+            **WHEEL,
+            "group": "SE3",
+            "inertia": [1.0, 1.0, 1.0, 2.0, 2.0, 2.0],
+            "controllers": [cascade],
+            "reference": {"kind": "flat", "position": ["0", "0", "0"]},
+            "model": {"forces": [{"kind": "restoring", "weight": 19.62}]},
+        }
+    )
+    found = small_errors(loop)
+    assert found["z"] == pytest.approx((4.0, 0.7), rel=1e-12)
+    assert found["ωx"] == pytest.approx((2**0.5, 0.4 / 2**0.5), rel=1e-12)
 
 
 @pytest.mark.parametrize("force", [[0.5, -0.9, 0.3], [-1.0, 0.4, 0.8]])
