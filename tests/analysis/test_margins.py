@@ -575,6 +575,7 @@ def test_errors_that_obey_one_equation_along_a_reference_have_its_rates() -> Non
     assert not ball.is_indicative
 
 
+@pytest.mark.slow("linearises seven states along a path; two laws alone are fast, above")
 def test_a_cascade_along_a_path_has_the_rates_of_its_two_loops() -> None:
     J, kx, kv = [0.013, 0.014, 0.025], 6.25, 4.0
     law = of(

@@ -4,6 +4,7 @@ import numpy as np
 import plain_current as plain
 import pytest
 import yaml
+from case_tables import slow
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
@@ -116,7 +117,9 @@ NATIVE = pytest.param("native", marks=pytest.mark.slow("compiles the loop"))
 
 
 @pytest.mark.parametrize("engine", ["solve_ivp", NATIVE])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [slow("a boat is tried fast", name, unless=name == "boat") for name in CASES]
+)
 def test_a_vehicle_in_a_current_moves_by_fossens_equations(solved, name, engine):
     case = CASES[name]
     text = yaml.safe_dump(config(case, solver={"engine": engine, "rtol": 1e-10}))

@@ -167,7 +167,12 @@ def errors(kind, pieces, **law):
 
 
 @pytest.mark.parametrize(
-    ("kind", "law"), [("path", {}), ("path", {"periodic": True}), ("slew", {})]
+    ("kind", "law"),
+    [
+        ("path", {"periodic": True}),
+        slow("as the first", "path", {}),
+        slow("as the first", "slew", {}),
+    ],
 )
 def test_gains_and_values_at_all_times_are_wrong_by_the_square_of_a_piece(kind, law):
     """Against −Ṡ = AᵀS + SA − SBBᵀS + I: twice the pieces, a quarter of the error."""
@@ -188,7 +193,7 @@ def test_a_slew_from_rest_to_rest_ends_with_the_gains_at_rest():
 
 
 @pytest.mark.parametrize("kind", ["path", "slew"])
-@pytest.mark.parametrize("velocity", [1.0, 0.0])
+@pytest.mark.parametrize("velocity", [1.0, slow("as the first", 0.0)])
 def test_the_cost_to_come_falls_along_a_reference_that_moves(kind, velocity):
     """ẋ = (A − BK)x by an integration here; L falls by the cost, to the square of a piece."""
     weights = {"velocity": velocity}

@@ -424,9 +424,9 @@ def test_message_of_a_sampled_torque_that_is_not_finite(method):
     [
         pytest.param("DOP853", NotANumberAfterOneSecond, marks=LONG),
         ("RK45", InfiniteAfterOneSecond),
-        ("RK23", NotANumberAfterOneSecond),
-        ("Radau", NotANumberAfterOneSecond),
-        ("BDF", InfiniteAfterOneSecond),
+        pytest.param("RK23", NotANumberAfterOneSecond, marks=LONG),
+        pytest.param("Radau", NotANumberAfterOneSecond, marks=LONG),
+        pytest.param("BDF", InfiniteAfterOneSecond, marks=LONG),
         ("LSODA", NotANumberAfterOneSecond),
     ],
 )

@@ -111,7 +111,9 @@ def test_bandwidth_and_damping_of_small_errors():
     for axis, inertia in zip("xyz", BODY["inertia"], strict=True):
         expected = (STIFFNESS / inertia) ** 0.5, DAMPING / (2 * (STIFFNESS * inertia) ** 0.5)
         assert small_errors(loop)[f"ω{axis}"] == pytest.approx(expected, rel=1e-12)
-    cascade = {"kind": "cascade", "attitude": "eqt", "position": {"kx": 16.0, "kv": 5.6}}
+    gains, position = WHEEL["gains"], {"kx": 16.0, "kv": 5.6}
+    cascade = {"kind": "cascade", "attitude": "eqt", "gains": gains, "position": position}
+    cascade["along"] = [0, 0, 1]
     loop, _ = about_reference(
         {
             **WHEEL,
