@@ -362,11 +362,12 @@ class _Pieces:
 
         The pieces share the evaluations of one block of the engine. If the engine solves runs one
         by one, or the vector field changes at known instants, there is one piece of at most
-        `MOST_SPANS` spans.
+        `MOST_SPANS` spans; so there is if a command is held, which a later start would renew.
         """
         steps, side_by_side = len(problem.times) - 1, engine.runs_at_once(1) // problem.runs
         number = min(steps, MOST_PIECES, int(np.ceil(1 / part)), max(1, side_by_side))
-        if len(problem.spans) > 1 or number == 1:
+        held = problem.loop.vehicle.control is not None
+        if held or len(problem.spans) > 1 or number == 1:
             return _Pieces.beginning(problem, part)
         length = min(-(-steps // number), int(np.ceil(part * steps)))
         starts = np.linspace(0, steps - length, number).round().astype(int)

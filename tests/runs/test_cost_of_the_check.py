@@ -136,6 +136,18 @@ def test_a_loop_that_changes_at_instants_is_checked_from_its_beginning():
     assert _Pieces.of(batch.problem, SolveIvp(), 0.1).starts == (0,)
 
 
+@pytest.mark.parametrize("period", [19.0, 20.0, 50.0])
+def test_a_loop_that_holds_a_command_is_checked_from_its_beginning(period):
+    """Also where it is held beyond the end, so that the field changes at no known instant."""
+    config = study().resolved | {"control": {"period": period}}
+    (batch,) = batches(load_experiment(config), "eqt", np.arange(3))
+    pieces = _Pieces.of(batch.problem, SolveIvp(), 0.1)
+    assert pieces.starts == (0,)
+    states = SolveIvp(rtol=1e-9).solve(batch.problem).states
+    again = SolveIvp(rtol=1e-9).solve(pieces.problem(batch.problem, states)).states
+    assert pieces.differences(batch.problem, states, again).max() < 1e-7
+
+
 def test_runs_that_an_engine_solves_one_by_one_are_checked_from_their_beginning(found):
     problem, _ = found
     pieces = _Pieces.of(problem, SolveIvp(method="Radau"), 0.1)
