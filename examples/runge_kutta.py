@@ -18,7 +18,8 @@ class Steps(Integrator):
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """All runs side by side; eqt sees which of them are no longer finite."""
-        count = int(np.ceil((span.stop - span.start) / self.longest))
+        longest = min(self.longest, span.longest)
+        count = int(np.ceil((span.stop - span.start) / longest))
         grid, f = np.linspace(span.start, span.stop, count + 1), self.vector_field
         times = span.grid[1 : 1 + span.later]
         samples = np.empty((len(states), span.later, states.shape[1]))

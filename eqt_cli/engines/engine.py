@@ -66,6 +66,8 @@ class Span:
         Whether `start` is a sample time, too.
     tick
         Number k of the tick of a sampled loop at `start`; None if there is none.
+    longest
+        No step is longer, s.
     """
 
     start: float
@@ -76,6 +78,7 @@ class Span:
     later: int
     sampled_start: bool
     tick: int | None = None
+    longest: float = np.inf
 
     def inside(self, t: float) -> float:
         """Return t; at an end where the field changes, the nearest time inside the span."""
@@ -105,6 +108,9 @@ class Problem:
     errors
         Sensor errors at every control instant, ``(runs, instants, …)``; None if the law is given
         the true state.
+    halved
+        Whether no step is longer than half its span: where spans bound the steps of a solve,
+        those of a tighter one would be the same.
     """
 
     loop: ClosedLoop
@@ -112,6 +118,7 @@ class Problem:
     times: Array
     varying: Mapping[str, Array] = field(default_factory=dict)
     errors: Errors | None = None
+    halved: bool = False
 
     @property
     def runs(self) -> int:
@@ -140,7 +147,8 @@ class Problem:
                 other if other == stop else float(np.nextafter(other, one)),
             )
             at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
-            spans.append(Span(one, other, within, grid, at, len(later), sampled, ticks.get(one)))
+            longest, tick = (other - one) / 2 if self.halved else np.inf, ticks.get(one)
+            spans.append(Span(one, other, within, grid, at, len(later), sampled, tick, longest))
         return spans
 
     @property
@@ -162,7 +170,7 @@ class Problem:
         """Return the problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
         errors = None if self.errors is None else self.errors.of(runs)
-        return Problem(self.loop, self.states[runs], self.times, varying, errors)
+        return Problem(self.loop, self.states[runs], self.times, varying, errors, self.halved)
 
     def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
         """Return the sensor errors at a control instant, in these runs."""
@@ -355,8 +363,8 @@ class Integrator(ABC):
     def advance(self, span: Span, states: Array) -> SpanResult:
         """Integrate from the states at the start of a span, ``(runs, n)``, to its stop.
 
-        Steps are chosen by the tolerance: no step ends at a sample for its sake. A run does not
-        depend on its neighbours.
+        Steps are chosen by the tolerance, up to ``span.longest``: no step ends at a sample for its
+        sake. A run does not depend on its neighbours.
         """
 
 

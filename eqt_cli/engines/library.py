@@ -222,7 +222,7 @@ It takes the numbers of runs and of samples, and the program's inputs, a stretch
 """
 
 _INTEGERS = ("runs", "later", "most_steps", "to_next_run")
-SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
+SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol", "longest")
 _ARRAYS = ("grid", "held", "parameters", "states", "samples", "steps", "counts", "ends", "times")
 
 

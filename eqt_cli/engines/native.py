@@ -532,6 +532,7 @@ class Lanes(Integrator):
             stop=span.stop,
             first_inside=span.within[0],
             last_inside=span.within[1],
+            longest=span.longest,
             grid=np.array(times),
             held=self._held,
             parameters=self._parameters,

@@ -616,7 +616,7 @@ class Blocks(Integrator):
 
         tighter = np.sqrt(engine.runs_per_block)
         start, length = states.ravel(), span.stop - span.start
-        first_step = min(GROWTH * self._longest_step, length) or None
+        first_step = min(GROWTH * self._longest_step, length, span.longest) or None
         self._longest_step = 0.0
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the outcome tells the same
@@ -633,6 +633,7 @@ class Blocks(Integrator):
                     t_eval=interpolated_at,
                     events=accepted,
                     first_step=first_step,
+                    max_step=span.longest,
                     rtol=max(engine.rtol / tighter, SMALLEST_RTOL),
                     atol=engine.atol / tighter,
                     **_jacobian_options(engine.method, *shape),

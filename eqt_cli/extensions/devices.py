@@ -338,6 +338,7 @@ def _tested(function: Any) -> list[bytes]:
         last_inside=1.0,
         rtol=1e-10,
         atol=1e-10,
+        longest=1.0,
         grid=times,
         held=np.zeros(1),
         parameters=np.linspace(0.5, 1.5, runs)[:, None],

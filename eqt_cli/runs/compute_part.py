@@ -301,10 +301,11 @@ def _solve(
     first = engine.measured(*_functions(batch, names), batch.problem, rows, returned, *how)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
+        again, motion = replace(batch.problem, halved=True), [first.arrays[MOTION]]
         second = engine.tightened(0.1).measured(
-            difference, largest_difference, batch.problem, [first.arrays[MOTION]], (), *how
+            difference, largest_difference, again, motion, (), *how
         )
-        estimate = second.numbers[ERROR]
+        estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
     _find_by_rounding(batch, first, context.threads)
     _judge(first.solution, estimate, solver.judgement.max_error)
     return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}

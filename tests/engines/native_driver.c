@@ -70,6 +70,7 @@ int main(void)
                                        .to_next_run = later * EQT_STATES,
                                        .start = limits[0],
                                        .stop = limits[1],
+                                       .longest = limits[1] - limits[0],
                                        .first_inside = limits[2],
                                        .last_inside = limits[3],
                                        .rtol = tolerances[0],

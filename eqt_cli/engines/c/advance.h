@@ -24,6 +24,7 @@ typedef struct {
     double start, stop;
     double first_inside, last_inside; /* the field is evaluated between these times */
     double rtol, atol;                /* tolerances of a step */
+    double longest;                   /* no step is longer, s */
     const EQT_GLOBAL double *grid;    /* (later): sample times behind the start */
     const EQT_GLOBAL double *held;    /* (held) */
     const EQT_GLOBAL double *parameters; /* (runs, parameters) */
@@ -356,16 +357,20 @@ static void eqt_begin(eqt_lanes *lanes)
         lanes->fresh[i] = 0;
 }
 
-/* How much is taken of each lane's step: all, unless the span ends before or little behind. */
+/* How much is taken of each lane's step: all, unless it is longer than any may be, or the span ends
+   before or little behind. */
 static void eqt_choose_lengths(eqt_lanes *lanes)
 {
     int lane;
     for (lane = 0; lane < EQT_LANES; lane++) {
         double left = lanes->span->stop - EQT_LANE(lanes->t, lane);
+        double step = EQT_LANE(lanes->step, lane);
         if (lanes->run[lane] < 0 || lanes->pinned[lane])
             continue;
-        lanes->last[lane] = left <= 1.01 * EQT_LANE(lanes->step, lane);
-        EQT_LANE(lanes->h, lane) = lanes->last[lane] ? left : EQT_LANE(lanes->step, lane);
+        if (step > lanes->span->longest)
+            step = lanes->span->longest;
+        lanes->last[lane] = left <= 1.01 * step;
+        EQT_LANE(lanes->h, lane) = lanes->last[lane] ? left : step;
     }
 }
 

@@ -6,8 +6,8 @@
 #define EQT_KERNEL_H
 
 __kernel void eqt_runs(long later, long most_steps, double start, double stop, double first_inside,
-                       double last_inside, double rtol, double atol, __global const double *grid,
-                       __global const double *held, __global const double *parameters,
+                       double last_inside, double rtol, double atol, double longest,
+                       __global const double *grid, __global const double *held, __global const double *parameters,
                        __global double *states, __global double *samples, __global double *steps,
                        __global long *counts, __global long *ends, __global double *times,
                        __global const double *rows, __global const long *places,
@@ -16,7 +16,7 @@ __kernel void eqt_runs(long later, long most_steps, double start, double stop, d
 {
     const long run = get_global_id(0), to_next_run = later * EQT_STATES;
     eqt_span span = {1,    later,        most_steps,  to_next_run, start, stop, first_inside,
-                     last_inside, rtol, atol, grid, held};
+                     last_inside, rtol, atol, longest, grid, held};
 #ifdef EQT_MEASURE
     eqt_source sources[EQT_SOURCES];
     struct eqt_measuring measuring = {sources, starts, memory + run * EQT_MEMORY,
