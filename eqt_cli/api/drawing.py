@@ -119,7 +119,6 @@ def plot(
     titles: Mapping[str, str] | None = None,
     caption: bool = False,
     style: Sequence[str] = (),
-    tex: bool = False,
     point: int | Sequence[int] | None = None,
     measured: str | os.PathLike[str] | None = None,
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
@@ -154,8 +153,6 @@ def plot(
         Whether to write the remarks below the panels to ``<figure>-caption.tex`` instead.
     style
         Matplotlib style sheets, applied after eqt's style.
-    tex
-        Whether LaTeX typesets the text.
     point
         Point of a sweep, counted from 0; several points share one figure.
     measured, mapping, log_format
@@ -220,7 +217,7 @@ def plot(
             from eqt_cli.analysis.verification import verify_stored
 
             rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
-        look = Style(tuple(style), tex)
+        look = Style(tuple(style))
         files = []
         with step(DRAWN, len(wanted)):
             for name, options in wanted.items():

@@ -57,7 +57,6 @@ def plot(
     degrees: Annotated[bool, options.option("--degrees")] = False,
     unit: options.Units = None,
     style: Annotated[list[str] | None, options.option("--style")] = None,
-    tex: Annotated[bool, options.option("--tex")] = False,
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     point: Annotated[list[int] | None, options.option("--point")] = None,
     measured: options.Measured = None,
@@ -89,7 +88,6 @@ def plot(
         --degrees  Show attitudes and their errors in degrees.
         --style NAME|FILE  Matplotlib style sheet, applied after eqt's own. Repeatable; the last
             wins.
-        --tex  Typeset the text with LaTeX; requires TeX Live.
     Result
         --format NAME  pdf, svg, png, or json for the numbers. Repeatable. Default: all pictures.
         --out DIR  Output folder. Default: RESULT/figures, or figures/NAME for a CONFIG.
@@ -123,7 +121,6 @@ def plot(
         titles=options.pairs("--title", title),
         caption=caption,
         style=style or (),
-        tex=tex,
         point=point,
         measured=measured,
         mapping=mapping,

@@ -1,14 +1,12 @@
-"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no layout.
+"""Symbols, units and names as text that Matplotlib sets; it knows no layout.
 
-Symbols use the mathematics that both have in common. Texts of a user go through `free_text`,
-which escapes them for the one that sets them (LaTeX where ``text.usetex`` is on).
+Texts of a user go through `free_text`.
 """
 
 import re
 import textwrap
 from itertools import groupby
 
-import matplotlib
 import numpy as np
 from matplotlib.mathtext import MathTextParser
 
@@ -178,8 +176,7 @@ def _typeset(symbol: str) -> str:
 def free_text(name: str, characters: int) -> str:
     """Return a user's text as it is drawn, in lines of at most `characters`.
 
-    ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown verbatim. The same check
-    holds for LaTeX, which could do much more than typeset.
+    ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown verbatim.
     """
     shown = "".join(c if c.isprintable() else " " for c in name)
     if not style.DOLLAR.search(shown):  # parsing would warn of letters that the font lacks
@@ -188,7 +185,7 @@ def free_text(name: str, characters: int) -> str:
         MathTextParser("path").parse(shown)
     except ValueError:
         return _in_lines(shown, characters)
-    return style.with_mathematics(shown) if _by_latex() else shown
+    return shown
 
 
 def part_name(suffix: str) -> str:
@@ -196,20 +193,16 @@ def part_name(suffix: str) -> str:
     return suffix.removeprefix("_").replace("_", " ")
 
 
-def _by_latex() -> bool:
-    return bool(matplotlib.rcParams["text.usetex"])
-
-
 def _in_lines(text: str, characters: int) -> str:
     """Wrap text without mathematics."""
-    if "$" in text and not _by_latex():
+    if "$" in text:
         return _literal(text)
     return "\n".join(_literal(line) for line in textwrap.wrap(text, characters))
 
 
 def _literal(text: str) -> str:
     """Escape text, so that no character is a command."""
-    return style.escaped(text) if _by_latex() else text.replace("$", r"\$")
+    return text.replace("$", r"\$")
 
 
 def axis_labels(G: MatrixLieGroup) -> list[str]:

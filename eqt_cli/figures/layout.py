@@ -6,7 +6,6 @@ from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
-from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -32,8 +31,8 @@ _REMARK_HEIGHT = 1.5
 """Height of a line of small text over the size of its type."""
 _NARROW = 1.1
 """Width below which a panel has fewer numbers along its time axis, in."""
-_CHARACTERS, _BY_LATEX = 2.0, 1.8
-"""Characters per length equal to the type size; Computer Modern is wider than other fonts."""
+_CHARACTERS = 2.0
+"""Characters per length equal to the type size."""
 _OF_PROSE = 1.15
 """Characters of prose over those of names, which have more capitals and digits."""
 _SMALL = 0.833
@@ -347,5 +346,4 @@ def arrange(figure: Figure) -> None:
 
 def _characters(room: float, size: float) -> int:
     """Return how many characters of this type size (pt) fit in a line of `room` inches."""
-    per_size = _BY_LATEX if rcParams["text.usetex"] else _CHARACTERS
-    return int(per_size * 72 * room / size)
+    return int(_CHARACTERS * 72 * room / size)

@@ -299,14 +299,13 @@ def render(
     Raises
     ------
     EqtError
-        If there is no such figure, option, format or width, the style is wrong or needs a LaTeX
-        that does not work, the result lacks what the figure shows, or the files cannot be written.
+        If there is no such figure, option, format or width, the style is wrong, the result lacks
+        what the figure shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
     wanted = [_one_of("format", name, (*FORMATS, NUMBERS)) for name in formats]
     of_width = _one_of("width", width, list(WIDTHS))
     style = replace(style, width=of_width)
-    style.prepare([format for format in wanted if format != NUMBERS])
     captions: list[str] = []
     drawing = figure.draw(
         results,

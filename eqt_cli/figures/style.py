@@ -6,13 +6,11 @@ import re
 import traceback
 import unicodedata
 import warnings
-from ast import literal_eval
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from io import BytesIO
-from itertools import product, takewhile
+from itertools import product
 from math import lcm
 from pathlib import Path
 from typing import Any, Literal
@@ -22,7 +20,6 @@ import numpy as np
 from matplotlib import RcParams, style, textpath
 from matplotlib.backends import backend_agg
 from matplotlib.colors import to_hex, to_rgba
-from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.mathtext import MathTextParser
 from matplotlib.style import use
@@ -30,7 +27,7 @@ from matplotlib.style import use
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import refusals, text_in
 
-# Text and letters for LaTeX: escapes, the preamble, and explained failures; it knows no figure ----
+# Text and letters for LaTeX; it knows no figure --------------------------------------------------
 
 
 _RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}
@@ -96,22 +93,7 @@ def command(letter: str) -> str | None:
     return symbol if symbol != letter else None
 
 
-_PREAMBLE = r"\usepackage[T1]{fontenc}\usepackage{amsmath}"
-"""Packages for accented letters, literal < and >, and commands that Matplotlib itself knows."""
-_SYMBOLS = r"\usepackage{amssymb}"
-
-_MEND = (
-    "change the text or the preamble of the style sheet, install what is missing of TeX Live "
-    "(Debian, Ubuntu: apt-get install texlive-latex-extra cm-super dvipng; others: tlmgr install "
-    "cm-super dvipng type1cm underscore), or draw without LaTeX"
-)
-_REFUSED = re.compile(r"\w+ was not able to process the following string:\s+(b?['\"].*)\n")
-_MISSING = re.compile(
-    r"Failed to process string with tex because (.*)"
-    r"|(.*(?:TeX implementation|PostScript font|usable font file).*)"
-)
 DOLLAR = re.compile(r"(?<!\\)\$")
-_COMMAND = re.compile(r"^(?:<recently read>|l\.\d+).*(\\\w+) *$", re.MULTILINE)
 
 _IN_LATEX = {
     "\\": r"\textbackslash{}",
@@ -122,27 +104,23 @@ _IN_LATEX = {
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
     "`": r"\textasciigrave{}",
-    "'": r"'{}",  # two would be a quotation mark, as two hyphens a dash
-    ",": r",{}",
-    "-": r"-{}",
     **{character: "\\" + character for character in "{}$&%#_"},
 }
 """Escapes of characters that are special in a text for LaTeX."""
 
 
-def preamble(of_sheet: str) -> str:
-    """Return the preamble of every text: eqt's, then the sheet's.
+def sentence(text: str) -> str:
+    """Return words, with mathematics between dollar signs, for a LaTeX document."""
+    pieces = enumerate(DOLLAR.split(text.replace("\n", " ")))
+    return "".join(
+        f"${_mathematics(piece)}$" if number % 2 else _escaped(piece.replace(r"\$", "$"))
+        for number, piece in pieces
+    )
 
-    The AMS symbols are left out where a sheet has a preamble, since many font packages bring them
-    and refuse to be loaded after others.
-    """
-    return "\n".join([_PREAMBLE, of_sheet or _SYMBOLS])
 
-
-def escaped(text: str, plain: str = "") -> str:
-    """Escape text but the letters that are `plain`, so that no character is a command."""
-    letters = unicodedata.normalize("NFC", text)
-    return "".join(x if x in plain else _escaped_letter(x) for x in letters)
+def _escaped(text: str) -> str:
+    """Escape text, so that no character is a command."""
+    return "".join(map(_escaped_letter, unicodedata.normalize("NFC", text)))
 
 
 def _escaped_letter(letter: str) -> str:
@@ -152,56 +130,12 @@ def _escaped_letter(letter: str) -> str:
     return letter if symbol is None else rf"\ensuremath{{{symbol}}}"
 
 
-def sentence(text: str) -> str:
-    """Return words, with mathematics between dollar signs, for a LaTeX document."""
-    return with_mathematics(text.replace("\n", " "), plain="-,'")
-
-
-def with_mathematics(text: str, plain: str = "") -> str:
-    """Return words as `escaped` does, with mathematics between dollar signs."""
-    return "".join(
-        f"${_mathematics(piece)}$" if number % 2 else escaped(piece.replace(r"\$", "$"), plain)
-        for number, piece in enumerate(DOLLAR.split(text))
-    )
-
-
 def _mathematics(text: str) -> str:
     """Return Matplotlib's mathematics for LaTeX, with ``%``, ``#`` and ``&`` escaped."""
     safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
     return "".join(
         letter if (symbol := command(letter)) is None else f"{{{symbol}}}" for letter in safe
     )
-
-
-@contextmanager
-def explained() -> Iterator[None]:
-    """Turn the exceptions of Matplotlib when LaTeX fails, log and all, into a sentence.
-
-    Raises
-    ------
-    EqtError
-        In place of the exception.
-    """
-    try:
-        yield
-    except (RuntimeError, LookupError, FileNotFoundError, ValueError) as error:
-        message = str(error.args[0]) if error.args else ""
-        if refused := _REFUSED.match(message):
-            text = literal_eval(refused[1])
-            text = text.decode("unicode_escape") if isinstance(text, bytes) else text
-            raise EqtError(f"LaTeX cannot set '{text}': {_reason(message)}; {_MEND}") from error
-        if missing := _MISSING.match(message):
-            raise EqtError(f"LaTeX does not work: {missing[1] or missing[2]}; {_MEND}") from error
-        raise
-
-
-def _reason(message: str) -> str:
-    """Return the first error in a log, without the lines around it."""
-    log = message.partition("\n! ")[2].removeprefix("LaTeX Error: ")
-    lines = takewhile(lambda line: not re.match(r"\s*$|l\.|See |Type |<|!", line), log.splitlines())
-    reason = " ".join(" ".join(lines).split()).rstrip(".") or "it gives no reason"
-    commands = _COMMAND.findall(log) if reason == "Undefined control sequence" else []
-    return " ".join([reason, *commands[:1]])
 
 
 # Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle -------------
@@ -297,6 +231,9 @@ _LOOKS = (
 _NOT_LOOKS = ("figure.hooks", "ps.usedistiller")
 """Keys with these prefixes that name code or programs."""
 
+_OF_LATEX = ("text.latex", "text.usetex")
+"""Prefixes of the keys that let LaTeX set the text."""
+
 OF_A_MACHINE = frozenset(
     "backend backend_fallback date.epoch docstring.hardcopy figure.max_open_warning "
     "figure.raise_window interactive savefig.directory timezone tk.window_focus toolbar "
@@ -309,12 +246,6 @@ MOST = 300.0
 
 _MOST = {"dpi": 2400.0, "figsize": 50.0, "weight": 1000.0, "threshold": 1e4}
 """Bounds of numbers, by suffix of the key."""
-
-THINNEST = 0.05
-"""Least non-zero width of a line, pt, since dashes scale with it."""
-
-SHORTEST = 0.5
-"""Least length of a pattern of dashes over the width of the line."""
 
 MOST_IN_CYCLE = 1000
 """Most entries of a property cycle."""
@@ -329,18 +260,12 @@ def check(key: str, value: Any, default: Any) -> None:
         return
     if not key.startswith(tuple(_LOOKS)) or key in _NOT_LOOKS:
         raise ValueError(f"Key {key}: says nothing of how a figure looks; remove the line")
+    if key.startswith(_OF_LATEX):
+        raise ValueError(f"Key {key}: eqt draws without LaTeX; remove the line")
     most = next((most for end, most in _MOST.items() if key.endswith(end)), MOST)
     for number in _numbers(value):
         if not abs(number) <= most:
             raise ValueError(f"Key {key}: expected numbers of at most {most:g}, got {number:g}")
-        if key.endswith("width") and 0 < number < THINNEST:
-            raise ValueError(f"Key {key}: expected 0 or at least {THINNEST}, got {number:g}")
-    for pattern in _patterns(key, value):
-        if sum(pattern) < SHORTEST:
-            raise ValueError(
-                f"Key {key}: expected dashes and gaps of {SHORTEST} or more together, "
-                f"got {sum(pattern):g}"
-            )
 
 
 def _numbers(value: Any) -> Iterator[float]:
@@ -353,18 +278,6 @@ def _numbers(value: Any) -> Iterator[float]:
             yield from _numbers(entry)
     elif hasattr(value, "by_key"):
         yield from _numbers(list(value.by_key().values()))
-
-
-def _patterns(key: str, value: Any) -> Iterator[list[float]]:
-    """Yield lengths of dashes and gaps: from a list, behind an offset, or from a cycle."""
-    if key.endswith("pattern"):
-        yield list(_numbers(value))
-    elif hasattr(value, "by_key"):
-        for style in value.by_key().get("linestyle", ()):
-            yield from _patterns("linestyle", style)
-    elif key.endswith("linestyle") and isinstance(value, tuple):
-        _, dashes = value
-        yield from [list(_numbers(dashes))] if dashes else []
 
 
 def check_cycle(text: str) -> None:
@@ -449,14 +362,11 @@ class Style:
     ----------
     sheets
         Matplotlib style sheets, by path or by name; later ones win.
-    tex
-        Whether LaTeX sets the text; a sheet may ask for it too, with ``text.usetex``.
     width
         Width of the figure: a slide has type of its own.
     """
 
     sheets: tuple[str, ...] = ()
-    tex: bool = False
     width: Width = "column"
 
     @cached_property
@@ -474,30 +384,7 @@ class Style:
         if self.width == "slide":
             of_sheets = read_file(_SHEETS / "slide.mplstyle") | of_sheets
         settings = read_file(_SHEETS / "eqt.mplstyle") | of_sheets | _FIXED
-        if not (self.tex or of_sheets.get("text.usetex", False)):
-            return settings | {"text.usetex": False, "font.family": _installed(settings)}
-        # Fonts that a sheet names are Matplotlib's; LaTeX's fonts come with its preamble.
-        kind = {"font.family": of_sheets.get("font.family")}
-        family = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
-        latex_preamble = preamble(of_sheets.get("text.latex.preamble", ""))
-        latex = read_file(_SHEETS / "latex.mplstyle") | family
-        return settings | latex | {"text.latex.preamble": latex_preamble}
-
-    def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
-        """Check that figures can be drawn in this style and these formats, before any is drawn.
-
-        Raises
-        ------
-        EqtError
-            If a sheet is wrong, or LaTeX is needed and does not work.
-        """
-        with house_style(self):
-            if _PRESENT["text.usetex"]:
-                probe = Figure(figsize=(1, 1))
-                probe.set_layout_engine("none")
-                probe.text(0, 0, "eqt")
-                for format in formats:
-                    probe.savefig(BytesIO(), format=format)
+        return settings | {"font.family": _installed(settings)}
 
 
 def _installed(settings: Settings) -> list[str]:
@@ -534,7 +421,7 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
     Raises
     ------
     EqtError
-        If a sheet is wrong, or LaTeX cannot set a text.
+        If a sheet is wrong.
     """
     settings = style.settings
     with matplotlib.rc_context():
@@ -545,8 +432,7 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
         if to_hex(_PRESENT["grid.color"]) == ink():
             # From a sheet without a grid; eqt shows one, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
-        errors = explained() if settings["text.usetex"] else nullcontext()
-        with errors, _moderate_numbers(), _one_reader_of_formulas(style):
+        with _moderate_numbers(), _one_reader_of_formulas(style):
             yield
 
 

@@ -64,16 +64,6 @@ def test_a_wrong_style_is_one_line_on_stderr(refused, result):
     assert not Path(result, "figures").exists()
 
 
-def test_tex_needs_latex(refused, result, monkeypatch):
-    # With a preamble for which Matplotlib has kept no text.
-    preamble = f"text.latex.preamble: \\def\\new{{{Path.cwd()}}}\n"
-    Path("new.mplstyle").write_text(preamble, encoding="utf-8")
-    monkeypatch.setenv("PATH", str(Path.cwd()))
-    assert refused("plot", result, "--tex", "--style", "new.mplstyle").startswith(
-        "eqt: LaTeX does not work: latex could not be found; change the "
-    )
-
-
 def test_what_is_printed_is_the_files(eqt, result):
     done = eqt("plot", result, "--format", "svg")
     assert (done.out, done.err) == (f"figure   {Path('out/figures/paper.svg')}\n", "")

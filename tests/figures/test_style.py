@@ -224,7 +224,9 @@ def test_fonts_that_are_not_installed_are_passed_over(style):
 
 
 def test_no_font_at_all_is_an_error(style):
-    assert error_of(style("font.family: Nowhere, serif", "font.serif: Nowhere Serif").prepare) == (
+    assert error_of(
+        lambda: style("font.family: Nowhere, serif", "font.serif: Nowhere Serif").settings
+    ) == (
         "none of the fonts that the style asks for is installed: Nowhere, Nowhere Serif; install "
         "one, or name another in font.family"
     )
@@ -236,23 +238,3 @@ def test_keys_of_a_machine_change_nothing(style, recwarn):
         assert matplotlib.rcParams["toolbar"] == before
         assert matplotlib.rcParams["font.size"] == 9
     assert not recwarn.list
-
-
-def test_latex_sets_the_text_where_an_option_or_a_sheet_says_so(style):
-    assert not Style().settings["text.usetex"]
-    assert style("text.usetex: True").settings["text.usetex"]
-    assert Style(("classic",), tex=True).settings["text.usetex"]  # whose sheet says no
-
-
-def test_the_fonts_of_latex_are_not_those_of_matplotlib(style):
-    found = style("text.usetex: True", "font.family: sans-serif", "font.serif: Times").settings
-    assert found["font.family"] == ["sans-serif"]
-    assert found["font.serif"][0] == "Computer Modern Roman"
-    assert style("text.usetex: True", "font.family: Times").settings["font.family"] == ["serif"]
-
-
-def test_the_preamble_of_a_sheet_follows_that_of_eqt(style):
-    found = style("text.usetex: True", r"text.latex.preamble: \usepackage{newtxmath}").settings
-    assert found["text.latex.preamble"] == (
-        "\\usepackage[T1]{fontenc}\\usepackage{amsmath}\n\\usepackage{newtxmath}"
-    )

@@ -90,11 +90,9 @@ savefig.dpi: 1e9 → Key savefig.dpi: expected numbers of at most 2400, got 1e+0
 font.size: inf → Key font.size: expected numbers of at most 300, got inf
 font.size: nan → Key font.size: expected numbers of at most 300, got nan
 figure.figsize: 1, 1e6 → Key figure.figsize: expected numbers of at most 50, got 1e+06
-lines.linewidth: 1e-9 → Key lines.linewidth: expected 0 or at least 0.05, got 1e-09
-lines.dashed_pattern: 1e-9, 1e-9 →
-    Key lines.dashed_pattern: expected dashes and gaps of 0.5 or more together, got 2e-09
-axes.prop_cycle: cycler(linestyle=[(0, (1e-9, 1e-9))]) →
-    Key axes.prop_cycle: expected dashes and gaps of 0.5 or more together, got 2e-09
+text.usetex: True → Key text.usetex: eqt draws without LaTeX; remove the line
+text.latex.preamble: \\input{x} →
+    Key text.latex.preamble: eqt draws without LaTeX; remove the line
 axes.prop_cycle: cycler('lw', [1]*1000000000) →
     axes.prop_cycle is no cycler of literal values: cycler('lw', [1]*1000000000)
 """).items(),
