@@ -37,7 +37,6 @@ from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.cli import main
 from eqt_cli.cli import output as progress
-from eqt_cli.cli import run as computing
 from eqt_cli.components.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.config.experiment import Experiment, build
@@ -127,7 +126,6 @@ for number in STOP_SIGNALS:
 
 # What is printed must not depend on how fast this machine is.
 progress.SHOW_AFTER = threading.TIMEOUT_MAX
-computing.LONG = math.inf
 
 # No test needs its files after a power cut.
 os.fsync = lambda file: None

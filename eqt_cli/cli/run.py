@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError, InterruptedRun
-from eqt_cli.base.files import new_file
 from eqt_cli.base.process import Interrupted
 from eqt_cli.base.reporting import brief
 from eqt_cli.cli import completion, options, output
@@ -350,10 +349,6 @@ def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     return choose_executor(experiment, count, name or None, setup.scheduler, values)
 
 
-LONG = 5.0
-"""s of simulation after which the command names a faster engine."""
-
-
 def run_experiment(
     experiment: Study, executor: Executor, out: Path | None, handling: options.Handling
 ) -> None:
@@ -386,29 +381,7 @@ def run_experiment(
         output.say(f"{out} already holds this experiment; --force runs it again")
     elif done.resumed:
         output.say(f"{done.resumed} of {done.runs} runs were already computed")
-    if experiment.base.engine.calls_laws and done.seconds.get("simulation", 0) > LONG:
-        _say_faster()
     report(done, shard, json=handling.json, with_plugins=bool(experiment.base.plugins))
-
-
-def _say_faster() -> None:
-    """Say what compiled laws save, where a compiler is at hand; once to a user."""
-    from eqt_cli.engines.compiler import caches_of_user
-    from eqt_cli.engines.native import Native
-
-    if Native.unavailable():
-        return
-    with suppress(OSError, RuntimeError):  # no folder: it is said again
-        marker = caches_of_user() / "eqt" / "told_of_native"
-        marker.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        try:
-            new_file(marker, b"")
-        except FileExistsError:
-            return
-    output.say(
-        "faster: --engine native, which took a seventh of the time of solve_ivp for "
-        f"configs/paper.yaml; {options.ENGINE}=native makes it your default"
-    )
 
 
 def report(

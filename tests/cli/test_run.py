@@ -9,8 +9,6 @@ import pytest
 from plugin_sources import ESCAPE, SHIFTED
 
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.solve_ivp import SolveIvp
 
 FAILING = (
     *("--set", "plugins=[escape.py]", "--set", "controllers=[escape, eqt]"),
@@ -302,48 +300,3 @@ def test_json_lists_every_cause_and_the_lower_code_wins(eqt, plugins):
     assert document["failed"] == 1
     assert document["controllers"][0]["early_torque"] is None
     assert document["cross_check"]["holds"] is False
-
-
-# A faster engine ----------------------------------------------------------------------------------
-
-FASTER = (
-    "faster: --engine native, which took a seventh of the time of solve_ivp for "
-    "configs/paper.yaml; EQT_ENGINE=native makes it your default\n"
-)
-
-
-@pytest.fixture
-def new_user(monkeypatch, tmp_path):
-    """A user with a compiler and no caches, for whom every run is long."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
-    monkeypatch.setattr("eqt_cli.cli.run.LONG", -1.0)
-    monkeypatch.setattr(Native, "unavailable", lambda: None)
-
-
-def told_by_run(eqt, out, *more):
-    """How often a run names a faster engine."""
-    done = eqt("run", "c.yaml", "--out", out, *BRIEF, *more)
-    assert done.code == 0
-    return int(done.err.count(FASTER))
-
-
-@pytest.mark.usefixtures("new_user")
-def test_a_long_run_names_a_faster_engine_once_to_a_user(eqt):
-    assert [told_by_run(eqt, out) for out in ("a", "b")] == [1, 0]
-
-
-@pytest.mark.usefixtures("new_user")
-def test_quiet_does_not_name_a_faster_engine(eqt):
-    assert told_by_run(eqt, "out", "--quiet") == 0
-
-
-@pytest.mark.parametrize(
-    ("engine", "name", "value"),
-    [(Native, "unavailable", lambda: "no compiler"), (SolveIvp, "calls_laws", Native.calls_laws)],
-)
-@pytest.mark.usefixtures("new_user")
-def test_none_is_named_without_a_compiler_or_where_the_engine_is_as_fast(
-    eqt, monkeypatch, engine, name, value
-):
-    monkeypatch.setattr(engine, name, value)
-    assert told_by_run(eqt, "out") == 0
