@@ -114,7 +114,6 @@ _CORE = {
     "report": ("cli.plot.report", READ, "results/paper --out report.html"),
     "cite": ("cli.plot.cite", READ, "results/paper > refs.bib"),
     "list": ("cli.lookup.list_components", LOOK_UP, "controllers"),
-    "docs": ("cli.lookup.docs", LOOK_UP, "--address"),
     "config": ("cli.lookup.app", LOOK_UP, ""),
 }
 

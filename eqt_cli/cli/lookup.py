@@ -1,11 +1,9 @@
-"""`eqt list`, `eqt docs` and `eqt config`: components, documentation, configurations."""
+"""`eqt list` and `eqt config`: components and configurations."""
 
 from __future__ import annotations
 
-import webbrowser
 from collections.abc import Iterator
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,14 +14,14 @@ from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import KINDS, load_plugin, of_extension, registry, summary
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
-from eqt_cli.cli.output import print_findings, say
+from eqt_cli.cli.output import print_findings
 from eqt_cli.config import shipped
 
 if TYPE_CHECKING:
     from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
 
-# `eqt list` and `eqt docs`: the available components, and the documentation -----------------------
+# `eqt list`: the available components ------------------------------------------------------------
 
 
 MOST_BESIDE = 24
@@ -104,50 +102,6 @@ def _counted(listed: dict[str, list[dict[str, Any]]]) -> str:
     width = max(map(len, listed))
     lines = [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
     return "\n".join(["kinds, and how many of each; `eqt list KIND` shows one kind", *lines])
-
-
-CHECKOUT = Path(__file__).parents[2]
-"""Root of the repository that eqt runs from; else the folder of the installed packages."""
-
-DISTRIBUTION = "eqt-cli"
-
-
-def docs(
-    address: Annotated[
-        bool, typer.Option("--address", metavar="", help="Print the address; open nothing.")
-    ] = False,
-    json: options.Json = False,
-) -> None:
-    """Open the documentation in a browser: pages built by make docs, or those online."""
-    pages = _address()
-    if not address and not json and not webbrowser.open(pages):
-        say("no browser could be opened; the documentation is at:")
-    print_findings({"documentation": pages}, pages, json=json)
-
-
-def _address() -> str:
-    """Return the address of the pages built here, or of those online."""
-    built = CHECKOUT / "build" / "docs" / "index.html"
-    if built.exists():
-        return built.as_uri()
-    if online := _online():
-        return online
-    text = CHECKOUT / "docs" / "index.md"
-    if text.exists():
-        raise EqtError(f"the documentation is not built; run make docs, or read {text}")
-    raise EqtError(
-        "the documentation is not installed; it is in the folder docs of the eqt repository"
-    )
-
-
-def _online() -> str:
-    """Return the address in the metadata of the distribution; empty if there is none."""
-    try:
-        entries = metadata(DISTRIBUTION).get_all("Project-URL") or []
-    except PackageNotFoundError:
-        return ""
-    named = (entry.partition(", ") for entry in entries)
-    return next((url for name, _, url in named if name == "Documentation"), "")
 
 
 # `eqt config`: configurations ---------------------------
