@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from itertools import chain
 from math import prod
 from typing import Any
@@ -21,25 +20,10 @@ from eqt_cli.config.source import source_of
 from eqt_cli.results.origin import KnownResult
 
 BLOCK_ENTRIES = 2**22
-"""Number of entries of a dataset that are read at once."""
+"""Number of entries of a dataset that are read at once, or one along its longest axis."""
 
 _APART = ("config", "experiment", "provenance", "digest", "files", "plugins")
 """Attributes that are compared entry by entry, or that follow from others."""
-
-
-class Absent(Enum):
-    """The value of a key that only the other result has."""
-
-    ABSENT = "not there"
-
-
-@dataclass(frozen=True)
-class Change:
-    """A key whose values differ; `Absent.ABSENT` marks a missing value."""
-
-    key: str
-    first: Any
-    second: Any
 
 
 @dataclass(frozen=True)
@@ -50,29 +34,19 @@ class Dataset:
     ----------
     name
         Name of the variable or coordinate; preceded by the point if points differ in shape.
-    shapes, types
-        Shapes and types in both results; None if missing. Numbers are compared if shapes are equal.
+    shapes
+        Shape in each result; None where it is missing.
     different
-        Number of entries with different bits.
-    nan_bits
-        Number of these that are NaN in both results.
+        Number of entries with different bits, of equal shapes.
     largest
         Largest difference of two entries; inf if only one of them is finite. None for text and for
         different shapes.
-    relative
-        Largest difference divided by the larger entry.
-    place
-        Position of the largest difference, or of the first one for text.
     """
 
     name: str
     shapes: tuple[tuple[int, ...] | None, tuple[int, ...] | None]
-    types: tuple[str | None, str | None]
     different: int = 0
-    nan_bits: int = 0
     largest: float | None = None
-    relative: float | None = None
-    place: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -83,16 +57,17 @@ class Differences:
     ----------
     configuration, attributes, provenance
         Changes in keys of the configuration, in other attributes of the files, and in versions,
-        machine, time and command.
+        machine, time and command: a `key`, with its value in the `first` and in the `second`
+        result, where it is there.
     datasets
         Datasets that differ.
     compared
         Number of compared datasets.
     """
 
-    configuration: list[Change]
-    attributes: list[Change]
-    provenance: list[Change]
+    configuration: list[dict[str, Any]]
+    attributes: list[dict[str, Any]]
+    provenance: list[dict[str, Any]]
     datasets: list[Dataset]
     compared: int
 
@@ -148,10 +123,13 @@ def _leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
         yield from _leaves(value, (*path, key))
 
 
-def _changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[Change]:
-    keys = dict.fromkeys(chain(first, second))
-    pairs = [(key, first.get(key, Absent.ABSENT), second.get(key, Absent.ABSENT)) for key in keys]
-    return [Change(*pair) for pair in pairs if repr(pair[1]) != repr(pair[2])]
+def _changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[dict[str, Any]]:
+    sides = {"first": first, "second": second}
+    return [
+        {"key": key} | {side: values[key] for side, values in sides.items() if key in values}
+        for key in dict.fromkeys(chain(first, second))
+        if repr(first.get(key, ...)) != repr(second.get(key, ...))
+    ]
 
 
 # Datasets -----------------------------------------------------------------------------------------
@@ -171,83 +149,40 @@ def _datasets(result: KnownResult) -> dict[str, Place]:
 
 def _compared(name: str, first: Place | None, second: Place | None) -> Dataset | None:
     """Compare a dataset; None if it is equal in both."""
-    shapes, types = zip(*map(_shape_and_type, (first, second)), strict=True)
+    shapes = _shape(first), _shape(second)
     if first is None or second is None or shapes[0] is None or shapes[0] != shapes[1]:
-        return Dataset(name, shapes, types)
-    tally = _Tally()
-    for block in _blocks(shapes[0]):
-        tally.add(_read(first, block), _read(second, block), [each.start for each in block])
-    if not tally.different and types[0] == types[1]:
-        return None
-    return Dataset(name, shapes, types, **vars(tally))
+        return Dataset(name, shapes)
+    different, largest = 0, None
+    for one, other in zip(_blocks(first, shapes[0]), _blocks(second, shapes[0]), strict=True):
+        text = one.dtype == object or other.dtype == object
+        differ = one != other if text else _bits(one) != _bits(other)
+        different += int(np.count_nonzero(differ))
+        if np.any(differ) and not text:
+            a, b = one[differ].astype(float), other[differ].astype(float)
+            with np.errstate(invalid="ignore", over="ignore"):
+                gaps = np.where(np.isnan(a) & np.isnan(b), 0.0, np.abs(a - b))
+            largest = max(largest or 0.0, float(np.where(np.isnan(gaps), np.inf, gaps).max()))
+    return Dataset(name, shapes, different, largest) if different else None
 
 
-def _shape_and_type(place: Place | None) -> tuple[Any, Any]:
-    """Return the shape and the type of a dataset in words; None for both where it is missing."""
+def _shape(place: Place | None) -> tuple[int, ...] | None:
     if place is None:
-        return None, None
+        return None
+    result, name = place
+    return tuple(result.dimensions[dim] for dim in result.dims(name))
+
+
+def _blocks(place: Place, shape: tuple[int, ...]) -> Iterator[Array]:
+    """Yield a dataset in blocks of its longest axis that fit into memory."""
     result, name = place
     dims = result.dims(name)
-    kind = result.read(name, **dict.fromkeys(dims, slice(0))).dtype
-    return tuple(map(result.dimensions.get, dims)), "text" if kind.kind == "O" else str(kind)
-
-
-def _read(place: Place, block: tuple[slice, ...]) -> Array:
-    result, name = place
-    return np.asarray(result.read(name, **dict(zip(result.dims(name), block, strict=False))))
-
-
-def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
-    """Yield blocks of an array that fit into memory, as slices of its first axes."""
-    if prod(shape) <= BLOCK_ENTRIES:
-        yield ()
+    if not dims:
+        yield np.asarray(result.read(name))
         return
-    inner = prod(shape[1:])
-    step = max(1, BLOCK_ENTRIES // inner)
-    for start in range(0, shape[0], step):
-        part = slice(start, start + step)
-        for rest in _blocks(shape[1:]) if inner > BLOCK_ENTRIES else [()]:
-            yield part, *rest
-
-
-class _Tally:
-    """Accumulates differences over the blocks of two arrays."""
-
-    def __init__(self) -> None:
-        self.different = self.nan_bits = 0
-        self.largest: float | None = None
-        self.relative: float | None = None
-        self.place: tuple[int, ...] | None = None
-
-    def add(self, first: Array, second: Array, start: list[int]) -> None:
-        """Add a block that starts at `start` along the first axes."""
-        text = first.dtype == object or second.dtype == object
-        floats = first.dtype.kind == second.dtype.kind == "f"
-        differ = _bits(first) != _bits(second) if floats else first != second
-        where = np.flatnonzero(differ)
-        if not where.size:
-            return
-        self.different += where.size
-        worst = 0
-        if not text:
-            a, b = (np.ravel(each)[where].astype(float) for each in (first, second))
-            both_nan = np.isnan(a) & np.isnan(b)
-            self.nan_bits += int(both_nan.sum())
-            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                gap = np.where(both_nan, 0.0, np.abs(a - b))
-                gap[np.isnan(gap)] = np.inf
-                ratio = np.where(gap > 0, gap / np.maximum(np.abs(a), np.abs(b)), 0.0)
-            ratio[np.isinf(gap)] = np.inf
-            worst = int(gap.argmax())
-            self.relative = max(self.relative or 0.0, float(ratio.max()))
-            if self.largest is not None and gap[worst] <= self.largest:
-                return
-            self.largest = float(gap[worst])
-        elif self.place is not None:
-            return
-        place = np.unravel_index(where[worst], first.shape)
-        offset = [*start, *[0] * (first.ndim - len(start))]
-        self.place = tuple(int(k) + begin for k, begin in zip(place, offset, strict=True))
+    axis = int(np.argmax(shape))
+    step = max(1, BLOCK_ENTRIES * shape[axis] // max(1, prod(shape)))
+    for start in range(0, shape[axis], step):
+        yield np.asarray(result.read(name, **{dims[axis]: slice(start, start + step)}))
 
 
 def _bits(array: Array) -> Array:

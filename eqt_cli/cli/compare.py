@@ -17,7 +17,7 @@ from eqt_cli.cli.tables import as_csv, as_latex
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.compare import Comparison
-    from eqt_cli.analysis.differences import Change, Dataset, Differences
+    from eqt_cli.analysis.differences import Dataset, Differences
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.base.reporting import TextTable
     from eqt_cli.results.quantity import Plain
@@ -396,7 +396,8 @@ def diff(
 
     diffs = api.diff(first, second)
     if json:
-        output.print_json(_differences_document(first, second, diffs))
+        files = {"first": str(first), "second": str(second), "equal": diffs.equal}
+        output.print_json(files | asdict(diffs))
     else:
         _print_differences(diffs)
     if not diffs.equal:
@@ -408,11 +409,12 @@ def _print_differences(diffs: Differences) -> None:
     for heading, changes in zip(("configuration", "attribute", "provenance"), changed, strict=True):
         if changes:
             rows = [
-                [each.key, _value_shown(each.first), _value_shown(each.second)] for each in changes
+                [each["key"], *(_value_shown(each.get(side, "-")) for side in ("first", "second"))]
+                for each in changes
             ]
             output.print_text(output.table([heading, "first", "second"], rows), "")
     if diffs.datasets:
-        header = ["dataset", "entries", "different", "largest difference", "relative", "at"]
+        header = ["dataset", "entries", "different", "largest difference"]
         output.print_text(output.table(header, [_dataset_row(each) for each in diffs.datasets]), "")
     output.print_text(_outcome(diffs))
 
@@ -430,29 +432,18 @@ def _outcome(diffs: Differences) -> str:
     if diffs.attributes:
         keys.append(f"{output.count_of(len(diffs.attributes), 'attribute')} of the files")
     differing = f"{len(diffs.datasets) or 'none'} of {datasets}"
-    only_nan = diffs.datasets and all(map(_differs_in_nan_only, diffs.datasets))
-    return f"different: {', '.join([*keys, differing])}{' (only the bits of NaN)' * bool(only_nan)}"
-
-
-def _differs_in_nan_only(each: Dataset) -> bool:
-    return 0 < each.different == each.nan_bits
+    return f"different: {', '.join([*keys, differing])}"
 
 
 def _dataset_row(each: Dataset) -> list[str]:
     first, second = each.shapes
     if first is None or second is None:
         where = "second" if first is None else "first"
-        return [each.name, f"only in the {where}", "-", "-", "-", "-"]
+        return [each.name, f"only in the {where}", "-", "-"]
     if first != second:
-        return [each.name, f"{_size(first)}, {_size(second)}", "-", "-", "-", "-"]
-    entries = _size(first)
-    if each.types[0] != each.types[1]:
-        entries = f"{entries} {each.types[0]}, {each.types[1]}"
-    largest, relative = ("-" if x is None else f"{x:.3g}" for x in (each.largest, each.relative))
-    if _differs_in_nan_only(each):
-        largest, relative = "bits of NaN", "-"
-    at = "-" if each.place is None else f"[{', '.join(map(str, each.place))}]"
-    return [each.name, entries, str(each.different), largest, relative, at]
+        return [each.name, f"{_size(first)}, {_size(second)}", "-", "-"]
+    largest = "-" if each.largest is None else f"{each.largest:.3g}"
+    return [each.name, _size(first), str(each.different), largest]
 
 
 def _size(shape: Sequence[int]) -> str:
@@ -461,33 +452,7 @@ def _size(shape: Sequence[int]) -> str:
 
 def _value_shown(value: Any) -> str:
     """Return a value as shown in a table."""
-    from eqt_cli.analysis.differences import Absent
-
-    if value is Absent.ABSENT:
-        return "-"
     text = str(value)
     if len(text) > LONGEST or "\n" in text:
         return f"a text of {len(text)} characters"
     return text
-
-
-def _differences_document(first: Path, second: Path, diffs: Differences) -> dict[str, Any]:
-    return {
-        "first": str(first),
-        "second": str(second),
-        "equal": diffs.equal,
-        "configuration": [_change(each) for each in diffs.configuration],
-        "attributes": [_change(each) for each in diffs.attributes],
-        "provenance": [_change(each) for each in diffs.provenance],
-        "compared": diffs.compared,
-        "datasets": [
-            {**vars(each), "only_nan_bits": _differs_in_nan_only(each)} for each in diffs.datasets
-        ],
-    }
-
-
-def _change(each: Change) -> dict[str, Any]:
-    """Return a change for programs, without a side that lacks the key."""
-    from eqt_cli.analysis.differences import Absent
-
-    return {name: value for name, value in vars(each).items() if value is not Absent.ABSENT}

@@ -67,14 +67,9 @@ def test_another_configuration(eqt, monkeypatch):
     with eqt_cli.open_results("second", "arrays") as other:
         b = other["pose_error"]
     gap = np.abs(a - b)
-    place = list(map(int, np.unravel_index(gap.argmax(), gap.shape)))
     row = next(line for line in done.out.splitlines() if line.startswith("pose_error "))
-    relative = np.max(gap[gap > 0] / np.maximum(a, b)[gap > 0])
-    assert row.split()[:5] == [
-        *("pose_error", "2×3×11", str(np.count_nonzero(gap))),
-        *(f"{gap.max():.3g}", f"{relative:.3g}"),
-    ]
-    assert row.endswith(f"  {place}")
+    count = str(np.count_nonzero(gap))
+    assert row.split() == ["pose_error", "2×3×11", count, f"{gap.max():.3g}"]
     whole = eqt_cli.diff("first", "second")
     monkeypatch.setattr(differences, "BLOCK_ENTRIES", 50)
     assert eqt_cli.diff("first", "second") == whole  # large datasets are read in parts
@@ -86,7 +81,7 @@ def test_a_single_entry(eqt, second):
     done = eqt("diff", "second", "third")
     assert done.code == 4
     assert [line.split() for line in done.out.splitlines()[2:]] == [
-        ["effort", "2×3", "1", "0.5", "5e-07", "[1,", "2]"],
+        ["effort", "2×3", "1", "0.5"],
         [],
         ["different:", "1", "of", "33", "datasets"],
     ]
@@ -96,8 +91,7 @@ def test_entries_that_are_not_finite(eqt, second):
     second("effort", (0, 0), np.inf)
     second("effort", (0, 1), np.nan)
     (found,) = eqt_cli.diff("first", "second").datasets
-    assert (found.different, found.nan_bits) == (2, 0)
-    assert (found.largest, found.relative, found.place) == (np.inf, np.inf, (0, 0))
+    assert (found.different, found.largest) == (2, np.inf)
 
 
 def test_bits_of_nan(eqt, second):
@@ -106,15 +100,15 @@ def test_bits_of_nan(eqt, second):
     done = eqt("diff", "second", "third")
     assert done.code == 4
     row, _, verdict = done.out.splitlines()[2:]
-    assert row.split() == "effort 2×3 1 bits of NaN - [1, 0]".split()
-    assert verdict == "different: 1 of 33 datasets (only the bits of NaN)"
+    assert row.split() == "effort 2×3 1 0".split()
+    assert verdict == "different: 1 of 33 datasets"
 
 
 def test_the_sign_of_zero(second):
     second("effort", (1, 0), 0.0)
     second("effort", (1, 0), -0.0, of="third")
     (found,) = eqt_cli.diff("second", "third").datasets
-    assert (found.different, found.largest, found.relative) == (1, 0.0, 0.0)
+    assert (found.different, found.largest) == (1, 0.0)
 
 
 def test_other_shapes_and_laws(eqt):
@@ -124,8 +118,8 @@ def test_other_shapes_and_laws(eqt):
     assert done.code == 4
     rows = {line.split()[0]: line.split()[1:] for line in done.out.splitlines() if line}
     assert rows["controllers[1].kind"] == ["gt", "nog"]
-    assert rows["controller"] == ["2", "1", "-", "-", "[1]"]
-    assert rows["pose"] == ["2×3×11×3×3,", "2×3×21×3×3", "-", "-", "-", "-"]
+    assert rows["controller"] == ["2", "1", "-"]
+    assert rows["pose"] == ["2×3×11×3×3,", "2×3×21×3×3", "-", "-"]
     assert done.out.splitlines()[-1] == (
         "different: 3 keys of the configuration, 22 of 33 datasets"
     )
@@ -139,7 +133,7 @@ def test_datasets_that_one_result_lacks(eqt):
         for line in eqt("diff", "first", "second").out.splitlines()
         if line
     }
-    assert rows["pose"] == ["only", "in", "the", "first", "-", "-", "-", "-"]
+    assert rows["pose"] == ["only", "in", "the", "first", "-", "-"]
     back = eqt("diff", "second", "first").out
     assert "only in the second" in back
 
@@ -152,7 +146,7 @@ def test_points_of_several_shapes(eqt, second):
     assert eqt_cli.diff("one", "two").equal
     second("point_1/pose", (0, 0, 2, 1, 1), 0.5, of="two")
     (found,) = eqt_cli.diff("one", "two").datasets
-    assert (found.name, found.place) == ("point 1: pose", (0, 0, 2, 1, 1))
+    assert (found.name, found.different) == ("point 1: pose", 1)
 
 
 def test_one_document(eqt, second):
@@ -161,7 +155,6 @@ def test_one_document(eqt, second):
     done = eqt("diff", "second", "third", "--json")
     assert (done.code, done.err) == (4, "")
     found = json.loads(done.out)
-    assert found["datasets"][0].pop("relative") == 0.5 / (1e6 + 0.5)
     assert found == yaml.safe_load("""
 first: second
 second: third
@@ -171,8 +164,7 @@ attributes: []
 provenance: []
 compared: 33
 datasets:
-  - {name: effort, shapes: [[2, 3], [2, 3]], types: [float64, float64], different: 1, nan_bits: 0,
-     largest: 0.5, place: [1, 2], only_nan_bits: false}
+  - {name: effort, shapes: [[2, 3], [2, 3]], different: 1, largest: 0.5}
 """)
 
 
