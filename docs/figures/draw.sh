@@ -50,7 +50,7 @@ numbers_of_paper() {
 	numbers paper distributions
 	numbers torque --option bands=quantiles --option share=total
 	name=${name}_feedback numbers torque
-	numbers phase sphere --option runs=5
+	numbers sphere --option runs=5
 }
 
 # picture FILE FIGURE [OPTION...]: draw a figure as docs/figures/FILE.png.
@@ -101,7 +101,6 @@ paper() {
 	picture torque_feedback torque
 	picture single_runs runs
 	picture distributions distributions
-	picture phase phase
 	picture sphere sphere
 	if [ "$task" = draw ]; then
 		"$eqt" animate "$result" --run 1 --controller eqt --controller gt --format gif --seconds 6 \

@@ -92,8 +92,6 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "distributions, 13 laws": ("laws", "distributions", {}),
     "distributions, ecdf": ("paper", "distributions", {"kind": "ecdf"}),
     "distributions, two": ("paper damped", "distributions", {"kind": "ecdf"}),
-    "phase": ("paper", "phase", {}),
-    "phase, SE(2)": ("se2", "phase", {}),
     "sphere": ("paper", "sphere", {}),
     "certificates": ("paper", "certificates", {}),
     "certificates, 13 laws": ("laws", "certificates", {}),

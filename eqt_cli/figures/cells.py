@@ -59,14 +59,10 @@ def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) 
         scale_log(axes, direction, seen)
 
 
-def scale_norm(axes: Axes, *, log: bool, direction: Direction = "y") -> None:
+def scale_norm(axes: Axes, *, log: bool) -> None:
     """Set a scale for non-negative curves: logarithmic if asked and possible, else from 0."""
-    across = direction == "x"
-    drawn = [line.get_xdata() if across else line.get_ydata() for line in axes.lines]
-    if log and any(np.any(np.asarray(values) > 0) for values in drawn):
-        axes.set(**{f"{direction}scale": "log"})
-    elif across:
-        axes.set_xlim(left=0)
+    if log and any(np.any(np.asarray(line.get_ydata()) > 0) for line in axes.lines):
+        axes.set_yscale("log")
     else:
         axes.set_ylim(bottom=0)
 

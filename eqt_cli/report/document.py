@@ -272,7 +272,6 @@ DEFAULT = (
     ),
     Wanted("estimate", needs="estimated_pose"),
     Wanted("distributions"),
-    Wanted("phase", {"runs": 10}),
     Wanted("certificates"),
 )
 """Default figures of a report on an experiment."""

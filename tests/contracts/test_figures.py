@@ -50,7 +50,7 @@ WORST = SMALL | {
     "objective": "mean_pose_error",
 }
 IN = {"column": 3.5, "page": 7.16, "slide": 13.3 / 2.25}  # a slide is written larger
-BY_PLACE = ("phase", "runs", "sweep")
+BY_PLACE = ("runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
 
 

@@ -213,7 +213,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             assert one.read_bytes() == two.read_bytes(), (name, format)
 
 
-@mostly_slow("name", NAMES, ["phase"], AGAIN.args[0])
+@mostly_slow("name", NAMES, ["sphere"], AGAIN.args[0])
 @unarranged
 def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
     expected = encode(figures.get(name)().draw([opened(so3)]), "png")
@@ -318,7 +318,7 @@ def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     )
 
 
-@mostly_slow("name", NAMES, ["phase"], AGAIN.args[0])
+@mostly_slow("name", NAMES, ["sphere"], AGAIN.args[0])
 @unarranged
 def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opened):
     results = opened(so3)

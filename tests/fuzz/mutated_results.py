@@ -33,7 +33,7 @@ SLOW = [
     *(["verify"], ["report"], ["animate", "--format", "html"], ["run"]),
     *(
         ["plot", "--format", "json", "--figure", name]
-        for name in ("paper", "phase", "torque", "runs")
+        for name in ("paper", "sphere", "torque", "runs")
     ),
     *(["plot", "--format", "json", "--figure", name] for name in ("sphere", "pareto", "sweep")),
     *(["plot", "--format", "json", "--figure", name] for name in ("distributions",)),
