@@ -65,14 +65,13 @@ def export(
 def _report(exported: ExportedFiles, *, json: bool) -> None:
     from eqt_cli.base.reporting import significant
 
-    header = ["law", "file", "operations", "largest error", "apart", "flash", "stack"]
+    header = ["law", "file", "operations", "largest error", "apart"]
     rows = []
     for law in exported.laws:
-        cost = [f"{law[name]}" if law[name] is not None else "-" for name in ("flash", "stack")]
         bound = law["bound"]
         assert isinstance(bound, list)
         largest = significant(max(bound), 2) if bound else "-"
         row = [law["label"], f"{law['name']}.c", law["operations"], largest, law["singular"]]
-        rows.append([*map(str, row), *cost])
+        rows.append([*map(str, row)])
     document = {"folder": str(exported.folder), "files": exported.files, "laws": exported.laws}
     print_findings(document, table(header, rows), f"\nexported  {exported.folder}", json=json)

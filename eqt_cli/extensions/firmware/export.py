@@ -5,15 +5,10 @@ from __future__ import annotations
 import math
 import os
 import re
-import shutil
-import struct
-import sys
-import tempfile
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
@@ -25,12 +20,11 @@ from eqt_cli.analysis.verification import identities_of
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
-from eqt_cli.base.files import check_targets, replace_file, write_all
+from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
 from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
-from eqt_cli.engines.compiler import run
 from eqt_cli.extensions.firmware.c_headers import headers, needed
 from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
@@ -398,97 +392,13 @@ def _stored(bounds: Array, values: Array) -> Array:
     return np.nextafter(bounds + DOUBLE.unit * np.abs(values), np.inf)
 
 
-# The README of a folder with exported laws, and their size: bytes of flash, and of stack ----------
-
-
-FLAGS = (
-    "-std=c99 -O2 -ffp-contract=off -fno-math-errno -ffreestanding -Wframe-larger-than=1"
-).split()
-
-TARGET = "thumb-freestanding-eabihf"
-CORE = ("-mcpu=cortex_m4+vfp4d16sp",)
-"""Options of the compiler in the package ziglang for a Cortex-M4 with hardware floats."""
-
-GCC = "arm-none-eabi-gcc"
-GCC_CORE = "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard".split()
-
-MISSING = (
-    "not measured: no compiler for Cortex-M4 was found (arm-none-eabi-gcc, or pip install ziglang)"
-)
-
-
-@dataclass(frozen=True)
-class Footprint:
-    """The cost of a law on a Cortex-M4.
-
-    Attributes
-    ----------
-    flash
-        Bytes of code and constants.
-    stack
-        Bytes of LABEL_torque with all it calls, except what a compiler adds for doubles.
-    compiler
-        Compiler that was used.
-    """
-
-    flash: int
-    stack: int
-    compiler: str
-
-
-def compiler() -> list[str] | None:
-    """Return the command of a compiler for Cortex-M4 on this machine; None if there is none."""
-    if path := shutil.which(GCC):
-        return [path, *GCC_CORE]
-    if find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", TARGET, *CORE]
-    return None
-
-
-def measured(name: str, files: Mapping[str, str]) -> Footprint | None:
-    """Return the cost of an exported law on a Cortex-M4; None where it cannot be measured."""
-    command = compiler()
-    if command is None:
-        return None
-    with tempfile.TemporaryDirectory(prefix="eqt-") as folder:
-        for file in (f"{name}.h", f"{name}.c"):
-            replace_file(Path(folder, file), files[file].encode())
-        made = Path(folder, f"{name}.o")
-        try:
-            answer = run([*command, *FLAGS, "-c", str(Path(folder, f"{name}.c")), "-o", str(made)])
-        except EqtError:
-            return None
-        if answer.returncode or not made.exists():
-            return None
-        called = "gcc" if command[0].endswith(GCC) else "clang"
-        return Footprint(_flash(made.read_bytes()), _stack(answer.stderr), called)
-
-
-def _stack(warnings: str) -> int:
-    """Return the sum of the frames of all functions, from the warnings of a compiler.
-
-    It bounds the stack, since any function may call another.
-    """
-    frames = re.findall(r"frame size(?: of)? \(?(\d+)\)? ", warnings)
-    return sum(map(int, frames))
-
-
-def _flash(content: bytes) -> int:
-    """Return the bytes of the sections of a 32-bit object file that are kept in flash."""
-    [start] = struct.unpack_from("<I", content, 32)
-    size, count = struct.unpack_from("<HH", content, 46)
-    loaded = 0
-    for index in range(count):
-        _, kind, flags, _, _, length = struct.unpack_from("<6I", content, start + index * size)
-        if kind == 1 and flags & 2:  # has contents, and is part of the image
-            loaded += length
-    return int(loaded)
+# The README of a folder with exported laws --------------------------------------------------------
 
 
 NAME = "README.md"
 
 
-def readme(laws: Sequence[ExportedLaw], costs: Mapping[str, Footprint | None]) -> str:
+def readme(laws: Sequence[ExportedLaw]) -> str:
     """Return the text of the README of the laws of an experiment."""
     experiment = laws[0].experiment
     rows = identities_of(experiment)
@@ -501,9 +411,6 @@ def readme(laws: Sequence[ExportedLaw], costs: Mapping[str, Footprint | None]) -
         loop=loop_in_words(experiment.resolved),
         # Labels that are no names in C.
         spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
-        costs=costs,
-        known=next((cost for cost in costs.values() if cost), None),
-        missing=MISSING,
         claim=_claim,
         tally=lambda law: tally([row for row in rows if row.controller == law.label]),
     )
@@ -581,7 +488,7 @@ def export(
     Returns
     -------
     ExportedFiles
-        The written files, with operation counts, error bounds and sizes.
+        The written files, with operation counts and error bounds.
 
     Raises
     ------
@@ -602,18 +509,14 @@ def export(
     labels = [controllers] if isinstance(controllers, str) else controllers
     laws = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
     texts: dict[str, str] = {}
-    costs: dict[str, Footprint | None] = {}
     for law in laws:
-        law_files = files(law)
-        costs[law.label] = measured(law.name, law_files)
-        texts |= law_files
-    texts[NAME] = readme(laws, costs)
+        texts |= files(law)
+    texts[NAME] = readme(laws)
     write_all({folder / name: text.encode() for name, text in texts.items()}, folder)
-    return ExportedFiles(folder, list(texts), [_record(law, costs) for law in laws])
+    return ExportedFiles(folder, list(texts), [_record(law) for law in laws])
 
 
-def _record(law: ExportedLaw, costs: Mapping[str, Footprint | None]) -> dict[str, object]:
-    cost = costs[law.label]
+def _record(law: ExportedLaw) -> dict[str, object]:
     return {
         "label": law.label,
         "name": law.name,
@@ -623,6 +526,4 @@ def _record(law: ExportedLaw, costs: Mapping[str, Footprint | None]) -> dict[str
         "bound": law.torque_bound.tolist(),
         "singular": int(np.count_nonzero(law.singular)),
         "singular_bound": law.singular_bound.tolist(),
-        "flash": cost.flash if cost else None,
-        "stack": cost.stack if cost else None,
     }
