@@ -221,10 +221,12 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
 
 
 def excess(bound: Constraint, values: Array) -> Array:
-    """Return the violation of a bound at each point as a share of the bound; 0 where it holds."""
+    """Return the violation of a bound at each point as a share of the bound; 0 where it holds.
+
+    It is 1 where a run that counts has no value.
+    """
     if bound.every_run:
-        reduced = np.nanmax if bound.above else np.nanmin
-        measured = np.array([reduced(row) if np.isfinite(row).any() else np.nan for row in values])
+        measured = (np.max if bound.above else np.min)(values, axis=-1)
     else:
         measured = mean_over_runs(values)
     over = (measured - bound.bound) * (1 if bound.above else -1) / (abs(bound.bound) or 1.0)

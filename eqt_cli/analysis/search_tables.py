@@ -285,9 +285,9 @@ def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
 def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
     values = result.counted(bound.metric)
     over = excess(bound, values)
-    worst = np.nanmax if bound.above else np.nanmin
+    worst = np.max if bound.above else np.min
     reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
-    beyond = values > bound.bound if bound.above else values < bound.bound
+    beyond = ~(values <= bound.bound if bound.above else values >= bound.bound)
     for law in record["laws"]:
         for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
             k = result.labels.index(label)
@@ -296,7 +296,11 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
                 str(bound),
                 significant(float(reached[k])),
                 str(int(beyond[k].sum())),
-                "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
+                "holds"
+                if over[k] == 0
+                else f"violated by {100 * over[k]:.2g} %"
+                if np.isfinite(reached[k])
+                else "violated: a run has no value",
             ]
 
 

@@ -141,18 +141,23 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     return apply("where", condition, a, b)
 
 
+def where_number(a: Any, b: Any) -> Any:
+    """b where a is a number, also an infinite one; a where it is NaN, elementwise."""
+    return where(smooth_less(-1.0, a * a), b, a)
+
+
 def minimum(a: Any, b: Any) -> Any:
-    """The smaller of a and b, elementwise."""
-    return where(less(a, b), a, b)
+    """The smaller of a and b, elementwise; NaN where any of them is."""
+    return where(less(a, b), a, where_number(a, b))
 
 
 def maximum(a: Any, b: Any) -> Any:
-    """The larger of a and b, elementwise."""
-    return where(less(a, b), b, a)
+    """The larger of a and b, elementwise; NaN where any of them is."""
+    return where(less(a, b), b, where_number(b, a))
 
 
 def clip(x: Any, low: Any, high: Any) -> Any:
-    """x limited to the range from low to high, elementwise.
+    """x limited to the range from low to high, elementwise; NaN where any of them is.
 
     Engines end a step at each kink; `tanh` saturates without kinks.
     """

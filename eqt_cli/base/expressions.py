@@ -32,6 +32,7 @@ from eqt_cli.base.arrays import (
     smooth_less,
     unwrapped,
     where,
+    where_number,
 )
 from eqt_cli.base.errors import ExpressionError, InputError, suggestion
 
@@ -61,7 +62,11 @@ class Piecewise:
 
 
 def _sign(x: Any) -> Any:
-    return where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, 0.0))
+    return where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, where_number(x, 0.0)))
+
+
+def _where(a: Any, b: Any, x: Any, y: Any) -> Any:
+    return where_number(a, where_number(b, where(less(a, b), x, y)))
 
 
 def _smoothstep(x: Any, start: Any, end: Any) -> Any:
@@ -87,7 +92,7 @@ PIECEWISE = {
     "max": Piecewise(lambda *x: reduce(maximum, x), _every_pair, "two or more arguments", None),
     "sign": Piecewise(_sign, lambda _: [(0, None)], "one argument", 1),
     "step": Piecewise(
-        lambda x, start: where(less(x, start), 0.0, 1.0),
+        lambda x, start: _where(x, start, 0.0, 1.0),
         lambda _: [(0, 1)],
         "two arguments, as in 'step(t, 1)', which is 0 before t = 1 and 1 after",
         2,
@@ -105,10 +110,7 @@ PIECEWISE = {
         2,
     ),
     "where": Piecewise(
-        lambda a, b, x, y: where(less(a, b), x, y),
-        lambda _: [(0, 1)],
-        "a comparison and two values, as in 'where(t < 1, 0, 2)'",
-        4,
+        _where, lambda _: [(0, 1)], "a comparison and two values, as in 'where(t < 1, 0, 2)'", 4
     ),
 }
 """The functions with kinks or steps, at which engines end a step."""
@@ -605,6 +607,7 @@ def _combined(node: Node, operands: tuple[Any, ...]) -> Any:
             return float(_OPERATORS[what](np.float64(left), right))
         return _OPERATORS[what](left, right)
     known = PIECEWISE.get(what)
+    operands = tuple(np.float64(x) if isinstance(x, float) else x for x in operands)
     result = known.value(*operands) if known else apply(what, operands[0])
     return float(result) if isinstance(result, float) else unwrapped(result)
 
@@ -660,7 +663,7 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
     if what in ("*", "/"):
         (p, q), (r, s) = known
         if s == 0 and what == "/":
-            return p / r, q / r
+            return float(np.divide(p, r)), float(np.divide(q, r))
         if what == "*" and q * s == 0:
             return p * r, p * s + q * r
         return None

@@ -38,6 +38,7 @@ Computing
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -134,6 +135,21 @@ class Command(TyperCommand):
         for parameter in params:
             vars(parameter).update(texts.get(parameter.opts[0], {}))
         super().__init__(*args, params=params, help=help, **more)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options, and refuse numbers that are not finite.
+
+        Raises
+        ------
+        EqtError
+            If a number is not finite.
+        """
+        left = super().parse_args(ctx, args)
+        for parameter in self.params:
+            value = ctx.params.get(parameter.name)
+            if isinstance(value, float) and not math.isfinite(value):
+                raise EqtError(f"{parameter.opts[0]}: expected a number, got {value}")
+        return left
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help page, with paragraphs that fill the width."""

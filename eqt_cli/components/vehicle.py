@@ -511,6 +511,8 @@ class Vehicle:
         rates = {place: 0.0 * values for place, values in states.items()}
         if self.control is not None:
             command = self._held(G, states)
+        elif self.limits:
+            command = command - (command - command)  # NaN where it is infinite: no limit hides it
         for place, actuator in self._chain(self._at_instants):
             x = states.get(place, command[..., :0])
             command = states.get(f"{place}_{TAKEN}", command)

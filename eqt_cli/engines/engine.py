@@ -269,6 +269,7 @@ Progress = Callable[[float], None]
 
 
 NO_LONGER_FINITE = "the state or its derivative is no longer finite"
+NOT_FINITE = "the command is not finite"
 
 
 @dataclass(frozen=True)
@@ -491,9 +492,13 @@ def _at_instant(
         return states, {}
     problem = integrator.problem
     errors = problem.errors_at(span.tick, integrator.runs)
-    states, lost = integrator.at_instant(span.start, states, errors), {}
+    states = integrator.at_instant(span.start, states, errors)
+    gone = ~np.isfinite(states).all(axis=1)
+    lost = dict.fromkeys(np.flatnonzero(gone).tolist(), (Status.NON_FINITE, NOT_FINITE))
     if np.max(steps) > SUSPECT:
-        lost = dict.fromkeys(np.flatnonzero(_diverged(integrator, span, states)).tolist(), DIVERGED)
+        lost |= dict.fromkeys(
+            np.flatnonzero(_diverged(integrator, span, states)).tolist(), DIVERGED
+        )
     lost |= dict.fromkeys(np.flatnonzero(problem.loop.estimate_lost(states)).tolist(), INDEFINITE)
     return states, {place: Failure(*why, span.start) for place, why in lost.items()}
 

@@ -73,6 +73,9 @@ _SLOPES: dict[str, Callable[[Any], Any]] = {
 }
 """The derivative of every function of the grammar; that of abs at 0 is set to 1."""
 
+MOST_FACTORS = 100
+"""Largest whole exponent that is computed by products."""
+
 COMPARISONS = ("less", "smooth_less", "positive")
 
 
@@ -187,7 +190,7 @@ class Jet:
             return log._with_rate(value, lambda u: self.to_order(u.order) ** exponent * log.rate)
         if exponent == 0.5:
             return self._root()
-        if exponent % 1 == 0:  # products are right at 0, too
+        if exponent % 1 == 0 and abs(exponent) <= MOST_FACTORS:  # products are right at 0, too
             product = self._constant(1.0) if exponent == 0 else self
             for _ in range(abs(int(exponent)) - 1):
                 product = product * self

@@ -307,7 +307,8 @@ def _solve(
         )
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
     _find_by_rounding(batch, first, context.threads)
-    _judge(first.solution, estimate, solver.judgement.max_error)
+    if solver.estimates_errors:
+        _judge(first.solution, estimate, solver.judgement.max_error)
     return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}
 
 
@@ -530,13 +531,15 @@ def _moved(problem: Problem, error: float) -> Array:
 
 
 def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
-    """Set the status `ACCURACY` for runs whose error estimate exceeds `max_error`."""
+    """Set the status `ACCURACY` for runs whose error estimate is above `max_error`, or is NaN."""
     if limit is None:
         return
-    for run in np.flatnonzero((solution.status == Status.OK) & (estimate > limit)):
+    for run in np.flatnonzero((solution.status == Status.OK) & ~(estimate <= limit)):
         solution.status[run] = Status.ACCURACY
         solution.messages[run] = (
             f"error estimate {estimate[run]:.2g} exceeds solver.max_error = {limit:g}"
+            if estimate[run] > limit
+            else f"no error estimate for solver.max_error = {limit:g}: the second solve failed"
         )
 
 

@@ -147,6 +147,14 @@ def test_how_much_a_bound_is_violated(stored, bound, violation):
     assert found.violation == pytest.approx(violation)
 
 
+@pytest.mark.parametrize(("every", "violation"), [(False, 0.25), (True, 1.25)])
+def test_a_run_without_a_value_violates_a_bound_on_every_run(stored, every, violation):
+    errors = [[1, 1, 1, math.nan]]
+    result = stored([[0, 0, 0, 1]], mean_pose_error=errors, settling_time=[[1] * 4])
+    bound = Constraint("mean_pose_error", 2.0, above=True, every_run=every)
+    assert scores(result, ["mean_pose_error"], [bound]).violation.tolist() == [violation]
+
+
 @pytest.mark.slow("searches several times")
 def test_what_was_found_is_kept_when_the_search_is_interrupted(small, tmp_path, searched):
     class Stopping(Reporter):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from eqt_cli.components.actuators import Limit
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Errors, Noise
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.engines.solve_ivp import RecordedCalls
@@ -83,6 +85,27 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
         symbolic = changed(actuator, lambda number: to(number[None]))
         traced = getattr(symbolic, name)(G, to(command[:1]), to(x[:1]))
         np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
+
+
+def test_an_actuator_hides_no_command_that_is_not_a_number(actuator_class, make):
+    actuator = of_run(make(actuator_class, 6))
+    command, x = np.full((1, 6), np.nan), np.zeros((1, actuator.states(G)))
+    taken = actuator.solution(G, command) if actuator.solves else command
+    after = actuator.step(G, taken, x, 0.1)
+    found = actuator.output(G, command, x), actuator.output(G, command, after), after
+    rates = [actuator.state_rate(G, command, x)] if x.size else []
+    assert not all(np.isfinite(each).all() for each in (*found, *rates))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("kind", [Limit, Thrusters])
+def test_no_limit_makes_a_command_finite(kind, value):
+    thrusters = {"matrix": np.eye(6).tolist(), "low": 0.0, "high": 1.0}
+    actuator = of_run(kind(**{Limit: {"limit": 2.0}, Thrusters: thrusters}[kind]))
+    vehicle = Vehicle(actuators=(actuator,))
+    with np.errstate(invalid="ignore"):
+        torque, _ = vehicle.passed(G, np.array([1.0, value, 0, 0, 0, 0]), {})
+    assert np.isnan(torque).any()
 
 
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])

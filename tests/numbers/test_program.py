@@ -8,7 +8,7 @@ import pytest
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, less, smooth_less, where
 from eqt_cli.base.expressions import parse
-from eqt_cli.numbers.jets import series
+from eqt_cli.numbers.jets import Jet, series
 from eqt_cli.numbers.program import (
     COMPARISONS,
     Chain,
@@ -217,6 +217,53 @@ def test_c_gives_the_same_as_numpy(in_c, compiler):
     found = in_c(program, compiler, x=x)["y"]
     np.testing.assert_allclose(found, everything(x), rtol=1e-15, atol=0)
     np.testing.assert_array_equal(found[:14], everything(x)[:14])
+
+
+def _all_functions(x, apply):
+    """The functions that choose between numbers, of x and y."""
+    texts = ("min(x, y)", "max(x, y)", "sign(x)", "step(x, y)", "smoothstep(0.5, x, y)")
+    texts += ("atan2(x, y)", "where(x < y, 1, 2)", "min(max(x, -1), y)", "abs(x)")
+    of_two = {"x": x[0], "y": x[1]}
+    found = [parse(text, ("x", "y")).evaluate(of_two) for text in texts]
+    found += [arrays.clip(x[0], -1.0, 1.0), arrays.clip(0.5, x[0], x[1])]
+    return apply([arrays.unwrapped(each) for each in found])
+
+
+SPECIAL = [-np.inf, -2.0, 0.0, 0.5, 3.0, np.inf, np.nan]
+
+
+@pytest.mark.parametrize("x", SPECIAL)
+@pytest.mark.parametrize("y", SPECIAL)
+def test_functions_that_choose_choose_no_number_for_nan(x, y):
+    """NumPy's own functions keep NaN; the others are NaN where an argument is."""
+    with np.errstate(all="ignore"):
+        s = (0.5 - x) / np.subtract(y, x)
+        both = np.nan if np.isnan(x) or np.isnan(y) else 0.0
+        s = np.clip(s, 0.0, 1.0)
+        expected = [np.minimum(x, y), np.maximum(x, y), np.sign(x), both + (x >= y)]
+        expected += [s * s * (3 - 2 * s), np.nan, both + (1.0 if x < y else 2.0)]
+        expected += [np.minimum(np.maximum(x, -1), y), np.abs(x)]
+        expected += [np.clip(x, -1.0, 1.0), np.minimum(np.maximum(0.5, x), y)]
+        expected[5] = np.arctan2(x, y) if abs(x) != abs(y) or 0 < abs(x) < 9 else np.nan
+        traced_ = evaluated(program_of(lambda z: _all_functions(z, np.array), 2), x=[x, y])["y"]
+        at = [Jet([np.float64(x), 1.0]), Jet([np.float64(y), None])]
+        ways = {
+            "floats": _all_functions([np.float64(x), np.float64(y)], np.array),
+            "arrays": _all_functions(np.array([[x], [y]]), np.array)[..., 0],
+            "program": traced_,
+            "jets": np.array([float(one.value) for one in _all_functions(at, list)]),
+        }
+    for way, found in ways.items():
+        np.testing.assert_allclose(found, expected, rtol=1e-15, atol=0, err_msg=way)
+
+
+def test_functions_in_c_choose_no_number_for_nan(in_c):
+    program = program_of(lambda z: _all_functions(z, np.array), 2)
+    for x, y in ((np.nan, 1.0), (1.0, np.nan), (0.25, 0.75)):
+        with np.errstate(all="ignore"):
+            expected = evaluated(program, x=[x, y])["y"]
+        found = in_c(program, x=np.array([x, y]))["y"]
+        np.testing.assert_allclose(found, expected, rtol=1e-15, atol=0)
 
 
 def test_numbers_in_c_are_exact(in_c):

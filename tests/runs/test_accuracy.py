@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.engines.engine import Problem, Solution, Status
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import chosen_entries, distance
-from eqt_cli.runs.compute_part import compute_part, read_part, shared_reference
+from eqt_cli.runs.compute_part import _judge, compute_part, read_part, shared_reference
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import Layout
 
@@ -78,6 +78,16 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
     messages = values(limited, "message")
     assert ((messages != "") == (estimate > limit)).all()
     np.testing.assert_array_equal(values(limited, "pose"), values(unlimited, "pose"))
+
+
+def test_a_run_whose_error_is_not_known_is_marked():
+    steps = status = np.zeros(3, dtype=int)
+    solution = Solution(np.zeros((3, 1, 1)), status, steps, [""] * 3)
+    _judge(solution, np.array([1e-9, np.nan, 1e-3]), 1e-6)
+    assert solution.status.tolist() == [Status.OK, Status.ACCURACY, Status.ACCURACY]
+    assert solution.messages[1] == (
+        "no error estimate for solver.max_error = 1e-06: the second solve failed"
+    )
 
 
 def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):

@@ -214,7 +214,7 @@ def replay(
     1.0
     """
     base, cut, plant = _opened(
-        config, measured, mapping, format, hold, horizon, WINDOWS, trust_plugins
+        config, measured, mapping, format, hold, horizon, WINDOWS, delay, trust_plugins
     )
     if windows < 1:
         raise EqtError(f"windows: expected 1 or more, got {windows}")
@@ -281,7 +281,7 @@ def fit(
     2.0
     """
     base, cut, plant = _opened(
-        config, measured, mapping, format, hold, horizon, OF_FIT, trust_plugins
+        config, measured, mapping, format, hold, horizon, OF_FIT, delay, trust_plugins
     )
     folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
     check_folder(folder)
@@ -298,6 +298,7 @@ def _opened(
     hold: str,
     horizon: float | None,
     parts: int,
+    delay: float,
     trust_plugins: bool,
 ) -> tuple[Experiment, Windows, Callable[[Experiment], ClosedLoop]]:
     """Return the experiment, the windows of the recording, and a function that drives its plant."""
@@ -306,8 +307,13 @@ def _opened(
     base = build(replace(source, data=data), trust_plugins=trust_plugins)
     recording = read_measured(measured, base.group, mapping, format)
     recording.require_wrenches()
+    length = float(recording.times[-1] - recording.times[0])
+    if not abs(delay) < length:
+        raise EqtError(
+            f"delay: expected less than the {length:.4g} s of {recording.name}, got {delay:g} s"
+        )
     if horizon is None:
-        horizon = float(recording.times[-1] - recording.times[0]) / parts
+        horizon = length / parts
     if not horizon > 0:
         raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
     law = Replay(file=recording.name, hold=literal(Hold, "hold", hold)).with_recording(recording)

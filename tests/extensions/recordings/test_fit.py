@@ -1,6 +1,7 @@
 """Numbers of a plant that are fitted to recordings, and recorded wrenches that drive it again."""
 
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -448,6 +449,8 @@ REFUSED_REPLAYS = {
         "horizon": 0.1
     },
     "horizon: expected a time greater than 0 s, got 0": {"horizon": 0.0},
+    "delay: expected less than the 4 s of flight.csv, got 1e+17 s": {"delay": 1e17},
+    "delay: expected less than the 4 s of flight.csv, got nan s": {"delay": math.nan},
     "windows: expected 1 or more, got 0": {"windows": 0},
     "hold: expected one of zero, linear, got 'cubic'": {"hold": "cubic"},
 }
