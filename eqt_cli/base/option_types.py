@@ -10,7 +10,12 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
+from datetime import date
+from decimal import Decimal
+from enum import Enum
+from fractions import Fraction
 from functools import cache, lru_cache
+from pathlib import PurePath
 from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
 from pydantic import (
@@ -18,6 +23,7 @@ from pydantic import (
     BaseModel,
     Discriminator,
     Field,
+    PydanticUserError,
     Tag,
     TypeAdapter,
     ValidationError,
@@ -26,10 +32,24 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from eqt_cli.base.errors import ExpressionError, KeyPath, Problems, closest, suggestion
+from eqt_cli.base.errors import (
+    ComponentError,
+    ExpressionError,
+    KeyPath,
+    Problems,
+    closest,
+    suggestion,
+)
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import is_device
-from eqt_cli.base.registry import Registry, meanings, option_of_field, summary
+from eqt_cli.base.registry import (
+    Registry,
+    described,
+    is_foreign,
+    meanings,
+    option_of_field,
+    summary,
+)
 from eqt_cli.base.units import base_of, factor, offered, split
 
 
@@ -697,7 +717,26 @@ def _below(path: KeyPath, ancestor: KeyPath) -> bool:
     return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor
 
 
-_adapter = lru_cache(maxsize=256)(TypeAdapter)
+@lru_cache(maxsize=256)
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what validates a type.
+
+    Raises
+    ------
+    ComponentError
+        If a component has an option of a type that no configuration can hold.
+    """
+    try:
+        adapter = TypeAdapter(kind)
+        adapter.rebuild()  # raises what is not defined
+    except (PydanticUserError, NameError, TypeError, ValueError) as error:
+        first = str(error).partition("\n")[0]
+        raise ComponentError(
+            f"'{getattr(kind, 'name', kind)}' has an option whose type no configuration can hold: "
+            f"{first.partition('. ')[0]}; use float, int, bool, str or lists of them, "
+            "or Real, Positive, Numbers or Matrix of eqt_cli.extend"
+        ) from error
+    return adapter
 
 
 # Components ---------------------------------------------------------------------------------------
@@ -742,7 +781,10 @@ class Kind:
             return None
         with at_kind.catching():
             of, known = self.registry.get(kind), ("kind", *common)
-            return validated(of, options, problems, known, group, measured=self.measured)
+            made = validated(of, options, problems, known, group, measured=self.measured)
+            if is_foreign(of.__module__) and dataclasses.is_dataclass(made):
+                _check_values(made, problems)
+            return made
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
         """Return the component as `read`, checked for a group."""
@@ -805,10 +847,23 @@ def as_section(component: Any) -> dict[str, Any]:
     return section
 
 
+def _check_values(made: Any, problems: Problems) -> None:
+    """Note options of a plugin's component that no configuration can hold."""
+    for name, value in as_section(made).items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError):
+            problems.at(name).add(f"is {value!r}, which no configuration can hold")
+
+
 def _plain(value: Any) -> Any:
-    """Return dataclasses as mappings and arrays as lists, also inside others."""
-    if isinstance(value, list):
+    """Return dataclasses as mappings and arrays as lists, also inside others; paths as text."""
+    if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, PurePath | Decimal | date | Fraction):
+        return str(value)
     if hasattr(value, "__dataclass_fields__"):
         return {name: _plain(entry) for name, entry in dataclasses.asdict(value).items()}
     return value.tolist() if hasattr(value, "tolist") else value

@@ -1,6 +1,6 @@
 """Gives cases to the commands, in this process, and says of each what went wrong.
 
-    python session.py configurations|results FIRST LAST FOLDER [BASE ...]
+    python session.py configurations|results|plugins FIRST LAST FOLDER [BASE ...]
 
 Prints one JSON line for each case that is not refused as it should be.
 """
@@ -24,6 +24,7 @@ from typing import Any
 import typer.main
 from mutated_configurations import configuration
 from mutated_results import result
+from plugin_options import plugin
 
 from eqt_cli.cli import main
 
@@ -34,7 +35,7 @@ SECONDS_TO_DRAW = 10.0
 """Reports and figures take seconds by themselves, more where cores are slow or shared."""
 DRAWING = ("animate", "plot", "report")
 MOST_BYTES = 1 << 30
-CODES = {"configurations": {0, 2}, "results": {0, 2, 3, 4}}
+CODES = {"configurations": {0, 2}, "results": {0, 2, 3, 4}, "plugins": {0, 2, 3, 4}}
 CLOCK = time.process_time  # s of this process: the machine may be busy with others
 
 
@@ -106,6 +107,8 @@ def run(kind: str, first: int, last: int, folder: Path, bases: list[Path]) -> No
             path = Path("case.yaml")
             path.write_bytes(configuration(seed))
             words = ["config", "check", str(path)]
+        elif kind == "plugins":
+            words = plugin(seed, Path())
         else:
             path = Path("case.h5")
             words = result(seed, bases, path)
