@@ -42,14 +42,7 @@ from eqt_cli.base.errors import (
 )
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import is_device
-from eqt_cli.base.registry import (
-    Registry,
-    described,
-    is_foreign,
-    meanings,
-    option_of_field,
-    summary,
-)
+from eqt_cli.base.registry import Registry, is_foreign, meanings, option_of_field, summary
 from eqt_cli.base.units import base_of, factor, offered, split
 
 

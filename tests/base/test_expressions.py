@@ -423,3 +423,13 @@ def test_several_pulses_are_found():
 )
 def test_a_slow_or_lasting_change_has_no_instants(text):
     assert parse(text).instants(10.0) == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("1/(t - t)", math.inf), ("smoothstep(t, t, t)", math.nan), ("-1/(0*t)", -math.inf)],
+)
+def test_arithmetic_is_that_of_ieee(text: str, value: float) -> None:
+    expression = parse(text)
+    np.testing.assert_equal(expression.evaluate({"t": 2.0}), value)
+    assert expression.instants(3.0) == ()

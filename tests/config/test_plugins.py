@@ -313,3 +313,37 @@ def test_wrong_plugins_are_reported_together(message, law):
     law.write_text("x = 1 +\n", encoding="utf-8")
     places = [line.split(": ")[0] for line in message(plugins="[law.py, no.py, 3]").splitlines()]
     assert places == ["c.yaml:10:11", "c.yaml:10:19", "c.yaml:10:26"]
+
+
+def typed(folder, option):
+    """A configuration with a law that has an option of a type."""
+    imports = "import datetime, decimal, enum, pathlib\nimport numpy as np\n"
+    imports += "class Mode(enum.Enum): HIGH = 'high'\n"
+    (folder / "law.py").write_text(
+        component(f"\n{imports}push(eqt_cli.components.laws.EqT):\n    {option}\n"),
+        encoding="utf-8",
+    )
+
+
+@pytest.mark.parametrize(
+    ("option", "held"),
+    [
+        ("one: 'pathlib.Path' = pathlib.Path('a')", "a"),
+        ("one: 'decimal.Decimal' = decimal.Decimal('0.1')", "0.1"),
+        ("one: 'Mode' = Mode.HIGH", "high"),
+        ("one: 'datetime.date' = datetime.date(2020, 1, 2)", "2020-01-02"),
+        ("one: 'tuple[float, ...]' = (1.0, 2.0)", [1.0, 2.0]),
+    ],
+)
+def test_options_that_are_text_in_a_configuration(experiment, folder, option, held):
+    typed(folder, option)
+    assert experiment(**PUSH).resolved["controllers"][0]["one"] == held
+
+
+@pytest.mark.parametrize(
+    "option",
+    ["one: 'np.ndarray | None' = None", "one: 'Missing' = 1", "one: 'complex | slice' = 1j"],
+)
+def test_options_that_no_configuration_can_hold(message, folder, option):
+    typed(folder, option)
+    assert "'push' has an option whose type no configuration can hold: " in message(**PUSH)

@@ -416,7 +416,7 @@ def test_message_of_a_sampled_torque_that_is_not_finite(method):
     sampled = Vehicle(control=Sampling(period=0.05))
     _, status, message = solve_one(NotANumberAfterOneSecond, vehicle=sampled, method=method)
     assert status is Status.NON_FINITE
-    assert message == "t = 1.05 s: the vector field is not finite"
+    assert message == "t = 1.05 s: the command is not finite"
 
 
 @pytest.mark.parametrize(

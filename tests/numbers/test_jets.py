@@ -251,3 +251,12 @@ def test_traced_it_costs_what_derivatives_by_hand_cost():
 def test_numpy_functions_are_refused_by_name():
     with pytest.raises(TypeError, match=r"numpy\.concatenate"):
         np.concatenate([Jet([np.ones(2)]), np.ones(2)])
+
+
+@pytest.mark.parametrize("exponent", ["1e7", "101", "-1e7"])
+def test_a_large_power_has_the_derivatives_of_its_formula(exponent):
+    """n, n (n − 1), …; its products one by one would take minutes."""
+    n, found = float(exponent), series(parse(f"t**{exponent}"), {"t": 1.0}, 3)
+    expected = [1.0, n, n * (n - 1), n * (n - 1) * (n - 2)]
+    found = [found.derivative(k) for k in range(4)]
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
