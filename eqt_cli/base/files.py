@@ -133,7 +133,7 @@ def content_of(path: Path, limit: int, *, follow: bool = True) -> bytes:
         size = os.fstat(stream.fileno()).st_size
         if size > limit:
             raise TooLargeError(limit, size)
-        content = stream.read(limit + 1)  # some system files report a size of 0
+        content = stream.read((size or limit) + 1)  # some system files report a size of 0
     if len(content) > limit:
         raise TooLargeError(limit, len(content))
     return content

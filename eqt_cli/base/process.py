@@ -257,12 +257,13 @@ def without_current_folder() -> Iterator[None]:
 @contextmanager
 def at_import() -> Iterator[None]:
     """Wrap the import of a library that searches the current folder."""
-    must_leave = _is_excluded and _has_current_folder()
+    must_leave = _is_excluded and has_current_folder()
     with chdir(Path(__file__).parent) if must_leave else nullcontext():
         yield
 
 
-def _has_current_folder() -> bool:
+def has_current_folder() -> bool:
+    """Whether the current folder exists; another process may have removed it."""
     try:
         os.getcwd()  # noqa: PTH109  # no path object is needed
     except FileNotFoundError:  # the folder was removed

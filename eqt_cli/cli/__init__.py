@@ -1,6 +1,7 @@
 """The command `eqt`: one file per command; heavy packages are imported inside the commands."""
 
 import atexit
+import errno
 import gc
 import os
 import sys
@@ -64,13 +65,22 @@ def _run() -> None:
             error = InterruptedRun(INTERRUPTED, error.exit_code)
         _tell(error)
         sys.exit(error.exit_code)
+    except MemoryError:
+        _tell(EqtError("not enough memory; run fewer workers, or a smaller part of the experiment"))
+        sys.exit(EqtError.exit_code)
     except OSError as error:
         from eqt_cli.base.files import NO_SPACE
 
-        if error.filename is not None:  # a name given by the user, such as one too long
-            refused = EqtError(f"{error.filename}: cannot be used: {str(error.strerror).lower()}")
-            _tell(refused)
-            sys.exit(refused.exit_code)
+        refused = None
+        if error.errno in (errno.EMFILE, errno.ENFILE):
+            refused = "too many open files; use fewer workers, or raise the limit by `ulimit -n`"
+        elif error.filename is not None:  # a name given by the user, such as one too long
+            refused = f"{error.filename}: cannot be used: {str(error.strerror).lower()}"
+        elif not process.has_current_folder():
+            refused = "the current folder does not exist any more; change to another one"
+        if refused:
+            _tell(EqtError(refused))
+            sys.exit(EqtError.exit_code)
         if error.errno not in NO_SPACE:
             raise
         # Errors in writing files are handled where their names are known; only stdout is left.

@@ -4,11 +4,13 @@ The first Tab after eqt or the installed packages have changed takes a second lo
 plugin files are not completed.
 """
 
+import json
 import os
 import sysconfig
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -98,8 +100,8 @@ def _known() -> dict[str, Any]:
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     state, file = _state(), Path(caches) / "eqt" / "completion.json"
     with suppress(OSError):
-        cached = read_record(file, "state", "names", "keys", "figure_options")
-        if cached and cached["state"] == state:
+        cached = read_record(file, "state", "digest")
+        if cached and cached["state"] == state and cached.pop("digest") == _digest(cached):
             return cached
     from eqt_cli.base.option_types import option_names
     from eqt_cli.config.json_schema import json_schema, keys_of
@@ -112,8 +114,12 @@ def _known() -> dict[str, Any]:
     }
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_record(file, collected)
+        write_record(file, {**collected, "digest": _digest(collected)})
     return collected
+
+
+def _digest(collected: dict[str, Any]) -> str:
+    return sha256(json.dumps(collected).encode()).hexdigest()
 
 
 def _state() -> list[int]:

@@ -135,7 +135,8 @@ def run_contained(
         said = []
         for stream in (out, err):
             stream.seek(0)
-            said.append(stream.read(limits.file))
+            size = os.fstat(stream.fileno()).st_size  # memory is taken for what is asked for
+            said.append(stream.read(min(limits.file, size)))
     if late:
         raise subprocess.TimeoutExpired(command, limits.seconds, *said)
     return subprocess.CompletedProcess(command, process.returncode, *said)
@@ -241,7 +242,7 @@ def _private_content(path: Path) -> bytes | None:
         status = os.fstat(stream.fileno())
         if (os.name == "nt" or _is_private(status)) and status.st_size <= MOST_BYTES:
             os.utime(path)
-            return stream.read(MOST_BYTES)
+            return stream.read(status.st_size)
     return None
 
 

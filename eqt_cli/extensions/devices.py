@@ -191,10 +191,15 @@ def integration(
                     EqtWarning(
                         f"{device.described} cannot hold a law of {states} states and "
                         f"{len(field.values)} operations, which runs on the CPU: "
-                        f"{str(error).strip().splitlines()[0]}"
+                        f"{_reason(error)}"
                     )
                 )
                 return library.integration(field, at_samples)
+
+
+def _reason(error: Exception) -> str:
+    """Return the first line of what a driver says."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]
 
 
 class Kernel:
@@ -237,7 +242,7 @@ class Kernel:
                 except _opencl().Error as error:  # too few registers, or memory
                     raise EqtError(
                         f"{self.device.described} cannot integrate {len(here['states'])} runs of "
-                        f"{values['states'].shape[1]} states: {str(error).strip().splitlines()[0]}",
+                        f"{values['states'].shape[1]} states: {_reason(error)}",
                         Remedy("use the device cpu"),
                     ) from error
 
@@ -297,7 +302,14 @@ def _test(device: Device) -> None:
     cache, key = user_cache(), digest("\0".join([device.described, code]))
     if cache is not None and cache.find(key, ".txt"):
         return
-    results = [_tested(function) for function in (Kernel(device, code), library.integration(field))]
+    try:
+        kernel = Kernel(device, code)
+    except _opencl().Error as error:
+        raise EqtError(
+            f"{device.described} cannot build the test kernel: {_reason(error)}",
+            Remedy("use the device cpu, or another driver"),
+        ) from error
+    results = [_tested(function) for function in (kernel, library.integration(field))]
     if results[0] != results[1]:
         raise EqtError(
             f"{device.described} does not give the bits of the CPU in {TEST_RUNS} test runs",

@@ -273,9 +273,10 @@ class _Worker:
     def start(self) -> None:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
+        started = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
         with process.without_ctrl_c():
-            self.process.start()
+            started.start()
+        self.process = started
         theirs.close()
 
     def answer(self) -> int | None:

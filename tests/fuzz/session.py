@@ -1,6 +1,6 @@
 """Gives cases to the commands, in this process, and says of each what went wrong.
 
-    python session.py configurations|results|plugins FIRST LAST FOLDER [BASE ...]
+    python session.py configurations|results|plugins|options FIRST LAST FOLDER [BASE ...]
 
 Prints one JSON line for each case that is not refused as it should be.
 """
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import typer.main
+from command_options import command
 from mutated_configurations import configuration
 from mutated_results import result
 from plugin_options import plugin
@@ -36,6 +37,7 @@ SECONDS_TO_DRAW = 10.0
 DRAWING = ("animate", "plot", "report")
 MOST_BYTES = 1 << 30
 CODES = {"configurations": {0, 2}, "results": {0, 2, 3, 4}, "plugins": {0, 2, 3, 4}}
+CODES["options"] = {0, 1, 2, 3, 4}
 CLOCK = time.process_time  # s of this process: the machine may be busy with others
 
 
@@ -69,7 +71,11 @@ def attempt(kind: str, words: list[str]) -> str | None:
     seconds, told = CLOCK() - started, err.getvalue()
     if code not in CODES[kind]:
         return f"exit code {code}: {told}"
-    if code == 2 and not re.search(r"(?m)^(eqt: |Usage:|(more than )?\d+ errors? in )", told):
+    if (
+        code == 2
+        and "--json" not in words
+        and not re.search(r"(?m)^(eqt: |Usage:|(more than )?\d+ errors? in )", told)
+    ):
         return f"no message: {told!r}"
     if code == 2 and out.getvalue() and "--json" not in words:
         return f"results of a failure: {out.getvalue()!r}"
@@ -109,6 +115,8 @@ def run(kind: str, first: int, last: int, folder: Path, bases: list[Path]) -> No
             words = ["config", "check", str(path)]
         elif kind == "plugins":
             words = plugin(seed, Path())
+        elif kind == "options":
+            words = command(seed, bases)
         else:
             path = Path("case.h5")
             words = result(seed, bases, path)

@@ -1,4 +1,4 @@
-"""Thousands of configurations, results and plugins, by seed: each ends as one message, soon.
+"""Thousands of configurations, results, plugins and options, by seed: each ends as one message, soon.
 
 `make fuzz` tries all of them; `make test-all` a fortieth, `make test` none. A case is made anew by
 `python tests/fuzz/session.py configurations SEED SEED+1 FOLDER`, which leaves it in the folder.
@@ -19,7 +19,7 @@ from eqt_cli.config.study import study
 from eqt_cli.runs.run_study import execute
 
 FULL = os.environ.get("EQT_FUZZ") == "full"
-CASES = {"configurations": 10_000, "results": 5_000, "plugins": 600}
+CASES = {"configurations": 10_000, "results": 5_000, "plugins": 600, "options": 5_000}
 SHARES = 40
 """Of the cases of a kind; each is a process, and without `FULL` the first is all."""
 
