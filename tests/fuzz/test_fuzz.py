@@ -1,4 +1,4 @@
-"""Thousands of configurations, results, plugins and options, by seed: each ends as one message, soon.
+"""Thousands of configurations, results, plugins and commands: each ends as one message, soon.
 
 `make fuzz` tries all of them; `make test-all` a fortieth, `make test` none. A case is made anew by
 `python tests/fuzz/session.py configurations SEED SEED+1 FOLDER`, which leaves it in the folder.
