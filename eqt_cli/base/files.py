@@ -14,11 +14,13 @@ import os
 import re
 import secrets
 import stat
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import islice
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -242,9 +244,52 @@ def _sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
+SEAL = b"\neqt CRC-32 "
+"""Stands behind the bytes of a file, before their checksum: 4 bytes, the lowest first."""
+
+CHECKSUM = "checksum"
+"""Key of a record with the CRC-32 of its other keys, in hexadecimal digits."""
+
+
+def seal(file: io.FileIO) -> None:
+    """Append the checksum of all bytes of a file."""
+    with mmap(file.fileno(), 0, access=ACCESS_READ) as view:
+        checksum = _crc(view, len(view))
+    file.seek(0, os.SEEK_END)
+    _write(file, SEAL + checksum.to_bytes(4, "little"))
+
+
+def is_intact(view: mmap) -> bool | None:
+    """Return whether the bytes of a file are those that were written; None without a checksum."""
+    end = len(view) - len(SEAL) - 4
+    if end < 0 or view[end:-4] != SEAL:
+        return None
+    return _crc(view, end) == int.from_bytes(view[-4:], "little")
+
+
+def _crc(view: mmap, end: int) -> int:
+    checksum = 0
+    for start in range(0, end, 2**24):
+        checksum = zlib.crc32(view[start : min(start + 2**24, end)], checksum)
+    return checksum
+
+
+def is_intact_file(path: Path) -> bool | None:
+    """Return whether a result file or record is as it was written; None without a checksum."""
+    if path.suffix != ".json":
+        with open_regular(path) as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as view:
+            return is_intact(view)
+    try:
+        record = json.loads(content_of(path, RECORD_BYTES))
+        return None if CHECKSUM not in record else read_record(path) is not None
+    except (OSError, ValueError):
+        return False
+
+
 def write_record(path: Path, record: dict[str, Any]) -> None:
-    """Write the record of a folder, completely or not at all."""
-    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    """Write the record of a folder and its checksum, completely or not at all."""
+    sealed = record | {CHECKSUM: f"{zlib.crc32(json.dumps(record).encode()):08x}"}
+    text = json.dumps(sealed, indent=2, ensure_ascii=False) + "\n"
     replace_file(path, text.encode())
 
 
@@ -256,7 +301,12 @@ def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
         raise OSError(error.errno, f"{path.name}: {error.strerror}") from error
     except (FileNotFoundError, ValueError, RecursionError):
         return None
-    return record if isinstance(record, dict) and set(keys) <= set(record) else None
+    if not (isinstance(record, dict) and set(keys) <= set(record)):
+        return None
+    checksum = record.pop(CHECKSUM, None)
+    if checksum not in (None, f"{zlib.crc32(json.dumps(record).encode()):08x}"):
+        raise OSError(errno.EIO, f"{path.name} is damaged: its checksum differs; restore a copy")
+    return record
 
 
 @contextmanager

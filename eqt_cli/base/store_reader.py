@@ -449,6 +449,8 @@ class ResultFile:
             self._file = stack.enter_context(_opened(path))
             _check_format(path, format_of(self._file), version_of(self._file), oldest)
             self._root, self._points, self._heaps = inspect(self._file, self._view)
+            if files.is_intact(self._view) is False:
+                raise ResultError(f"{path}: is damaged: its checksum differs; {_AGAIN}")
             self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
             self._show(self._root)
             self._check()

@@ -326,7 +326,8 @@ def assemble(
     """Create a result file, to be filled in the block; every blank must be written.
 
     The layout is that of HDF5 1.8 with netCDF-4's dimension scales, which HDF5 tools, netCDF and
-    xarray can read. The complete file appears when the block ends without an error.
+    xarray can read; a checksum of all bytes follows. The complete file appears when the block ends
+    without an error.
 
     Parameters
     ----------
@@ -348,10 +349,12 @@ def assemble(
     """
     target = Path(path)
     try:
-        with files.replacement(target) as written, Sink(written) as sink, _create(sink) as file:
-            file.attrs[files.FORMAT_ATTRIBUTE] = files.FORMAT
-            file.attrs[files.VERSION_ATTRIBUTE] = np.bytes_(__version__)
-            yield Assembly(file, sizes, coordinates, variables, compression)
+        with files.replacement(target) as written:
+            with Sink(written) as sink, _create(sink) as file:
+                file.attrs[files.FORMAT_ATTRIBUTE] = files.FORMAT
+                file.attrs[files.VERSION_ATTRIBUTE] = np.bytes_(__version__)
+                yield Assembly(file, sizes, coordinates, variables, compression)
+            files.seal(written)
     except OSError as error:
         raise _refused(target, error) from error
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import is_intact_file
 from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import Block, TextTable
 from eqt_cli.cli import options
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
     from eqt_cli.config.study import Study
 
 
+RECORDS = ("manifest.json", "tuning.json", "worst.json")
+"""Names of the records in a result folder, which have a checksum."""
+
+
 def verify(
     target: Annotated[
         Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
@@ -32,6 +37,7 @@ def verify(
     engine: options.Engine = None,
     runs: Annotated[int | None, options.option("--runs", min=1)] = None,
     exact: Annotated[bool, options.option("--exact")] = False,
+    file: Annotated[bool, options.option("--file")] = False,
     code: Annotated[Path | None, options.option("--code")] = None,
     as_: Annotated[str | None, options.option("--as", known="controllers")] = None,
     point: options.Point = None,
@@ -49,6 +55,7 @@ def verify(
     -------
     Experiment
         --runs N  Runs per law of a CONFIG. Default: 20.
+        --file  Only test whether the files of a RESULT have the bytes that eqt wrote.
         --exact  Also prove identities, by exact numbers at random states.
         --code FILE  Judge the control law in this C file instead of the controllers of a CONFIG.
         --as NAME  The control law that the C file claims to be.
@@ -60,6 +67,8 @@ def verify(
     subject: Path | Study
     is_result = target.suffix == ".h5" or target.is_dir()
     _check_options(target, is_result, set_ or engine or runs, code, as_)
+    if file and is_result:
+        return _verify_files(target, json=json)
     if is_result:
         subject = target
     else:
@@ -87,6 +96,19 @@ def verify(
     if result.failed_runs:
         raise typer.Exit(3)
     if result.failures:
+        raise typer.Exit(4)
+
+
+def _verify_files(target: Path, *, json: bool) -> None:
+    """Print which files of a result have other bytes than eqt wrote; exit 4 if some have."""
+    names = (f for f in [target, *target.rglob("*")] if f.suffix == ".h5" or f.name in RECORDS)
+    intact = {str(path): is_intact_file(path) for path in sorted(names)}
+    damaged = [path for path, known in intact.items() if not known]
+    for path in damaged:
+        complain(f"eqt: {path}: has other bytes than eqt wrote; copy it again or run it again")
+    counted = f"{target}: {len(damaged)} of {count_of(len(intact), 'file')} damaged"
+    print_findings({"files": [*intact], "damaged": damaged}, counted, json=json)
+    if damaged:
         raise typer.Exit(4)
 
 

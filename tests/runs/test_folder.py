@@ -38,7 +38,8 @@ def test_what_it_holds(run):
     assert list(contents()) == ["config.yaml", "manifest.json", "results.h5"]
     manifest = json.loads(contents()["manifest.json"])
     keys = (
-        "name digest points runs controllers plan config begun provenance finished seconds failed"
+        "name digest points runs controllers plan config begun provenance finished seconds failed "
+        "checksum"
     )
     assert set(manifest) == set(keys.split())
     assert (manifest["name"], manifest["runs"], manifest["failed"]) == ("c", 3, 0)
