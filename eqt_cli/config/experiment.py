@@ -22,7 +22,6 @@ from eqt_cli.base.option_types import (
     MISSING,
     Kind,
     as_section,
-    common_divisor,
     fields_of,
     known_keys,
     option_names,
@@ -73,11 +72,7 @@ from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_da
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
-from eqt_cli.loop.signals import holds
 from eqt_cli.numbers.leaves import with_fields
-
-MOST_REFINED = 20_000
-"""Most samples that metrics use beside those of `time.samples`; a run of more takes memory."""
 
 # The sections `solver` and `settling`: the engine of the runs, and when a run has settled ---------
 
@@ -237,26 +232,8 @@ class Experiment:
 
     @property
     def times(self) -> Array:
-        """Sample times, s; `refinement` steps of them are one of `time.samples`."""
-        steps = (self.config.time.samples - 1) * self.refinement
-        return np.linspace(0.0, self.config.time.duration, steps + 1)
-
-    @cached_property
-    def refinement(self) -> int:
-        """As many as make every change of a held signal a sample, so that its sums are exact.
-
-        1 if that takes more than `MOST_REFINED` samples; a result then says how far its sums are
-        off.
-        """
-        steps = max(self.config.time.samples - 1, 1)
-        step = self.config.time.duration / steps
-        finest = common_divisor([step, *holds(self.loop.vehicle).values()])
-        return round(step / finest) if steps * step / finest <= MOST_REFINED else 1
-
-    @property
-    def decimate(self) -> int:
-        """Every how many samples one is stored."""
-        return self.config.store.decimate * self.refinement
+        """Sample times, s."""
+        return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
     def remarks(self) -> Iterator[tuple[KeyPath, str]]:
         """Yield remarks on what the sections say together, and on angles, each with its key."""

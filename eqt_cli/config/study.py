@@ -230,7 +230,7 @@ class Study:
             return self.planned.plans[0]
         base, runs = self.base, self.base.config.ensemble.runs
         state_length = max(loop.state_length for loop in base.loops.values())
-        limit = PART_BYTES // (8 * len(base.times) * state_length)
+        limit = PART_BYTES // (8 * base.config.time.samples * state_length)
         if not self.trajectories:
             limit *= WITHOUT_TRAJECTORIES
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)

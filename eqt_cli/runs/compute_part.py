@@ -149,7 +149,7 @@ class PartArrays:
         self.label = list(base.loops)[part.controller]
         self.entries = np.arange(part.start, part.stop)
         self.points = np.unique(part.points)
-        self.samples = slice(None, None, base.decimate)
+        self.samples = slice(None, None, base.config.store.decimate)
         self.stored_rows = np.flatnonzero(part.run_numbers < study.trajectories)
         is_first = part.controller == 0
         starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
@@ -176,7 +176,7 @@ class PartArrays:
         check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
         self._checked = _positions(check_rows, len(part))
         self.state_layout = base.loops[self.label].layout
-        shape = (len(check_rows), len(base.times), self.state_layout.length)
+        shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
         self.check_states = np.full(shape, np.nan)
 
     def add_references(self, desired: Desired) -> None:

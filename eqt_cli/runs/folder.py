@@ -368,7 +368,7 @@ def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
         return Variable((dim,), values, {**units, "long_name": long_name})
 
     G, runs, labels = experiment.group, experiment.config.ensemble.runs, list(experiment.loops)
-    times = experiment.times[:: experiment.decimate]
+    times = experiment.times[:: experiment.config.store.decimate]
     variables = [
         along("controller", np.array(labels, dtype=object), "control law"),
         along("run", np.arange(runs), "run, with its own initial state", units="1"),
@@ -585,7 +585,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
     laws = {label: loop.controller for label, loop in experiment.loops.items()}
     about = description(config, experiment.loop.vehicle.departures) | {
         "titles": experiment.titles,
-        "decimate": experiment.decimate,
+        "decimate": experiment.config.store.decimate,
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],

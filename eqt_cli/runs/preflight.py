@@ -230,7 +230,7 @@ def parts_size(study: Study) -> int:
 
 def _parts_bytes(study: Study) -> int:
     layout, base = Layout(study), study.base
-    samples = len(base.times)
+    samples = base.config.time.samples
     redone = min(base.solver.judgement.cross_check, study.plan.entries)
     states = redone * samples * sum(loop.state_length for loop in base.loops.values())
     return layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(study.plan)
@@ -306,7 +306,7 @@ def _part_memory(study: Study) -> int:
     if vehicle.control is not None and vehicle.measures:
         instants = base.config.time.duration / vehicle.control.tick
         errors = int(8 * runs * instants * (G.size**2 + G.dimension))
-    return COPIES * 8 * runs * len(base.times) * (states + signals) + errors
+    return COPIES * 8 * runs * base.config.time.samples * (states + signals) + errors
 
 
 def _memory() -> int | None:

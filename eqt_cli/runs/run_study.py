@@ -400,7 +400,7 @@ def pack(
     study = task.study
     with new_result_file(study, results) as file:
         for index, place in enumerate(file.places):
-            shared, decimate = task.shared(index), study.base.decimate
+            shared, decimate = task.shared(index), study.base.config.store.decimate
             for name, values in (shared or {}).items():
                 place.put(name, values[::decimate])
         with step(PACKING, len(task)):

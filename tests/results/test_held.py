@@ -15,7 +15,6 @@ from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.cli.result_tables import _shares
-from eqt_cli.config import experiment
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import Plain, Window
 from eqt_cli.results.result import Result, open_result
@@ -87,26 +86,11 @@ def test_a_share_at_limit_is_held_before_a_lag_whose_torque_is_not(tmp_path: Pat
         np.testing.assert_allclose(result.metric("saturated_share")[0], expected, rtol=1e-12)
 
 
-def test_metrics_see_every_tick_whatever_samples_are_stored(tmp_path: Path) -> None:
-    """Of 21 samples at ticks, 5 or 8 are asked for: sums are over all 21, or 141."""
-    with run(tmp_path / "all", 21, []) as result:
-        true = result.metric("effort"), result.metric("closing_torque")
-    for samples in (5, 8):
-        with run(tmp_path / f"{samples}", samples, []) as result:
-            assert len(result.times) == samples
-            found = result.metric("effort"), result.metric("closing_torque")
-            np.testing.assert_allclose(found, true, rtol=1e-12)
-            assert result.per_run(QUANTITIES["effort"]).sampling == (0.0, 0)
-
-
-def test_where_samples_skip_ticks_an_integral_states_its_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -> None:
     """Every fifth of 20 held values; the stated error is an upper bound, of the same size."""
     effort = QUANTITIES["effort"]
     with run(tmp_path / "all", 21, []) as result:
         true = result.per_run(effort).values.mean()
-    monkeypatch.setattr(experiment, "MOST_REFINED", 19)
     with run(tmp_path / "few", 5, []) as result:
         found = result.per_run(effort)
         table = text_tables(compare(result, metrics=["effort"]), Plain())["controllers"]
