@@ -226,7 +226,8 @@ def check(
     )
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
-    said = [*_gains(experiment), *needed, *(f"reference: {jump}" for jump in jumps), *untried]
+    said = [*_gains(experiment), *_skipped_ticks(experiment), *needed]
+    said += [*(f"reference: {jump}" for jump in jumps), *untried]
     text = "\n".join([text, *said])
     output.print_findings(_document(config, [], checked), text, json=json)
 
@@ -251,6 +252,23 @@ def _gains(experiment: Experiment) -> Iterator[str]:
             words = f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g}); {words}"
         laws.setdefault(words, []).append(title)
     yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in laws.items())
+
+
+def _skipped_ticks(experiment: Experiment) -> Iterator[str]:
+    """Say which values of the command that the loop holds lie between two samples."""
+    from eqt_cli.loop.signals import holds
+    from eqt_cli.numbers.running import changes_missed
+
+    time, store = experiment.config.time, experiment.config.store
+    for period in list(holds(experiment.loop.vehicle).values())[:1]:
+        if missed := int(changes_missed(experiment.times, period).max(initial=0.0)):
+            ticks = round(time.duration / period)
+            decimate = store.decimate * ticks // max(time.samples - 1, 1)
+            yield (
+                f"samples skip up to {missed} of {missed + 1} values of the held command, so "
+                "means, efforts and shares at limits are estimates; exact: time.samples "
+                f"{ticks + 1}, store.decimate {decimate}"
+            )
 
 
 def _document(

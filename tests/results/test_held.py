@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from case_tables import slow
 from small_experiment import mapping
 
@@ -106,6 +107,20 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
     assert early.sampling[1] == 4
     assert shown.startswith("mean ‖τ‖, first 1 s: an error of up to ")
     assert shown.endswith(f" N m by the distance of samples; {held}.")
+
+
+@pytest.mark.parametrize(("samples", "said"), [(21, ""), (41, ""), (5, "4 of 5"), (8, "3 of 4")])
+def test_config_check_says_where_samples_skip_ticks(samples, said, tmp_path, invoke):
+    """20 ticks: with 21 or 41 samples each of them is one."""
+    time = {"duration": TICK * TICKS, "samples": samples}
+    clock = {"control": {"period": TICK}, "time": time, "store": {"decimate": 2}}
+    path = tmp_path / "c.yaml"
+    path.write_text(yaml.safe_dump(mapping(**clock)), encoding="utf-8")
+    lines = invoke("config", "check", path).stdout.splitlines()
+    found = [line for line in lines if line.startswith("samples skip")]
+    assert [f"up to {said} values" in line for line in found] == [True] * bool(said)
+    if samples == 5:
+        assert found[0].endswith("; exact: time.samples 21, store.decimate 10")
 
 
 def test_thinned_samples_are_all_that_a_stored_number_is_computed_from(tmp_path: Path) -> None:
