@@ -623,7 +623,7 @@ def as_file(made: bytes) -> Iterator[Path]:
 
 
 def _compiled(source: str, by: Compiler, kind: str) -> bytes:
-    """Return the library (``-shared``) or the object file (``-c``) of a source."""
+    """Return the library (``-shared``), object file (``-c``) or assembly (``-S``) of a source."""
     flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
     linked = MATHEMATICS if kind == "-shared" else ()
     with temporary_folder() as folder:
@@ -636,6 +636,11 @@ def _compiled(source: str, by: Compiler, kind: str) -> bytes:
                 lines=_error_lines(answer.stderr or answer.stdout),
             )
         return made.read_bytes()
+
+
+def assembly(source: str) -> str:
+    """Return the assembly language of a C source; raises as `object_file` does."""
+    return _compiled(source, compiler(), "-S").decode("utf-8", "replace")
 
 
 def object_file(source: str) -> bytes:

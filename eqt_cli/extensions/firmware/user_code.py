@@ -43,6 +43,10 @@ _BEGINS, _OF_SYSTEM = "1", "3"
 """Flags of a marker: here a file begins; it is a header of the compiler or the system."""
 
 
+_BRINGS = re.compile(r"(?:#|%:)\s*(?:embed|include_next|import)\b|\bsystem_header\b")
+"""What brings bytes that a result would not keep, or hides where they come from."""
+
+
 def gathered(file: Path) -> str:
     """Return the text of a C file, and of all others beside it that its preprocessor reads.
 
@@ -56,6 +60,11 @@ def gathered(file: Path) -> str:
     texts: dict[str, str] = {}
     for name in dict.fromkeys([file.name, *_included(preprocessed_text, folder, file.name)]):
         texts[name] = text_of(folder / name, "it is included", InputError, limit=TEXT_BYTES)
+        if brings := _BRINGS.search(texts[name].replace("\\\n", "")):
+            raise InputError(
+                f"{name}: {' '.join(brings[0].split())} is not possible; a result keeps the "
+                "text of a law with what it includes by #include; write the numbers into it"
+            )
         if (total := sum(map(len, texts.values()))) > TEXT_BYTES:
             raise InputError(
                 f"{file.name} and what it includes: expected at most {TEXT_BYTES:,} characters, "
@@ -259,6 +268,39 @@ def _plain(name: str) -> str:
     """Return a name as it is in C: gcc writes ``count.0``, and clang ``law.count``."""
     parts = [part for part in name.split(".") if part and not part.isdigit()]
     return parts[-1] if parts else name
+
+
+# What a user's code may not call, as its assembly language says ---------------------------------
+
+_REFUSED = re.compile(
+    r"""(?mx) ^ (?! \s* \. (?: string | ascii | asciz | file | ident ) \b )
+    (?: \s* (\.incbin | \.include) \b | .*? [^\w.$"] _? (?: _sysv_ | bsd_ )? (
+    v?ldmxcsr | fldcw | fldenv | fpcr
+    | fesetround | fesetenv | fesetmode | feupdateenv | feholdexcept | fe(?:en|dis)ableexcept
+    | f?chdir | chroot | umask | signal | sigaction | sigprocmask | pthread_sigmask
+    | raise | kill | alarm | setitimer | setrlimit | setlocale | uselocale | (?:un)?setenv | putenv
+    | clearenv | exit | _exit | _Exit | quick_exit | abort | atexit | fork | vfork | exec[lv]p?e?
+    | system | popen | dlopen | dup2 | close | longjmp | siglongjmp | pthread_create ) \b )"""
+)
+"""Assembly that changes the process, and so the bits of other laws, or ends it."""
+
+
+def _refuse(code: UserCode) -> None:
+    """Raise an `InputError` for code that changes the process, once for a source."""
+    cache, key = compiler.user_cache(), compiler.digest(f"{_REFUSED.pattern}\0{code.source}")
+    if cache is not None and cache.find(key, ".txt"):
+        return
+    text = compiler.assembly(code.source)
+    defined = set(re.findall(r"(?m)^(?:\s+\.l?comm\s+)?_?(\w+)(?:[:,])", text))
+    for directive, name in _REFUSED.findall(text):
+        if (name or directive) not in defined:
+            raise InputError(
+                f"{code.file} uses {directive or name}, which would change eqt's process for all "
+                "laws or reads a file that a result does not keep; leave it out of the law"
+            )
+    if cache is not None:
+        with suppress(OSError):
+            cache.keep(key, ".txt", b"passed")
 
 
 SHIM = Path(__file__).parent / "user_code.h"
@@ -524,6 +566,7 @@ def compiled(code: UserCode) -> CodeFunction:
     """
     code.check()
     try:
+        _refuse(code)
         library = compiler.library(code.source)
     except TraceError as error:
         said = "; ".join(line.strip() for line in error.lines)

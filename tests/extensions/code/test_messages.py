@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+import eqt_cli
 from eqt_cli.base import yaml_source
 from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware import user_code
@@ -87,11 +88,47 @@ def test_a_function_that_does_not_return(written, config, told, monkeypatch):
     assert said.startswith(where)
 
 
-def test_a_function_that_ends_the_process(written, config, told):
-    written(body="exit(3);", more="#include <stdlib.h>")
-    said = told(config())
-    where = f"controllers[0]: lee_torque in lee.c ended the process with code 3 at {EVERYWHERE}"
-    assert said.startswith(where)
+CHANGES = {
+    "fesetround": ("fesetround(FE_UPWARD);", "#include <fenv.h>"),
+    "feenableexcept": ("feenableexcept(4);", "int feenableexcept(int);"),
+    "chdir": ('if (chdir("/")) torque[0] = 1;', "#include <unistd.h>"),
+    "signal": ("signal(2, SIG_IGN);", "#include <signal.h>"),
+    "exit": ("exit(3);", "#include <stdlib.h>"),
+    "abort": ("void (*volatile end)(void) = abort; end();", "#include <stdlib.h>"),
+    "setlocale": ('other(1, "C");', 'char *other(int, const char *) __asm__("setlocale");'),
+    "ldmxcsr": ('unsigned x = 40896; __asm__ volatile ("ldmxcsr %0" : : "m"(x));', ""),
+    ".incbin": ("", '__asm__(".section .rodata\\n.incbin \\"lee.h\\"\\n.text");'),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_code_that_changes_the_process_or_reads_files_is_refused(written, config, told, name):
+    body, more = CHANGES[name]
+    written(body=body, more=more)
+    assert f"lee.c uses {name}, which would change eqt's process" in told(config())
+
+
+def test_names_of_its_own_are_its_own(written, config):
+    """As in other programs: a variable, a field, a function and a text are no call."""
+    own = "static double signal; static void alarm(void) { signal = 2; }"
+    use = 'struct { double close; } x = {1}; alarm(); torque[0] = signal * x.close * *"raise";'
+    written(body=use, more=own)
+    eqt_cli.load_experiment(config())
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '#embed "lee.h"',
+        "#include_next <math.h>",
+        "%: em\\\nbed <x>",
+        "#pragma GCC system_header",
+        "#define P(x) _Pragma(#x)\nP(GCC system_header)",
+    ],
+)
+def test_what_brings_bytes_that_are_not_kept_is_refused(written, config, told, line):
+    written(body="", more=f"#if {int('Pragma' in line or 'pragma' in line)}\n{line}\n#endif")
+    assert "is not possible; a result keeps the text of a law" in told(config())
 
 
 def test_a_crash_of_the_start(written, config, told):
