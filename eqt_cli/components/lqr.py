@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from eqt_cli.base.arrays import Array, apply_matrix, as_array, dot
 from eqt_cli.base.errors import InputError, Problems, Remedy
-from eqt_cli.base.option_types import Count, Matrix
+from eqt_cli.base.option_types import Matrix
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller, LinearPlant
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
@@ -181,7 +182,7 @@ class Lqr(Controller):
     reads_gains: ClassVar[bool] = False
 
     weights: LqrWeights = field(default=LqrWeights(), metadata=STRUCTURE)
-    pieces: Count = 100
+    pieces: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 100
     periodic: bool = False
     # Of the design; pydantic, which reads all types, knows no arrays.
     regulator: Any = field(default=None, init=False, repr=False)  # Regulator | None

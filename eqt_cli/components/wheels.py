@@ -304,6 +304,19 @@ class Wheels(Actuator):
                 problems.at("axes", index).add(f"expected three numbers, not all 0, got {axis}")
         if not problems:
             self._check_numbers(problems)
+        if not problems and self.sampled:
+            most, bias = self.of_run(G, None), self.bias
+            self._check_momenta(most, most.start, problems.at("start"))
+            self._check_momenta(most, bias and bias.momentum, problems.at("bias", "momentum"))
+
+    def _check_momenta(self, most: Self, momenta: Any, problems: Problems) -> None:
+        """Note momenta beyond the limit of wheels, by the means."""
+        limit: Any = most.momentum
+        for k in np.flatnonzero(np.abs(momenta) > limit) if momenta is not None else ():
+            problems.add(
+                f"expected at most the limit of the momentum, {limit[k]:g} N m s, got "
+                f"{momenta[k]:g} for wheel {k + 1}"
+            )
 
     def _check_numbers(self, problems: Problems) -> None:
         threes = map(list, combinations(range(self.count), 3))
@@ -326,6 +339,9 @@ class Wheels(Actuator):
         for name in ("speed", "friction"):
             if getattr(self, name) is not None and self.inertia is None:
                 problems.at(name).add("needs inertia; give the inertia of a wheel about its axis")
+        for name in ("viscous", "coulomb"):
+            if self.friction is not None and (value := getattr(self.friction, name)) < 0:
+                problems.at("friction", name).add(f"expected at least 0, got {value:g}")
         if self.bias is not None and len(self.bias.momentum) != self.count:
             got = len(self.bias.momentum)
             problems.at("bias", "momentum").add(

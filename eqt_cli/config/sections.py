@@ -543,6 +543,9 @@ def check_estimator(
 
 T = TypeVar("T")
 
+MOST_DELAY = 1000
+"""Largest number of ticks of a delay; a state holds what was commanded or measured at each."""
+
 MOST_INSTANTS = 1_000_000
 """Largest number of control instants of a run."""
 
@@ -650,6 +653,10 @@ def _sampling(
     sampling = vehicle_parts.Sampling(control.period, 0, vehicle_parts.Clock(every or 1))
     if problems:
         return sampling
+    for here, part in [(problems, control), *entries]:
+        ticks = sampling.ticks_of(getattr(part, "delay", None) or 0)
+        if ticks > MOST_DELAY:
+            here.at("delay").add(f"expected at most {MOST_DELAY:,} ticks, got {ticks:,}")
     clock = sampling.clock_of(None, control.offset)
     return vehicle_parts.Sampling(control.period, sampling.ticks_of(control.delay), clock)
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import ConfigError, InputError, InputProblem, Problems
+from eqt_cli.base.registry import is_foreign
 from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
@@ -36,11 +37,31 @@ MOST_SECONDS = 3.0
 
 ALONE = 1e-8
 """Relative: what the rates of a run may change by where others are beside it. Sums of another
-length are rounded in another way, and differences of nearly equal numbers enlarge that."""
+length are rounded in another way, and differences of nearly equal numbers enlarge that, as does a
+root near 0: they may also change as by such a change of all states."""
 
 
-def rehearse(study: Study, problems: Problems) -> list[str]:
+def check_laws(study: Study) -> None:
+    """Refuse laws of plugins that mix runs, as `rehearse` does, before a run is computed.
+
+    Raises
+    ------
+    ConfigError
+        If there is one.
+    """
+    if any(is_foreign(type(loop.controller).__module__) for loop in study.base.loops.values()):
+        problems = Problems(study.base.source.place)
+        rehearse(study, problems, solves=False)
+        problems.raise_if_any()
+
+
+def rehearse(study: Study, problems: Problems, *, solves: bool = True) -> list[str]:
     """Note what would fail in a run: an exception, a shape, no number, what cannot be compiled.
+
+    Parameters
+    ----------
+    solves
+        Whether to begin the runs, too, and not only to find laws that mix them.
 
     Returns
     -------
@@ -56,8 +77,12 @@ def rehearse(study: Study, problems: Problems) -> list[str]:
         parts = parts_of(first.problem.loop, list(study.base.loops).index(label))
         with trial(parts, problems, TOGETHER) as tried:
             problem = Problem.joined([batch.problem for _, batch in group])
-            _begin(problem, tried.name)
-            first.engine.rehearse(problem)
+            rates = _rates(problem)
+            if solves:
+                _require_numbers(problem, rates, tried.name)
+            _require_alone(problem, rates, tried.name)
+            if solves:
+                first.engine.rehearse(problem)
         for label, _ in group:
             left.pop(label, None)
     return []
@@ -74,16 +99,21 @@ def _first_runs(study: Study) -> Iterator[list[tuple[str, Batch]]]:
         yield from by_kind(piece, np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs]))
 
 
-def _begin(problem: Problem, law: str) -> None:
-    """Raise an `InputError` if a rate is no number at the start, or depends on other runs."""
-    rates = _rates(problem)
+def _require_numbers(problem: Problem, rates: Array, law: str) -> None:
+    """Raise an `InputError` if a rate is no number at the start."""
     for name, values in problem.loop.layout.split(rates).items():
         if not (finite := np.isfinite(values)).all():
             what, value = name.replace("_", " "), float(values[~finite][0])
             raise InputError(f"{law} gives no number at the start: the rate of {what} is {value:g}")
+
+
+def _require_alone(problem: Problem, rates: Array, law: str) -> None:
+    """Raise an `InputError` if a rate depends on other runs."""
     alone = [_rates(problem.select(slice(k, k + 1)))[0] for k in range(problem.runs)]
     change = norm(rates - np.array(alone))
-    if (change > ALONE * (1 + norm(rates))).any():
+    moved = ALONE * norm(problem.states)[:, None] * np.cos(np.arange(len(rates[0])))
+    near = replace(problem, states=problem.states + moved)
+    if (change > ALONE * (1 + norm(rates)) + norm(_rates(near) - rates)).any():
         raise InputError(
             f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
             "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"

@@ -39,7 +39,7 @@ from eqt_cli.runs.folder import (
     in_root,
     new_result_file,
 )
-from eqt_cli.runs.preflight import check_resources
+from eqt_cli.runs.preflight import check_laws, check_resources
 
 
 def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
@@ -156,6 +156,7 @@ def execute(
     if complete:
         finished = complete.runs - complete.failed
     check_resources(study, out, 1 - finished / study.plans.total)
+    check_laws(study)
     with ExitStack() as locks:
         locks.enter_context(folder.reporting_finished_runs(study))
         locks.enter_context(lock.locked(out, shared=shard is not None))

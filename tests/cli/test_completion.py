@@ -136,6 +136,16 @@ def test_what_was_kept_of_another_state_is_found_anew(caches, kept):
     assert json.loads(path.read_text(encoding="utf-8"))["state"] == completion._state()
 
 
+@pytest.mark.parametrize(("key", "value"), [("names", None), ("keys", [1]), ("keys", {"a": 1})])
+def test_what_was_kept_and_then_damaged_is_found_anew(caches, key, value):
+    whole = completion._known()
+    path = caches / "eqt" / "completion.json"
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(kept | {key: value}), encoding="utf-8")
+    completion._known.cache_clear()
+    assert {**completion._known()} == whole
+
+
 def test_a_place_that_cannot_be_written_does_not_disturb(caches):
     (caches / "eqt").write_text("", encoding="utf-8")
     assert completion.words("engines", "s")

@@ -58,6 +58,38 @@ def test_an_internal_error_is_1_with_a_traceback(folder):
     assert b"Traceback (most recent call last)" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        ("MemoryError", "not enough memory; run fewer workers, or a smaller part"),
+        ("OSError(24, 'Too many open files')", "too many open files; use fewer workers"),
+    ],
+)
+def test_what_a_process_lacks_is_told(folder, error, told):
+    code = (
+        "import eqt_cli.config.experiment as build, eqt_cli.cli as cli, sys\n"
+        f"def lack(*_): raise {error}\n"
+        "build._group = lack\n"
+        "sys.argv = ['eqt', 'config', 'check', 'c.yaml']\n"
+        "cli.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"eqt: {told}")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="removes the current folder")
+def test_a_current_folder_that_was_removed_is_told(tmp_path, folder):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    words = f"cd {gone} && rmdir {gone} && {sys.executable} -m eqt_cli run {folder / 'c.yaml'}"
+    done = subprocess.run(["sh", "-c", words], capture_output=True, check=False, text=True)
+    assert done.returncode == 2
+    assert done.stderr.endswith(
+        "eqt: the current folder does not exist any more; change to another one\n"
+    )
+
+
 @pytest.mark.slow("starts eqt twice")
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_ctrl_c_is_130_and_the_same_command_starts_again(process, folder):

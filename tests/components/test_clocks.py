@@ -7,7 +7,9 @@ from case_tables import cases, refusal
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.vehicle_parts import Clock, Sampling
+from eqt_cli.config.experiment import build
 from eqt_cli.config.preflight import along_reference, reference_over_horizon
+from eqt_cli.config.source import read_config
 from eqt_cli.loop.linearised import linearised
 
 INERTIA, TICK, DURATION = [1.0, 2.0, 2.5], 0.05, 1.5
@@ -128,6 +130,17 @@ def test_a_finer_tick_changes_nothing(solved):
         s = problem.loop.tracking(problem.times, solution.states)
         states.append(np.concatenate([s.Q[0].reshape(-1, 9), s.V[0]], axis=1))
     np.testing.assert_allclose(*states, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("at", ["{period: 0.1", "std: 0.1"])
+def test_a_delay_has_a_limit(tmp_path, at):
+    """What was commanded or measured in 1e9 periods would take 24 GB for each run."""
+    text = TEXT.replace("{period: 0.1, offset: 50 ms, delay: 150 ms}", "{period: 0.1}")
+    text = text.replace("std: 0, period: 0.25, delay: 50 ms", "std: 0.1")
+    path = tmp_path / "c.yaml"
+    path.write_text(text.replace(at, f"{at}, delay: 1000000000"), encoding="utf-8")
+    with pytest.raises(ConfigError, match="delay: expected at most 1,000 ticks, got 1,000,000,000"):
+        build(read_config(path))
 
 
 def monodromy(J, pose, law, lag, delay, gains):

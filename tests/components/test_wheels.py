@@ -174,6 +174,26 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
         ({"axes": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "not all 0, got [0, 0, 0]"),
         ({"pyramid": 0.9, "bias": Bias([0.0] * 3, 1.0)}, "expected 4 entries, one for each wheel"),
         ({"axes": np.eye(3).tolist(), "bias": Bias([0.0] * 3, 1.0)}, "three wheels have no"),
+        (
+            {"pyramid": 0.9, "momentum": 1.0, "start": [0.0, 0.0, -2.0, 0.0]},
+            "expected at most the limit of the momentum, 1 N m s, got -2 for wheel 3",
+        ),
+        (  # 2 N m s are 20 rad/s of 0.1 kg m²
+            {"pyramid": 0.9, "speed": 19.0, "inertia": 0.1, "start": [2.0, 0.0, 0.0, 0.0]},
+            "expected at most the limit of the momentum, 1.9 N m s, got 2 for wheel 1",
+        ),
+        (
+            {"pyramid": 0.9, "momentum": 1.0, "bias": Bias([0.0, 1.1, 0.0, 0.0], 1.0)},
+            "expected at most the limit of the momentum, 1 N m s, got 1.1 for wheel 2",
+        ),
+        (
+            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(-1.0)},
+            "expected at least 0, got -1",
+        ),
+        (
+            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(coulomb=-0.5)},
+            "expected at least 0, got -0.5",
+        ),
     ],
 )
 def test_what_does_not_fit_is_said(options, message):

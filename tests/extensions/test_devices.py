@@ -91,6 +91,26 @@ def test_a_device_gives_the_bits_of_the_cpu(case: str, tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
+def test_a_device_that_cannot_build_the_test_is_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    cl = pytest.importorskip("pyopencl")
+
+    def broken(device: Any, code: str) -> Any:
+        raise cl.RuntimeError("clBuildProgram failed: OUT_OF_HOST_MEMORY\nlines of a compiler")
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(devices, "Kernel", broken)
+    device = devices.Device(0, "card", "driver 1", 1, 1, (), None)
+    devices._test.cache_clear()
+    said = refusal(EqtError, devices._test, device)
+    assert said.startswith(
+        "opencl:0 (card, driver 1) cannot build the test kernel: clBuildProgram failed: "
+        "OUT_OF_HOST_MEMORY"
+    )
+    devices._test.cache_clear()
+
+
 @needs_device
 @pytest.mark.slow("compiles a loop with every elementary function")
 def test_the_test_of_a_driver_compares_64_runs_with_the_cpu(

@@ -59,7 +59,7 @@ def commands() -> list[tuple[list[str], Any]]:
     def below(words: list[str], command: Any) -> Any:
         for name, each in getattr(command, "commands", {}).items():
             yield from below([*words, name], each)
-        if not hasattr(command, "commands"):
+        if not hasattr(command, "commands") and words[-1] != "new":
             yield words, command
 
     return list(below([], typer.main.get_command(app)))

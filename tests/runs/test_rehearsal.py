@@ -65,6 +65,37 @@ def test_a_law(check, body, expected):
     assert said.count("\n") == 2
 
 
+NET = component("""
+import numpy as np
+from eqt_cli.extend import apply_matrix, tanh
+random = np.random.default_rng(1)
+IN, OUT = random.standard_normal((300, 3)), random.standard_normal((3, 300))
+SHIFT = random.standard_normal(300)
+REST = apply_matrix(OUT, tanh(SHIFT))
+own(eqt_cli.extend.EqT):
+    title: ClassVar[str] = "Net"
+
+    def torque(self, s):
+        x = apply_matrix(IN, s.V_tilde) + SHIFT
+        return super().torque(s) + 1e-3 * (apply_matrix(OUT, tanh(x)) - REST)
+""")
+ROTORS = """
+actuators: [{kind: thrusters, time_constant: 0.02, low: 0, high: 50, thrust_constant: 1.0e-8,
+  matrix: [[1, -1, 0, 0], [0, 0, 1, -1], [0.1, 0.1, -0.1, -0.1]]}]
+"""
+
+
+def test_rounding_that_a_root_enlarges_mixes_no_runs(check):
+    """A thrust that is 0 but for rounding: the root of 1e-18 N over 1e-8 N s² is 1e-5 rad/s."""
+    still = ("initial={}", "reference={torque: [0, 0, 0]}")
+    check("", *still, text=NET, controllers="own", more=ROTORS, code=0)
+
+
+def test_a_law_that_mixes_runs_does_not_run_either(check):
+    said = check("-s.V / np.max(np.abs(s.V))", command="run")
+    assert "controller 'own' mixes runs: the rates of a run change by " in said
+
+
 LYAPUNOV = (
     LAW.replace("BODY", "-s.V")
     + """
