@@ -95,6 +95,8 @@ class Jet:
     __array_ufunc__ = None  # an array leaves its operators to this class
 
     def __init__(self, coefficients: Sequence[Any]) -> None:
+        if type(coefficients[0]) is float:  # Python's floats raise where IEEE gives inf or nan
+            coefficients = (np.float64(coefficients[0]), *coefficients[1:])
         shape = _shape(coefficients[0])
         self.coefficients = tuple(
             c if c is None or _shape(c) == shape else np.broadcast_to(c, shape)
@@ -104,8 +106,7 @@ class Jet:
     @classmethod
     def time(cls, t: Any, order: int) -> Jet:
         """Return t + τ."""
-        # Python's floats raise where IEEE gives inf or nan.
-        t = np.float64(t) if isinstance(t, float | int) else t
+        t = float(t) if isinstance(t, int) else t
         return cls([t, 1.0, *[None] * order][: order + 1])
 
     @classmethod

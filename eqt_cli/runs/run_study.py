@@ -251,13 +251,18 @@ class _Session:
             unless_packed.callback(self.task.save)
             with lock.timed(self.seconds, "simulation"):
                 self._compute(self.task, wanted)
+            finished = self.task.finished()
+            if lost := [number for number in wanted if number not in finished]:
+                raise EqtError(
+                    f"{self.files.folder}: {len(lost)} of {len(wanted)} parts were removed while "
+                    "others were computed; run the same command again"
+                )
             if shard is None:
                 with lock.timed(self.seconds, "writing"):
                     self._pack(manifest["provenance"])
                 checking = self.seconds.setdefault("cross-check", 0.0)
                 self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
                 unless_packed.pop_all()
-        finished = self.task.finished()
         failed = sum(finished[number].failed for number in wanted)
         if shard is None:
             ending = {"finished": lock.now(), "seconds": self.seconds, "failed": failed}

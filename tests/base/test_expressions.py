@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from eqt_cli.base.arrays import FUNCTIONS, register_symbols
 from eqt_cli.base.errors import ExpressionError, TraceError
 from eqt_cli.base.expressions import MAX_LENGTH, MAX_NESTING, constant, parse
+from eqt_cli.numbers.jets import series
 
 
 def _message(text: str, variables: tuple[str, ...] = ("t",)) -> str:
@@ -427,9 +428,13 @@ def test_a_slow_or_lasting_change_has_no_instants(text):
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("1/(t - t)", math.inf), ("smoothstep(t, t, t)", math.nan), ("-1/(0*t)", -math.inf)],
+    [
+        *(("1/(t - t)", math.inf), ("smoothstep(t, t, t)", math.nan), ("-1/(0*t)", -math.inf)),
+        *(("1/(t**0 - 1)", math.inf), ("(t**0 - 1)**-1", math.inf)),
+    ],
 )
 def test_arithmetic_is_that_of_ieee(text: str, value: float) -> None:
     expression = parse(text)
     np.testing.assert_equal(expression.evaluate({"t": 2.0}), value)
+    np.testing.assert_equal(float(series(expression, {"t": 2.0}, 2).value), value)
     assert expression.instants(3.0) == ()

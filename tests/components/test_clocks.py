@@ -134,12 +134,12 @@ def test_a_finer_tick_changes_nothing(solved):
 
 @pytest.mark.parametrize("at", ["{period: 0.1", "std: 0.1"])
 def test_a_delay_has_a_limit(tmp_path, at):
-    """What was commanded or measured in 1e9 periods would take 24 GB for each run."""
+    """What was commanded in 1e9 periods of 2 ticks would take 48 GB for each run."""
     text = TEXT.replace("{period: 0.1, offset: 50 ms, delay: 150 ms}", "{period: 0.1}")
     text = text.replace("std: 0, period: 0.25, delay: 50 ms", "std: 0.1")
     path = tmp_path / "c.yaml"
     path.write_text(text.replace(at, f"{at}, delay: 1000000000"), encoding="utf-8")
-    with pytest.raises(ConfigError, match="delay: expected at most 1,000 ticks, got 1,000,000,000"):
+    with pytest.raises(ConfigError, match="delay: expected at most 1,000 ticks, got 2,000,000,000"):
         build(read_config(path))
 
 

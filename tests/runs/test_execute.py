@@ -172,6 +172,22 @@ def test_a_short_session_writes_no_files_of_parts(make, whole, tmp_path, monkeyp
     assert_equal(tmp_path / "out", whole)
 
 
+def test_parts_that_are_removed_while_others_are_computed_are_missed(make, tmp_path, monkeypatch):
+    found = compute_part.write
+
+    def removing(path, table):
+        found(path, table)
+        if path.name == "000001.h5":
+            (path.parent / "000000.h5").unlink()
+
+    monkeypatch.setattr(compute_part, "write", removing)
+    monkeypatch.setattr(run_study, "UNSAVED_SECONDS", 0.0)
+    with pytest.raises(EqtError, match=r"out/parts: 1 of \d+ parts were removed while others"):
+        execute(make(), tmp_path / "out")
+    monkeypatch.undo()
+    assert execute(make(), tmp_path / "out").packed
+
+
 def test_an_interruption_after_a_file_was_written_writes_it_once(make, tmp_path, monkeypatch):
     written, found = [], compute_part.write
 
