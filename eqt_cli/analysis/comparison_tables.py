@@ -90,9 +90,6 @@ def _settled(judgement: Judgement) -> Record:
     return {name: law.count for name, law in zip(names, judgement.settled, strict=False)}
 
 
-RANKED = ("mean_torque", "mean_pose_error", "settled")
-"""Measures by which laws are ranked if no claim is about them."""
-
 PARTLY = "partly"
 """Prefix of a verdict that only some rows of a claim have."""
 
@@ -103,13 +100,12 @@ _WRITE = Plain()
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence about a claim or a measure.
+    """A sentence about a claim.
 
     Attributes
     ----------
     verdict
-        Verdict of the claim as in `ClaimVerdict`, after `PARTLY` if its rows differ; empty without
-        claims.
+        Verdict of the claim as in `ClaimVerdict`, after `PARTLY` if its rows differ.
     claim
         The claim in the words of its source; empty if all claims have this verdict.
     words
@@ -125,13 +121,12 @@ class Finding:
 
 
 def findings(comparison: Comparison) -> list[Finding]:
-    """Return one finding for each claim; where none is judged, the best laws by usual measures."""
+    """Return one finding for each claim; a single one where the loop departs from all of them."""
     if comparison.judgements and comparison.departures:
         words = f"claims of {sources(comparison)}. Beyond their theorems: {comparison.departures}."
-        return [*_ranking(comparison), Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
+        return [Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
     claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
-    sentences = [_of_claim(comparison, says, list(rows)) for says, rows in claimed]
-    return sentences or list(_ranking(comparison))
+    return [_of_claim(comparison, says, list(rows)) for says, rows in claimed]
 
 
 def sources(comparison: Comparison) -> str:
@@ -210,30 +205,6 @@ def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
     share = f"{percent(abs(pair.relative))} " if pair.relative == pair.relative else ""
     more = "more" if pair.difference > 0 else "less"
     return f"{first} has {share}{more} {what} than {second} ({number})"
-
-
-def _ranking(comparison: Comparison) -> Iterator[Finding]:
-    titles = comparison.titles
-    by_laws = {
-        (id(pair.measured), frozenset((pair.first, pair.second))): pair for pair in comparison.pairs
-    }
-    for _, rows in groupby(comparison.levels, key=lambda level: id(level.measured)):
-        levels = [level for level in rows if level.mean == level.mean]
-        if not levels or not levels[0].measured.quantity.name.startswith(RANKED):
-            continue
-        upwards = levels[0].measured.quantity.better == "higher"
-        best, *others = sorted(levels, key=lambda level: level.mean, reverse=upwards)
-        law, what = titles[best.controller], _measure_in_words(best.measured)
-        words = f"{law} has a {what} of {_number(best, best.mean)}"
-        if others:
-            extreme = "largest" if upwards else "smallest"
-            words = f"{law} has the {extreme} {what}, {_number(best, best.mean)}"
-        named = frozenset(level.controller for level in (best, *others[:1]))
-        if pair := by_laws.get((id(best.measured), named)):
-            ordered = pair if pair.first == best.controller else pair.swapped()
-            seen = _difference_in_words(ordered, titles)
-            words = f"{words}; {seen}" if ordered.differs or others[1:] else f"N{seen[1:]}"
-        yield Finding("", "", f"{words}.")
 
 
 def _measure_in_words(measured: PerRun) -> str:

@@ -305,6 +305,16 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
     return Interval(float(share), float((b - half) / a), float((b + half) / a))
 
 
+def holm(p_values: Array) -> Array:
+    """Return p-values adjusted after Holm (1979), for dependent tests, too; NaN is no test."""
+    order = np.argsort(p_values)  # NaN last
+    tests = np.count_nonzero(~np.isnan(p_values))
+    steps = p_values[order] * np.maximum(tests - np.arange(len(p_values)), 1)
+    adjusted = np.empty_like(p_values)
+    adjusted[order] = np.minimum(1, np.maximum.accumulate(steps))
+    return adjusted
+
+
 POWER = 0.8
 """Probability that so many runs decide, if the effect is as large as measured."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from eqt_cli.analysis.intervals import (
     Interval,
     Resampling,
+    holm,
     intervals_of_means,
     relative_difference,
     resolved_differences,
@@ -270,7 +271,7 @@ def decide(costs: Array, failed: Array, confidence: float) -> Decision:
     points, _, runs = costs.shape
     fewest = math.ceil(1 - math.log2((1 - confidence) / points))  # 2^(1-n) ≤ (1 - c)/points
     ahead, raw = _better_in_most_runs(costs)
-    adjusted = _adjusted(raw if runs >= fewest else np.full(points, np.nan))
+    adjusted = holm(raw if runs >= fewest else np.full(points, np.nan))
     most = np.where(adjusted <= 1 - confidence, ahead, NOBODY)
     winner = np.where(_better_in_the_mean(costs, failed, most), most, NOBODY)
     return Decision(winner, most, adjusted, fewest, UNDECIDED if runs >= fewest else TOO_FEW_RUNS)
@@ -330,16 +331,6 @@ def _better_in_the_mean(costs: Array, failed: Array, ahead: Array) -> Array:
 def _first(order: Array, law: Array) -> Array:
     """Return the same order of laws at each point with one of them moved to the front."""
     return np.take_along_axis(order, np.argsort(order != law[:, None], axis=-1, kind="stable"), -1)
-
-
-def _adjusted(p_values: Array) -> Array:
-    """Adjust p-values after Holm; NaN counts as no test."""
-    order = np.argsort(p_values)  # NaN last
-    tests = np.count_nonzero(~np.isnan(p_values))
-    steps = p_values[order] * np.maximum(tests - np.arange(len(p_values)), 1)
-    adjusted = np.empty_like(p_values)
-    adjusted[order] = np.minimum(1, np.maximum.accumulate(steps))
-    return adjusted
 
 
 MOST_POINTS = 60

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -45,6 +45,7 @@ class TableName(StrEnum):
     CONTROLLERS = "controllers"
     PAIRS = "pairs"
     CLAIMS = "claims"
+    ALL = "all"
     FRONTS = "fronts"
     WINNERS = "winners"
     POINTS = "points"
@@ -81,13 +82,13 @@ def compare(
     run: Annotated[int, options.option("--run")] = 0,
     list_: Annotated[bool, options.option("--list")] = False,
     json: options.Json = False,
-    verbose: Annotated[bool, options.option("--verbose", "-v")] = False,
+    negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.01,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compare the controllers of a result run by run, and test the paper's claims.
+    """Say which controller of a result is better, by how much and how surely, run by run.
 
-    This prints the differences from the first controller, the means, and what the runs say about
-    the paper's claims. --verbose prints every pair and every claim.
+    This prints the answer against the first controller: the error, the cost, what else is decided,
+    and what is not. --table prints the numbers behind it.
 
     For a sweep, this shows which law is best at each point; --point selects one point.
 
@@ -100,9 +101,10 @@ def compare(
         --metric NAME  Metric to compare; --list shows all. Repeatable.
         --window A:B  Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.
         --without-start  Of a tuning, leave out the starting gains.
-        --against LAW  Show only pairs with this controller, or with --measured only its run.
-            Repeatable.
-        --table NAME  Print only this table: controllers, pairs, claims, fronts, winners, points.
+        --against LAW  Compare with this controller instead of the first, or with --measured only
+            its run. Repeatable for tables.
+        --table NAME  Print only this table: controllers, pairs, claims, fronts, winners, points;
+            or all of them.
         --robust  For a sweep: the range over which the runs of each law settle.
         --run K  Run for --measured, counted from 0.
         --list  List the metrics of this result.
@@ -110,9 +112,9 @@ def compare(
         --rows NAME  Rows of the table of means: measures or controllers. Default: controllers in
             LaTeX.
         --format NAME  text, csv or latex.
-        --verbose  Print all pairs and claims as tables.
     Statistics
         --confidence P  Confidence level of each interval.
+        --negligible X  Relative difference that counts as none, such as 0.01.
         --resamples N  Number of bootstrap resamples.
         --seed N  Random seed of the bootstrap.
         --share P  Share of runs that must settle, for --robust.
@@ -135,10 +137,10 @@ def compare(
     shown = None
     if measured is None:
         options.require_measured(mapping, log_format, run)
-    elif metric or window or table or robust:
+    elif metric or window or robust or table not in (None, TableName.ALL):
         raise EqtError(
-            "--measured compares with a recording; leave --metric, --window, --table and --robust "
-            "out"
+            "--measured compares with a recording; leave --metric, --window, --robust and other "
+            "tables out"
         )
     else:
         explained = of_extension("recordings.api.compare_measured")(
@@ -152,7 +154,9 @@ def compare(
             units=unit or (),
         )
         shown = _Findings(
-            *of_extension("recordings.measured.findings")(explained, measured, write, verbose)
+            *of_extension("recordings.measured.findings")(
+                explained, measured, write, table is TableName.ALL
+            )
         )
     if shown is None and robust:
         shown = _robustness(result, share, confidence, write)
@@ -177,11 +181,16 @@ def compare(
             **vars(how),
         )
         against = _labels(comparison, against or ())
-        chosen = metric or window or against or table or format is not TableFormat.TEXT
-        whole = None if chosen else verbose
         as_rows = rows is Rows.CONTROLLERS or (rows is None and format is TableFormat.LATEX)
         shown = _of_experiment(
-            comparison, table, against, format, write, whole=whole, laws_as_rows=as_rows
+            comparison,
+            table,
+            against,
+            format,
+            write,
+            chosen=bool(metric or window),
+            negligible=negligible,
+            laws_as_rows=as_rows,
         )
     _print(shown, result, format, json)
 
@@ -194,22 +203,22 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool) -> N
     elif format is TableFormat.LATEX:
         output.print_verbatim("\n\n".join(map(as_latex, shown.tables)))
     else:
+        if shown.answer:
+            output.print_text(*shown.answer)
         for number, each in enumerate(shown.tables):
-            output.print_text(*([""] * (number > 0)), output.laid_out(each))
-        if shown.findings:
-            output.print_text(*([""] * bool(shown.tables)), *shown.findings)
+            output.print_text(*([""] * (number > 0 or bool(shown.answer))), output.laid_out(each))
     for remark in () if json else shown.remarks:
         output.say(remark)
 
 
 class _Findings(NamedTuple):
-    """Findings to print: a document for programs, rows, tables, and text around them."""
+    """Findings to print: a document for programs, rows, tables, and the answer before them."""
 
     document: dict[str, Any]
     records: Sequence[Mapping[str, Any]]
     tables: Sequence[TextTable]
     remarks: Sequence[str] = ()
-    findings: Sequence[str] = ()
+    answer: Sequence[str] = ()
 
 
 def _of_whole(
@@ -278,70 +287,61 @@ def _of_experiment(
     format: TableFormat,
     write: Plain,
     *,
-    whole: bool | None,
+    chosen: bool,
+    negligible: float,
     laws_as_rows: bool = False,
 ) -> _Findings:
-    """Return the findings on one experiment.
+    """Return the findings on one experiment: the answer, or tables.
 
-    `whole` is None if a user chose a part; else the findings come with all tables (True), or with
-    the means and the differences from the first controller (False).
+    Without a table's name, the answer is all; of `chosen` metrics and windows, the tables of pairs
+    and means follow.
     """
-    from eqt_cli.analysis.comparison_tables import IN_FULL, records, text_tables
+    from eqt_cli.analysis import verdict
+    from eqt_cli.analysis.comparison_tables import records, text_tables
 
-    rows = records(comparison)
-    # A table of all pairs of many controllers is long: by default, pairs with the first one.
-    narrowed = not whole and table is None and format is TableFormat.TEXT
-    shown_pairs = against or (comparison.labels[:1] if narrowed else ())
-    briefly = whole is False
-    in_one = whole is not None
-    made = text_tables(comparison, write, shown_pairs, laws_as_rows=laws_as_rows, brief=in_one)
-    wanted = (
-        [TableName.PAIRS, TableName.CONTROLLERS] if briefly else [table] if table else list(made)
-    )
-    shown = [made[name].without(IN_FULL * briefly) for name in wanted if name in made]
+    rows, text = records(comparison), format is TableFormat.TEXT
+    made = text_tables(comparison, write, against, laws_as_rows=laws_as_rows)
+    wanted: Collection[str] = made
+    if table not in (None, TableName.ALL):
+        wanted = [table]
+    elif text and table is None:
+        wanted = [TableName.PAIRS, TableName.CONTROLLERS] if chosen else []
+    shown = [made[name] for name in made if name in wanted]
+    base = against[0] if against else ""
     document = {
         **{name: getattr(comparison, name) for name in ("title", "group")},
         "controllers": comparison.kinds,
         **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
         "bootstrap": {"method": "expanded BCa"}
         | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
+        "verdict": verdict.records(comparison, base, negligible),
         "levels": rows[TableName.CONTROLLERS],
         "pairs": rows[TableName.PAIRS],
         "claims": rows[TableName.CLAIMS],
         "missing": comparison.missing,
     }
     remarks = [output.folded(sentence, PIPED) for sentence in comparison.missing]
+    answer = list[str]()
     if format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
+    elif text and table is None:
+        answer = verdict.lines(comparison, base, negligible, claims=not chosen)
+        if not chosen:
+            remarks.append(
+                "next: --table pairs, controllers, claims or all; --list for all metrics"
+            )
     elif not shown:
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these controllers"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
-    elif briefly and len(comparison.labels) > 1:
-        remarks.append("next: --verbose prints all pairs and claims, --list all metrics")
-    elif narrowed and len(comparison.labels) > 2 and not against:
-        remarks.append("next: --table pairs prints every pair, --list all metrics")
-    sentences = () if whole is None else _findings(comparison)
-    return _Findings(document, rows[table or TableName.PAIRS], shown, remarks, sentences)
-
-
-def _findings(comparison: Comparison) -> list[str]:
-    """Return a sentence for each claim; without claims, which law is best."""
-    from eqt_cli.analysis.comparison_tables import findings, sources
-
-    judged = comparison.judgements and not comparison.departures
-    about = f"Claims of {sources(comparison)}" if judged else "Findings"
-    lines = [f"{about}, tested on {output.count_of(comparison.runs, 'run')} per law"]
-    for each in findings(comparison):
-        if each.claim:
-            without = f" (without {each.absent})" if each.absent else ""
-            lines += [f"  {each.verdict}: “{each.claim}”{without}", f"    {each.words}"]
-        else:
-            lines.append(f"{each.verdict}: {each.words}" if each.verdict else f"  {each.words}")
     room = output.room_of_tables() or PIPED
-    hanging = [" " * (2 + len(line) - len(line.lstrip())) for line in lines]
-    return [output.folded(line, room, more) for line, more in zip(lines, hanging, strict=True)]
+    answer = [output.folded(line, room, "    ") for line in answer]
+    return _Findings(document, rows[_rows_of(table)], shown, remarks, answer)
+
+
+def _rows_of(table: TableName | None) -> TableName:
+    return TableName.PAIRS if table in (None, TableName.ALL) else table
 
 
 def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Findings:

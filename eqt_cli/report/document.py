@@ -13,6 +13,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from eqt_cli.analysis import verdict
 from eqt_cli.analysis.certificates import Row, certificate_table, with_titles
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import findings, text_tables
@@ -413,6 +414,7 @@ RANKS = ("mean_pose_error", "early_torque")
 
 OPTIONAL = (
     "best",
+    "answer",
     "findings",
     "headline",
     "means",
@@ -548,6 +550,7 @@ def _compared(result: Result) -> dict[str, Any]:
     comparison = compare(result)
     made = text_tables(comparison, Plain())
     return {
+        "answer": verdict.lines(comparison),
         "findings": findings(comparison),
         "confidence": f"{100 * comparison.confidence:g}",
         "claims": None if comparison.departures else made.get("claims"),

@@ -69,30 +69,31 @@ def test_all_four_are_stabilising(claim):
     ]
 
 
-def test_differences_then_means_then_claims_and_verbose_has_all_pairs(invoke, paper_result):
+def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_result, monkeypatch):
     few = ("--resamples", 500)
+    monkeypatch.setenv("COLUMNS", "80")
     done = invoke("compare", paper_result, *few)
     lines = done.stdout.splitlines()
-    pairs = "Paired differences from the same initial states, with 95 % bootstrap intervals"
-    means = "Means over 0–20 s and 60 runs per law; ± half the 95 % bootstrap interval"
-    claims = "Claims of Hampsey et al. (2025), section 7, tested on 60 runs per law"
-    assert 0 == lines.index(pairs) < lines.index(means) < lines.index(claims)
-    says = "  seen, not all settled: “All four of these controls are stabilising”"
-    assert lines[lines.index(claims) + 1] == says
-    titled = [line for line in lines if line.startswith(("EqT −", "GT −"))]
-    assert titled == ["EqT − GT", "EqT − nog", "EqT − asym"]
-    first = lines[lines.index("EqT − GT") + 1]
-    assert re.fullmatch(
-        r"  mean ‖τ‖, 0–5 s, N m +-0\.\d+ \[-0\.\d+, -0\.\d+\] +EqT \d+ of 60 +-\d+\.\d %", first
+    assert len(lines) <= 25 and max(map(len, lines)) <= 80
+    heads = ["GT against EqT", "nog against EqT", "asym against EqT"]
+    assert [line for line in lines if " against " in line] == heads
+    first = r"  better: mean attitude error −\d+ % \[−\d+, −\d+\], in \d+ of 60 runs, p = .+"
+    assert re.fullmatch(first, lines[1])
+    assert re.fullmatch(r"  (worse|undecided): effort \+\d+ % \[.+", lines[2])
+    said = done.stdout.replace("\n    ", " ")
+    assert "claims of Hampsey et al. (2025), section 7: 3 seen, not all settled; " in said
+    assert (
+        done.stderr == "next: --table pairs, controllers, claims or all; --list for all metrics\n"
     )
-    assert done.stderr == "next: --verbose prints all pairs and claims, --list all metrics\n"
-    verbose = invoke("compare", paper_result, *few, "--verbose")
-    assert verbose.stdout.endswith(done.stdout.partition("Claims of")[2])
-    titled = [line for line in verbose.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
-    assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]
+    whole = invoke("compare", paper_result, *few, "--table", "all").stdout
+    titled = {"EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym", "nog − asym"}
+    assert titled <= set(whole.splitlines())
     asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
-    assert f"{asked}, at 60 runs per law" in verbose.stdout.splitlines()
-    assert verbose.stderr == ""
+    assert f"{asked}, at 60 runs per" in whole.replace("\n", " ")
+    against = invoke("compare", paper_result, *few, "--against", "GT").stdout.splitlines()
+    assert against[0] == "EqT against GT" and against[1].startswith(
+        "  worse: mean attitude error +"
+    )
 
 
 def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
@@ -111,7 +112,7 @@ def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
 def test_against_chooses_pairs(invoke, paper_result):
     asked = ["--against", "gt", "--metric", "mean_torque", "--resamples", 9]
     out = invoke("compare", paper_result, *asked).stdout
-    assert [line for line in out.splitlines() if line[:4] in ("EqT ", "GT −")] == [
+    assert [line for line in out.splitlines() if line[:5] in ("EqT −", "GT − ")] == [
         "EqT − GT",
         "GT − nog",
         "GT − asym",
@@ -250,12 +251,8 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     eqt("run", "c.yaml", "--set", "control.period=0.25", "--quiet")
     out = eqt("compare", "results/c").out
     claims = "claims of Hampsey et al. (2025), section 7. Beyond their theorems: sampled control."
-    said = out.partition("\n\nFindings, tested on 3 runs per law\n")[2].splitlines()
-    assert said[-1] == f"not covered: {claims}"
-    seen = "  No difference seen between EqT and GT in share of runs settled over 0–1 s (0.000)."
-    assert said[-2] == seen
-    assert said[0].startswith("  EqT has the smallest mean ‖τ‖ over 0–1 s, ")
-    assert "supported" not in out and " [" not in out.partition("Means")[0]
+    assert "3 runs per law: too few for statistics; `ensemble.runs` sets how many" in out
+    assert "supported" not in out and "claims" not in out and " [" not in out
     table = eqt("compare", "results/c", "--table", "claims", "-m", "effort").out
     assert "\nnot covered: beyond the theorems of these claims are sampled control.\n" in table
     rows = json.loads(eqt("compare", "results/c", "--json").out)["claims"]
