@@ -109,6 +109,10 @@ class EqtWarning(_Message, UserWarning):
     """A remark that the user should know, which is no error."""
 
 
+class HarmWarning(EqtWarning):
+    """A remark on what may damage a result, which commands also show with ``--quiet``."""
+
+
 class InputError(EqtError):
     """An invalid value; `Problems.catching` notes it with its place in the input."""
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
-from eqt_cli.base.errors import EqtError, EqtWarning, InputProblem, printable
+from eqt_cli.base.errors import EqtError, EqtWarning, HarmWarning, InputProblem, printable
 from eqt_cli.base.process import drop_stdout
 from eqt_cli.base.reporting import WORD, Block, Reporter, TextTable, reporter
 
@@ -83,7 +83,8 @@ def complain(message: str) -> None:
 
 def warn(remark: EqtWarning) -> None:
     """Print a warning about a result on stderr."""
-    say(f"eqt: {remark.with_advice(option)}")
+    show = complain if isinstance(remark, HarmWarning) else say
+    show(f"eqt: {remark.with_advice(option)}")
 
 
 def option(argument: str) -> str:

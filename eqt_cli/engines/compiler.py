@@ -142,12 +142,23 @@ def run_contained(
     return subprocess.CompletedProcess(command, process.returncode, *said)
 
 
+LEAST_FREE = 2**18
+"""Room for temporary files, with which a compiler that fails may have had too little, bytes."""
+
+
 def no_space(said: bytes, limits: Limits) -> int | None:
     """Return the error number of a full disk or of the user's limit of file size, if it is that."""
     limit = -1 if WINDOWS else resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     if 0 <= limit < limits.file and re.search(rb"File size limit exceeded|File too large", said):
         return errno.EFBIG
-    return errno.ENOSPC if b"No space left on device" in said else None
+    # A compiler that finds no room for its own message says nothing.
+    full = shutil.disk_usage(_temporary()).free < LEAST_FREE
+    return errno.ENOSPC if full or b"No space left on device" in said else None
+
+
+def _temporary() -> str:
+    """Return the folder where compilers write, also if it is full; Python would take another."""
+    return os.environ.get("TMPDIR") or tempfile.gettempdir()
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -699,7 +710,7 @@ def run(
     except OSError as error:
         if error.errno in NO_SPACE:
             raise TraceError(
-                f"a law cannot be compiled: a temporary file in {tempfile.gettempdir()} cannot be "
+                f"a law cannot be compiled: a temporary file in {_temporary()} cannot be "
                 f"written: {str(error.strerror).lower()}",
                 Remedy(
                     "free some space there, raise the largest file size (`ulimit -f`), or set the "

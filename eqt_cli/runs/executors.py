@@ -20,6 +20,7 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import islice
 from multiprocessing import connection, get_context, parent_process
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from threadpoolctl import threadpool_limits
@@ -545,6 +546,8 @@ class Dask(Executor):
             "distributed.worker.http.routes": [],
         }
         stack.enter_context(dask.config.set(settings))
+        scratch = stack.enter_context(TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True))
+        stack.enter_context(dask.config.set(temporary_directory=scratch))
         cluster = stack.enter_context(self._local_cluster())
         return stack.enter_context(Client(cluster, set_as_default=False))
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.base import files
-from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError, HarmWarning, Remedy
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import OTHERS, __version__, numeric
 from eqt_cli.config.parts import Plans
@@ -191,7 +191,7 @@ def locked(
     try:
         if warns and not is_locked:
             reporter().remark(
-                EqtWarning(
+                HarmWarning(
                     f"{folder}: its disk does not support file locks, so a second eqt could write "
                     "to it at the same time",
                     Remedy("run one at a time there"),

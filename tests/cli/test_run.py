@@ -1,6 +1,8 @@
 """`eqt run`, within this process: what it prints where, and how it ends."""
 
+import errno
 import json
+import os
 import re
 from pathlib import Path
 
@@ -300,3 +302,13 @@ def test_json_lists_every_cause_and_the_lower_code_wins(eqt, plugins):
     assert document["failed"] == 1
     assert document["controllers"][0]["early_torque"] is None
     assert document["cross_check"]["holds"] is False
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no such locks")
+def test_quiet_says_what_may_do_harm(eqt, monkeypatch):
+    def refused(*_):
+        raise OSError(errno.ENOLCK, "refused")
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    done = eqt("run", "c.yaml", *BRIEF, "--quiet", "--out", "unlocked")
+    assert done.err.startswith("eqt: unlocked: its disk does not support file locks")

@@ -1,6 +1,7 @@
 """Which C compiler the engine native calls, what it says where it cannot, and what it keeps."""
 
 import ctypes
+import errno
 import os
 import select
 import shlex
@@ -611,3 +612,12 @@ def test_two_processes_that_compile_the_same_both_have_it(cc, tmp_path):
 def test_lanes_fill_a_vector_of_the_processor(features):
     found = compiler.Compiler(("cc",), (), "cc 1", features, "")
     assert found.lanes == LANES[features]
+
+
+def test_a_compiler_that_says_nothing_had_no_room(monkeypatch):
+    """As gcc where the folder of its temporary files is full: it cannot keep its own message."""
+    usage = shutil.disk_usage("/")
+    monkeypatch.setenv("TMPDIR", "/full")
+    for free, expected in ((2**10, errno.ENOSPC), (2**30, None)):
+        monkeypatch.setattr("shutil.disk_usage", lambda path, free=free: usage._replace(free=free))
+        assert compiler.no_space(b"", compiler.Limits(1.0)) == expected
