@@ -319,6 +319,9 @@ class FlatReference(ClosedReference):
             )
             a = self._acceleration(G, times, position)
             force = np.stack([a.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
+        if not np.isfinite(force).all(axis=(0, 2)).any():
+            problems.add("has no finite real value at any time; correct its expressions")
+            return
         smallest, largest, t = _smallest(times, *force)
         if smallest <= WEAK * max(largest, np.linalg.norm(position[:, 2], axis=-1).max()):
             problems.add(

@@ -133,6 +133,8 @@ REFUSED = """
     reference: needs a thrust of 0.02 N at 0 s: no attitude follows; change the motion there
 {position: ['2*(t-1.3003)**3', 0, '-4.905*t**2'], along: [0, 0, 1]}
     reference: needs a thrust of 0 N at 1.3 s: no attitude follows; change the motion there
+{position: ['sqrt(t - 100)', 0, 1], along: [0, 0, 1]}
+    reference: has no finite real value at any time; correct its expressions
 {position: [0, 0, 1]}
     reference.along: missing; nothing says in which direction the body is pushed; give it in the
     body frame, such as along: [0, 0, 1]
