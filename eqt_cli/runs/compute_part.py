@@ -306,6 +306,7 @@ def _solve(
             difference, largest_difference, again, motion, (), *how
         )
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
+    _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
     if solver.estimates_errors:
         _judge(first.solution, estimate, solver.judgement.max_error)
@@ -497,6 +498,16 @@ NEAR = 1e-9
 
 LARGE = 1e-3
 """Error, rad or m, that is no longer small; to grow to it from `NEAR` takes 14 time constants."""
+
+
+def _find_undefined(first: Measured) -> None:
+    """Set the status `NON_FINITE` for runs whose steps missed a torque that is not finite."""
+    peaks = first.numbers.get("peak_torque", np.zeros(len(first.solution.status)))
+    for run in np.flatnonzero((first.solution.status == Status.OK) & ~np.isfinite(peaks)):
+        first.solution.status[run] = Status.NON_FINITE
+        first.solution.messages[run] = (
+            "the torque is not finite at a sample, between steps; lower solver.rtol to find when"
+        )
 
 
 def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:

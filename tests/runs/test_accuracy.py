@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Problem, Solution, Status
+from eqt_cli.engines.engine import Measured, Problem, Solution, Status
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import chosen_entries, distance
-from eqt_cli.runs.compute_part import _judge, compute_part, read_part, shared_reference
+from eqt_cli.runs.compute_part import (
+    _find_undefined,
+    _judge,
+    compute_part,
+    read_part,
+    shared_reference,
+)
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import Layout
 
@@ -78,6 +84,13 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
     messages = values(limited, "message")
     assert ((messages != "") == (estimate > limit)).all()
     np.testing.assert_array_equal(values(limited, "pose"), values(unlimited, "pose"))
+
+
+def test_a_torque_that_steps_miss_ends_a_run():
+    solution = Solution(np.zeros((3, 1, 1)), np.array([0, 0, 1]), np.zeros(3, int), [""] * 3)
+    _find_undefined(Measured(solution, {"peak_torque": np.array([1.0, np.nan, np.nan])}, {}))
+    assert solution.status.tolist() == [Status.OK, Status.NON_FINITE, 1]
+    assert solution.messages[1].startswith("the torque is not finite at a sample, between steps")
 
 
 def test_a_run_whose_error_is_not_known_is_marked():
