@@ -291,16 +291,14 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
     for law in record["laws"]:
         for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
             k = result.labels.index(label)
+            known = np.isfinite(reached[k])
+            by = f" by {100 * over[k]:.2g} %" if known else ": a run has no value"
             yield [
                 f"{result.titles[k]}{where}",
                 str(bound),
                 significant(float(reached[k])),
                 str(int(beyond[k].sum())),
-                "holds"
-                if over[k] == 0
-                else f"violated by {100 * over[k]:.2g} %"
-                if np.isfinite(reached[k])
-                else "violated: a run has no value",
+                "holds" if over[k] == 0 else f"violated{by}",
             ]
 
 
