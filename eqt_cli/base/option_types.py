@@ -32,14 +32,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from eqt_cli.base.errors import (
-    ComponentError,
-    ExpressionError,
-    KeyPath,
-    Problems,
-    closest,
-    suggestion,
-)
+from eqt_cli.base.errors import ExpressionError, InputError, KeyPath, Problems, closest, suggestion
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import is_device
 from eqt_cli.base.registry import Registry, is_foreign, meanings, option_of_field, summary
@@ -716,7 +709,7 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
     Raises
     ------
-    ComponentError
+    InputError
         If a component has an option of a type that no configuration can hold.
     """
     try:
@@ -724,7 +717,7 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
         adapter.rebuild()  # raises what is not defined
     except (PydanticUserError, NameError, TypeError, ValueError) as error:
         first = str(error).partition("\n")[0]
-        raise ComponentError(
+        raise InputError(
             f"'{getattr(kind, 'name', kind)}' has an option whose type no configuration can hold: "
             f"{first.partition('. ')[0]}; use float, int, bool, str or lists of them, "
             "or Real, Positive, Numbers or Matrix of eqt_cli.extend"
@@ -775,8 +768,13 @@ class Kind:
         with at_kind.catching():
             of, known = self.registry.get(kind), ("kind", *common)
             made = validated(of, options, problems, known, group, measured=self.measured)
-            if is_foreign(of.__module__) and dataclasses.is_dataclass(made):
-                _check_values(made, problems)
+            for name, value in (
+                as_section(made).items() if made and is_foreign(of.__module__) else ()
+            ):
+                try:
+                    json.dumps(value)
+                except (TypeError, ValueError):
+                    problems.at(name).add(f"is {value!r}, which no configuration can hold")
             return made
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
@@ -838,15 +836,6 @@ def as_section(component: Any) -> dict[str, Any]:
         if field.init and value is not None:
             section[option_of_field(field.name)] = _plain(value)
     return section
-
-
-def _check_values(made: Any, problems: Problems) -> None:
-    """Note options of a plugin's component that no configuration can hold."""
-    for name, value in as_section(made).items():
-        try:
-            json.dumps(value)
-        except (TypeError, ValueError):
-            problems.at(name).add(f"is {value!r}, which no configuration can hold")
 
 
 def _plain(value: Any) -> Any:
