@@ -90,8 +90,8 @@ def test_no_flipped_bit_becomes_another_number(made, tmp_path, state, count):
             found[kind, "told"] += 1
         shutil.rmtree(out)
     print(dict(found))
-    if state == WHOLE:  # but for a flip in the mark of the checksum itself, which changes no number
-        assert found["results.h5", "told"] >= 0.9 * found["results.h5", "the same numbers"]
+    if state == WHOLE:  # the mark of the checksum itself is 16 bytes of the file
+        assert found["results.h5", "the same numbers"] <= 1
 
 
 def test_verify_names_the_file(made, tmp_path, invoke):

@@ -13,7 +13,6 @@ from exported_laws import FLAGS, compilers, made, written
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.firmware import export as readme
 from eqt_cli.extensions.firmware.export_laws import exported
 from eqt_cli.extensions.firmware.program_error import DOUBLE
 
@@ -34,7 +33,6 @@ solver: {engine: solve_ivp, cross_check: 0}
 @pytest.fixture
 def config(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(readme, "compiler", lambda: None)
     path = tmp_path / "flight.yaml"
     path.write_text(CONFIG, encoding="utf-8")
     return path
