@@ -134,7 +134,7 @@ def _shares(result: Result) -> Iterator[str]:
         yield f"time at a limit: {shares}"
     shown = [part for name in (*HEADLINE, "saturated_share") for part in result.in_parts(name)]
     for quantity in (result.quantity(name) for name in shown if name in result.metrics):
-        if quantity.hold(result.described.holds):
+        if quantity.hold(result.described.holds) and len(result.times) > 1:
             number = result.per_run(quantity, quantity.window)
             least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())
             yield from number.sampling_note(least, result.unit_in_words(quantity.name))

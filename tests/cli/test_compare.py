@@ -19,7 +19,8 @@ BREAKS = Path(__file__).parents[2] / "configs" / "satellite_breaks.yaml"
 @pytest.fixture(scope="session")
 def breaks_result(invoke, made_once):
     """The folder of a shipped experiment whose third law has another function L."""
-    short = ["--set=ensemble.runs=2", "--set=time.duration=0.5", "--set=time.samples=5"]
+    short = ["--set=ensemble.runs=2", "--set=time.duration=0.5", "--set=time.samples=6"]
+    short += ["--set=store.decimate=1"]
     run = ["run", BREAKS, *short, "--quiet", "--set=solver.rtol=1e-3", "--out"]
     return made_once("breaks", lambda folder: invoke(*run, folder / "result")) / "result"
 

@@ -133,3 +133,10 @@ def test_thinned_samples_are_all_that_a_stored_number_is_computed_from(tmp_path:
         assert result.per_run(QUANTITIES["effort"]).sampling == (0.0, 0)
         assert result.per_run(QUANTITIES["mean_torque"]).sampling[1] == 4
         assert not any("samples" in line for line in _shares(result))
+
+
+def test_a_file_with_one_sample_is_summarised(tmp_path: Path) -> None:
+    """Thinned beyond its samples; its metrics are of all of them."""
+    with run(tmp_path, 21, [], store={"decimate": 30}) as result:
+        assert len(result.times) == 1
+        assert not any("distance of samples" in line for line in _shares(result))

@@ -32,7 +32,7 @@ solver: {rtol: 1.0e-6, cross_check: 0}
 
 
 WHOLE, BEGUN = "whole", "begun"
-FEW, MANY = 12, 250
+FEW, MANY = 12, 100
 """Flips in each of four folders, in `make test` and in all tests: 1,000 together."""
 
 
