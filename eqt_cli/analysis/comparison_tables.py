@@ -371,8 +371,7 @@ def _better_in(pair: Pair, titles: Mapping[str, str]) -> str:
         return "-"
     if pair.ties == pair.pairs:
         return f"equal in {pair.pairs}"
-    first = round(pair.first_better * pair.pairs - pair.ties / 2)
-    second = pair.pairs - pair.ties - first
+    first, second = pair.better_in
     if first == second:
         return f"each {first} of {pair.pairs}"
     label, most = (pair.first, first) if first > second else (pair.second, second)

@@ -253,12 +253,7 @@ class PairedShares:
         Under this hypothesis, each run in which the two differ is equally likely to go either way
         (McNemar 1947).
         """
-        differing = self.first + self.second
-        if not differing:
-            return 1.0 if self.runs else math.nan
-        from scipy.special import bdtr  # unlike scipy.stats, quick to import
-
-        return min(1.0, 2 * float(bdtr(min(self.first, self.second), differing, 0.5)))
+        return sign_test(self.first, self.second) if self.runs else math.nan
 
 
 def _joined(one: float, other: float, correlation: float) -> float:
@@ -303,6 +298,14 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
         return Interval(float(share), -math.inf, math.inf)
     half = math.sqrt(max(b**2 - a * c, 0.0))
     return Interval(float(share), float((b - half) / a), float((b + half) / a))
+
+
+def sign_test(first: int, second: int) -> float:
+    """Return the exact two-sided p-value that a difference goes either way equally often."""
+    from scipy.special import bdtr  # unlike scipy.stats, quick to import
+
+    most = first + second
+    return min(1.0, 2 * float(bdtr(min(first, second), most, 0.5))) if most else 1.0
 
 
 def holm(p_values: Array) -> Array:
@@ -461,6 +464,12 @@ class Pair:
     def relative(self) -> float:
         """The difference divided by the mean of the second."""
         return self.difference / self.mean_second if self.mean_second else float("nan")
+
+    @property
+    def better_in(self) -> tuple[int, int]:
+        """In how many runs the first law is better, and the second."""
+        first = round(self.first_better * self.pairs - self.ties / 2) if self.pairs else 0
+        return first, self.pairs - self.ties - first
 
     @property
     def differs(self) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 
 from eqt_cli.analysis.compare import Comparison
 from eqt_cli.analysis.comparison_tables import findings, sources
-from eqt_cli.analysis.intervals import FEWEST, Pair, holm
+from eqt_cli.analysis.intervals import FEWEST, Pair, holm, sign_test
 from eqt_cli.results.quantity import Plain
 
 NEGLIGIBLE = 0.01
@@ -97,26 +97,17 @@ def answers(
     p_values = holm(np.array([_p_value(pair) for pair in pairs]))
     found = []
     for pair, p in zip(pairs, p_values, strict=True):
-        said, (first, second) = word(pair, negligible), _better_in(pair)
+        said, (first, second) = word(pair, negligible), pair.better_in
         leads = first > second if said is Word.BETTER else second > first
         sure = said in (Word.BETTER, Word.WORSE) and leads and p <= 1 - comparison.confidence
         found.append(Answer(pair, said, float(p), bool(sure or said is Word.ALIKE)))
     return found
 
 
-def _better_in(pair: Pair) -> tuple[int, int]:
-    """Return in how many runs the first law is better, and the second one."""
-    first = round(pair.first_better * pair.pairs - pair.ties / 2) if pair.pairs else 0
-    return first, pair.pairs - pair.ties - first
-
-
 def _p_value(pair: Pair) -> float:
-    if pair.p_value is not None or not pair.pairs:
-        return math.nan if pair.p_value is None else pair.p_value
-    from scipy.special import bdtr  # unlike scipy.stats, quick to import
-
-    counts = _better_in(pair)
-    return min(1.0, 2 * float(bdtr(min(counts), sum(counts), 0.5))) if sum(counts) else 1.0
+    if pair.p_value is not None:
+        return pair.p_value
+    return sign_test(*pair.better_in) if pair.pairs else math.nan
 
 
 # The answer in words ------------------------------------------------------------------------------
@@ -166,11 +157,7 @@ def lines(
 def _headline(found: Sequence[Answer], names: Sequence[str]) -> list[Answer]:
     """Return the answers about the first of these numbers that is known, by parts if it has any."""
     for name in names:
-        of_name = [
-            each
-            for each in found
-            if each.pair.measured.quantity.name in (name, f"{name}_rotation", f"{name}_translation")
-        ]
+        of_name = [each for each in found if each.pair.measured.quantity.name.startswith(name)]
         if of_name:
             first = of_name[0].pair.measured
             return [each for each in of_name if each.pair.measured.window == first.window]
@@ -179,7 +166,7 @@ def _headline(found: Sequence[Answer], names: Sequence[str]) -> list[Answer]:
 
 def _in_full(answer: Answer) -> str:
     """``better: mean attitude error −16 % [−19, −13], in 167 of 200 runs, p < 1e-20``."""
-    pair, (first, second) = answer.pair, _better_in(answer.pair)
+    pair, (first, second) = answer.pair, answer.pair.better_in
     said = answer.word if answer.decided else Word.UNDECIDED
     if not math.isfinite(pair.low):
         return f"{pair.measured.quantity.plain} {_percent(pair)}"
