@@ -90,6 +90,11 @@ sys.exit(code)
 all that it starts inherit, and ends them all when this process has ended."""
 
 
+_PATHS = "CPATH C_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH LD_RUN_PATH".split()
+_PATHS += "DEPENDENCIES_OUTPUT SUNPRO_DEPENDENCIES CCC_OVERRIDE_OPTIONS CCC_ADD_ARGS".split()
+"""Variables by which a compiler reads or writes other files, which no result would name."""
+
+
 def run_contained(
     command: Sequence[str], text: bytes, limits: Limits, folder: Path | None = None
 ) -> subprocess.CompletedProcess[bytes]:
@@ -121,8 +126,9 @@ def run_contained(
         if not WINDOWS:
             numbers = os.getpid(), max(1, round(limits.seconds)), limits.memory, limits.file
             words = [sys.executable, "-I", "-S", "-c", _GUARD, *map(str, numbers), *command]
+        kept = {name: text for name, text in os.environ.items() if name not in _PATHS}
         process = subprocess.Popen(
-            words, stdin=stdin, stdout=out, stderr=err, cwd=folder or empty, start_new_session=True
+            words, -1, None, stdin, out, err, cwd=folder or empty, env=kept, start_new_session=True
         )
         late = False
         try:

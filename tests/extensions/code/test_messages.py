@@ -162,6 +162,19 @@ def test_memory_needs_a_period(written, config, told):
 # What it includes --------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", ["CPATH", "C_INCLUDE_PATH"])
+def test_a_header_that_only_the_environment_leads_to_is_not_found(
+    written, config, told, monkeypatch, tmp_path_factory, name
+):
+    """A result could not name it; what C_INCLUDE_PATH leads to even counts as the system's."""
+    far = tmp_path_factory.mktemp("far")
+    (far / "far.h").write_text("#define FAR 1\n", encoding="utf-8")
+    monkeypatch.setenv(name, str(far))
+    written(body="torque[0] = FAR;", more="#include <far.h>")
+    said = told(config())
+    assert "lee.c cannot be compiled: lee.c:" in said and "far.h" in said
+
+
 def test_a_header_that_includes_itself(written, config, told):
     written()
     Path("lee.h").write_text('#include "lee.h"\n', encoding="utf-8")
