@@ -30,6 +30,7 @@ from eqt_cli.base.errors import EqtError, Remedy
 from eqt_cli.base.option_types import Count
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.reporting import reporter
+from eqt_cli.engines.compiler import user_cache
 
 if TYPE_CHECKING:
     from eqt_cli.engines.engine import Engine
@@ -546,7 +547,8 @@ class Dask(Executor):
             "distributed.worker.http.routes": [],
         }
         stack.enter_context(dask.config.set(settings))
-        scratch = stack.enter_context(TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True))
+        cache = user_cache()  # Dask removes there what killed workers have left, by their locks
+        scratch = cache.folder.parent if cache else stack.enter_context(TemporaryDirectory())
         stack.enter_context(dask.config.set(temporary_directory=scratch))
         cluster = stack.enter_context(self._local_cluster())
         return stack.enter_context(Client(cluster, set_as_default=False))
@@ -575,7 +577,10 @@ class Dask(Executor):
             except RuntimeError as error:
                 tries += 1
                 if tries == MOST_TRIES:
-                    raise EqtError(f"executor dask: no cluster can be started: {error}") from error
+                    cause = getattr(error.__cause__, "__context__", None) or error
+                    message = f"executor dask: no cluster can be started: {cause}"
+                    other = Remedy("use the executor local, which needs no semaphores in /dev/shm")
+                    raise EqtError(message, other) from error
 
 
 def _do(payload: bytes, item: int) -> int:

@@ -316,6 +316,38 @@ def test_nobody_else_gives_orders_to_a_local_cluster(monkeypatch, certificate):
 
 @pytest.mark.slow("starts a cluster")
 @NEEDS_DASK
+def test_a_cluster_removes_what_a_killed_one_has_left(task, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    there = tmp_path / "eqt" / "dask-scratch-space"
+    (there / "worker-left").mkdir(parents=True)
+    (there / "worker-left.dirlock").touch()
+    tmp_path.chmod(0o700)
+    assert list(executors.get("dask")(1).outcomes(task, [2])) == [Outcome(2, 0)]
+    assert not [path for path in there.iterdir() if "lock" not in path.suffix]
+
+
+@NEEDS_DASK
+def test_a_cluster_that_cannot_start_says_why(task, monkeypatch):
+    """As it is where /dev/shm cannot be written to."""
+    import distributed
+
+    def fails(**settings):
+        try:
+            raise OSError(30, "Read-only file system")
+        except OSError as error:
+            inner = AssertionError()
+            inner.__context__ = error
+            raise RuntimeError("Nanny failed to start.") from inner
+
+    monkeypatch.setattr(distributed, "LocalCluster", fails)
+    assert error_of(list, executors.get("dask")(1).outcomes(task, [2])) == (
+        "executor dask: no cluster can be started: [Errno 30] Read-only file system; use the "
+        "executor local, which needs no semaphores in /dev/shm"
+    )
+
+
+@pytest.mark.slow("starts a cluster")
+@NEEDS_DASK
 def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, certificate, monkeypatch):
     from dask.config import set as configured
     from distributed import LocalCluster
