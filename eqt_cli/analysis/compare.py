@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.intervals import (
+    NEGLIGIBLE,
     SHARE,
     Level,
     Pair,
@@ -334,6 +335,8 @@ class Comparison:
         Sentences about numbers that could not be computed.
     confidence, resamples, seed
         Settings of the bootstrap.
+    negligible
+        Relative difference within which there is none.
     """
 
     title: str
@@ -354,6 +357,12 @@ class Comparison:
     confidence: float
     resamples: int
     seed: int
+    negligible: float = NEGLIGIBLE
+
+    def against(self, *bases: str) -> list[Pair]:
+        """Return every pair against the law that stands first of both, after these."""
+        rank = [*bases, *self.labels].index
+        return [p if rank(p.first) > rank(p.second) else p.swapped() for p in self.pairs]
 
 
 def compare(

@@ -8,23 +8,26 @@ from itertools import groupby
 from typing import Any
 
 from eqt_cli.analysis.compare import ClaimVerdict, Comparison, Judgement
-from eqt_cli.analysis.intervals import FEWEST, LEAST_SEEN, POWER, SHARE, Level, Pair
+from eqt_cli.analysis.intervals import FEWEST, POWER, SHARE, Level, Pair, Word
 from eqt_cli.base.reporting import Block, TextTable, listed, percent
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import Plain
+from eqt_cli.results.quantity import Plain, Window
 from eqt_cli.results.result import PerRun
 
 Record = dict[str, Any]
 
 
-def records(comparison: Comparison) -> dict[str, list[Record]]:
+def records(comparison: Comparison, *against: str) -> dict[str, list[Record]]:
     """Return all tables by name, with a record per measure and controller, pair or claim.
 
-    Differences are first minus second.
+    Differences are first minus second: the one of `against`, or that stands first in the result.
     """
     return {
         "controllers": [_level(level) for level in comparison.levels],
-        "pairs": [_pair(pair) for pair in comparison.pairs],
+        "pairs": [
+            {**_pair(pair), "word": str(pair.word(comparison.negligible))}
+            for pair in comparison.against(*against)
+        ],
         "claims": [_judgement(judgement) for judgement in comparison.judgements],
     }
 
@@ -32,8 +35,8 @@ def records(comparison: Comparison) -> dict[str, list[Record]]:
 def _what(measured: PerRun) -> Record:
     return {
         "metric": measured.quantity.name,
-        "window_start": measured.window.start,
-        "window_stop": measured.window.stop,
+        "window_start": measured.seen.start,
+        "window_stop": measured.seen.stop,
         "units": measured.unit,
     }
 
@@ -54,7 +57,8 @@ def _pair(pair: Pair) -> Record:
     return {
         **_what(pair.measured),
         **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
-        **_fields(pair, "difference", "low", "high", "relative", "cohen_d", "first_better"),
+        **_fields(pair, "difference", "low", "high", "relative", "relative_low", "relative_high"),
+        **_fields(pair, "cohen_d", "first_better"),
         **({} if pair.p_value is None else {"p_value": pair.p_value}),
         "runs_to_decide": pair.runs_to_decide,
     }
@@ -200,16 +204,17 @@ def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
     first, second = titles[pair.first], titles[pair.second]
     what = _measure_in_words(pair.measured)
     number = _number(pair, pair.difference)
-    if not pair.differs:
-        return f"no difference seen between {first} and {second} in {what} ({number})"
-    share = f"{percent(abs(pair.relative))} " if pair.relative == pair.relative else ""
+    word = pair.word()
+    if word in (Word.ALIKE, Word.UNDECIDED) and math.isfinite(pair.low):
+        return f"{word} between {first} and {second}: {what} ({number})"
+    share = f"{percent(abs(pair.relative))} " if math.isfinite(pair.relative) else ""
     more = "more" if pair.difference > 0 else "less"
     return f"{first} has {share}{more} {what} than {second} ({number})"
 
 
 def _measure_in_words(measured: PerRun) -> str:
     of = "share of runs " if measured.quantity.counts else ""
-    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.window)}"
+    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.seen)}"
 
 
 def _number(row: Pair | Level, value: float) -> str:
@@ -219,9 +224,6 @@ def _number(row: Pair | Level, value: float) -> str:
 
 IN_FULL = ("d", "runs to decide")
 """Columns of the table of pairs that only some readers need."""
-
-_KEYS = ["measure", "window", "unit"]
-"""Headings of `_measure`."""
 
 FEW = 20
 """Pairs below which coverage falls short of the confidence (docs/explanation/statistics.md)."""
@@ -233,7 +235,6 @@ def text_tables(
     against: Sequence[str] = (),
     *,
     laws_as_rows: bool = False,
-    brief: bool = False,
 ) -> dict[str, TextTable]:
     """Return all tables that have rows, by name.
 
@@ -243,12 +244,9 @@ def text_tables(
         Show only pairs with one of these controllers; all if empty.
     laws_as_rows
         Whether the table of means has a row for each controller instead of each measure.
-    brief
-        Whether the tables of means and pairs have one column for measure, window and unit, which
-        fits 80 columns.
     """
-    whole = f"0–{comparison.horizon:g} s" * brief
-    means = _controllers(comparison, notation, whole * (not laws_as_rows))
+    whole = notation.window(Window(0.0, comparison.horizon))
+    means = _controllers(comparison, notation, whole)
     made = [
         _pairs(comparison, notation, against, whole),
         _with_laws_as_rows(means) if laws_as_rows and means.blocks else means,
@@ -269,7 +267,7 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         levels = list(group)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
-        rows.append([*_measure(here, write, whole), *(_value(level, write) for level in levels)])
+        rows.append([_measure(here, write, whole), *(_value(level, write) for level in levels)])
         if censored := counted({level.controller: level.censored for level in levels}):
             notes.append(
                 f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
@@ -288,27 +286,19 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         notes.append(f"Failed runs, left out: {failed}.")
     if any(level.measured.quantity.counts for level in comparison.levels):
         notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
-    caption = f"Means over {f'{whole} and ' * bool(whole)}{_runs_each(comparison)}"
+    caption = f"Means over {whole} where no time is named, and {runs_each(comparison)}"
     intervals = (x for x in comparison.levels if not x.measured.quantity.counts)
     if any(math.isfinite(level.low) for level in intervals):
         caption += f"; {write.plus_minus} half the {_level_name(comparison, write)} interval"
     laws = [write.text(titles[label]) for label in comparison.labels]
-    keys = _KEYS[:1] if whole else _KEYS
     blocks = [Block("", rows)] if rows else []
-    notes = _plain(notes, write)
-    return TextTable("controllers", caption, [*keys, *laws], blocks, notes, keys=len(keys))
+    return TextTable("controllers", caption, ["measure", *laws], blocks, _plain(notes, write))
 
 
 def _with_laws_as_rows(table: TextTable) -> TextTable:
     """A column for each measure, with its window and unit in the heading."""
-    across = list(zip(table.header, *table.rows, strict=True))
-    measures, windows, units = (column[1:] for column in across[: table.keys])
-    said = [
-        f"{measure}, {window}{f' ({unit})' if unit else ''}"
-        for measure, window, unit in zip(measures, windows, units, strict=True)
-    ]
-    rows = [list(column) for column in across[table.keys :]]
-    return replace(table, header=["controller", *said], blocks=[Block("", rows)], keys=1)
+    [measures, *laws] = (list(column) for column in zip(table.header, *table.rows, strict=True))
+    return replace(table, header=["controller", *measures[1:]], blocks=[Block("", laws)])
 
 
 def _value(level: Level, write: Plain) -> str:
@@ -329,25 +319,28 @@ def _functions(comparison: Comparison) -> list[str]:
 
 def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: str) -> TextTable:
     def names(pair: Pair) -> tuple[str, str]:
-        return pair.first, pair.second
+        return pair.second, pair.first
 
     def order(pair: Pair) -> list[int]:
-        return list(map(comparison.labels.index, names(pair)))
+        return list(map([*against, *comparison.labels].index, names(pair)))
 
-    shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
+    every = sorted(comparison.against(*against), key=order)
+    shown = [p for p in every if not against or set(names(p)) & set(against)]
     blocks = []
-    for (first, second), group in groupby(sorted(shown, key=order), key=names):
+    for (second, first), group in groupby(shown, key=names):
         rows = [_pair_row(comparison, pair, write, whole) for pair in group]
-        blocks.append(Block(write.text(_difference(comparison, first, second)), rows))
-    caption = "Paired differences from the same initial states"
-    if any(math.isfinite(pair.low) for pair in shown):
-        caption += f", with {_level_name(comparison, write)} intervals"
-    keys = _KEYS[:1] if whole else _KEYS
-    header = [*keys, "difference", "better in", "relative", *IN_FULL]
-    notes = [f"Over {whole} where no time is named."] if whole else []
-    notes += _plain(_pair_notes(comparison, shown), write)
-    spare = ("runs to decide", "d", "relative", "better in")
-    return TextTable("pairs", caption, header, blocks, notes, spare, len(keys))
+        titles = [comparison.titles[label] for label in (first, second, second)]
+        blocks.append(Block(write.text("{} against {}, in % of {}".format(*titles)), rows))
+    about = "Paired differences from the same initial states"
+    header = ["measure", "difference", "relative", "verdict", "better in", *IN_FULL]
+    spare = ("runs to decide", "d", "difference", "better in")
+    if not any(math.isfinite(pair.low) for pair in shown):
+        notes = [*_of_shares(comparison, shown), too_few(comparison)]
+        table = TextTable("pairs", about, header, blocks, _plain(notes, write), spare)
+        return table.without(header[3:])
+    caption = f"{about} over {whole} where no time is named, with {_level_name(comparison, write)}"
+    notes = _plain(_pair_notes(comparison, shown), write)
+    return TextTable("pairs", f"{caption} intervals", header, blocks, notes, spare)
 
 
 def _difference(comparison: Comparison, first: str, second: str) -> str:
@@ -356,10 +349,11 @@ def _difference(comparison: Comparison, first: str, second: str) -> str:
 
 def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> list[str]:
     return [
-        *_measure(pair.measured, write, whole),
+        _measure(pair.measured, write, whole),
         write.interval(pair.difference, pair.low, pair.high),
+        write.text(pair.percent),
+        str(pair.word(comparison.negligible)) if math.isfinite(pair.low) else "-",
         write.text(_better_in(pair, comparison.titles)),
-        _relative(pair, write),
         "-" if pair.measured.quantity.counts else write.number(_two(pair.cohen_d)),
         _runs(pair.runs_to_decide),
     ]
@@ -384,9 +378,9 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
         f"runs to decide: the number of runs with which an interval excludes 0 with probability "
         f"{POWER:g}, if mean and spread stay as measured.",
         *_of_shares(comparison, shown),
+        f"Words follow from the relative interval of each row alone, uncorrected; within "
+        f"±{100 * comparison.negligible:g} % is no difference.",
     ]
-    if any(math.isfinite(pair.low) for pair in shown):
-        notes.append("Intervals are not corrected for multiple comparisons.")
     failed = max((pair.failed for pair in shown), default=0)
     if failed:
         notes.append(f"Runs in which either controller failed are left out (at most {failed}).")
@@ -422,7 +416,7 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
         without = f" (here without {absent})" if absent else ""
         blocks.append(Block(write.text(f"“{says}”{without}"), rows))
     about = f"Claims of {write.text(sources(comparison))}, tested on this experiment"
-    caption = f"{about}, at {_runs_each(comparison)}"
+    caption = f"{about}, at {runs_each(comparison)}"
     header = ["measured", "window", "found", "verdict", "runs to decide"]
     notes = [
         "Differences below 0 support a claim: supported if the whole interval lies below 0, not "
@@ -457,33 +451,31 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
         what = f"{symbol}: {write.text(_difference(comparison, pair.first, pair.second))}"
         interval = write.interval(pair.difference, pair.low, pair.high)
         outcome = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
-        outcome += f" ({_relative(pair, write)})"
-        window = write.window(pair.measured.window)
+        share = percent(pair.relative, signed=True).replace("-", "−")
+        outcome += write.text(f" ({share})")
+        window = write.window(pair.measured.seen)
     return [what, window, outcome, str(judgement.verdict), _runs(judgement.runs_to_decide)]
 
 
-def _measure(measured: PerRun, write: Plain, whole: str) -> list[str]:
-    """Return name, window and unit; given the window of most rows, as one cell without that."""
-    name = measured.quantity.plain if whole else write.name(measured.quantity)
-    row = [name, write.window(measured.window), write.unit(measured.unit)]
-    return [", ".join(word for word in row if word not in ("", whole))] if whole else row
-
-
-def _relative(pair: Pair, write: Plain) -> str:
-    if pair.relative != pair.relative:
-        return "-"
-    if abs(pair.relative) < LEAST_SEEN and not pair.differs:
-        return "no difference seen"
-    number, _, sign = percent(pair.relative, signed=True).partition(" ")
-    return f"{write.number(number)} {write.text(sign)}"
+def _measure(measured: PerRun, write: Plain, whole: str) -> str:
+    """Return name, window unless it is that of most rows, and unit, in a cell."""
+    name = write.name(replace(measured.quantity, formula=""))
+    row = [name, write.window(measured.seen), write.unit(measured.unit)]
+    return ", ".join(word for word in row if word not in ("", whole))
 
 
 def _level_name(comparison: Comparison, write: Plain) -> str:
     return write.text(f"{100 * comparison.confidence:g} % bootstrap")
 
 
-def _runs_each(comparison: Comparison) -> str:
-    return f"{comparison.runs} run{'s' if comparison.runs > 1 else ''} per law"
+def runs_each(comparison: Comparison) -> str:
+    """Return how many runs each law has, in words."""
+    return f"{comparison.runs} runs per law" if comparison.runs > 1 else "one run per law"
+
+
+def too_few(comparison: Comparison) -> str:
+    """Say that there are no statistics."""
+    return f"{runs_each(comparison)}: too few for statistics; `ensemble.runs` sets how many"
 
 
 def _two(value: float) -> str:

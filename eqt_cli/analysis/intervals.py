@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from itertools import combinations
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.reporting import fixed, reporter, step
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import PerRun
 
@@ -278,26 +279,27 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
     Returns
     -------
     Interval
-        NaN for fewer than `FEWEST` runs; ends of ±∞ if unbounded.
+        The ends are NaN for fewer than `FEWEST` runs, ±∞ if unbounded, and not below −1 if no value
+        of both is below 0.
     """
     known = np.isfinite(differences) & np.isfinite(second)
-    d, y = differences[known], second[known] * np.sign(second[known].mean())
-    n = len(d)
+    d, y = differences[known], second[known] * np.sign(_mean(second[known]))
+    n, share = len(d), float(d.mean() / y.mean()) if y.any() else math.nan
     if n < FEWEST or not y.any():
-        return Interval(math.nan, math.nan, math.nan)
+        return Interval(share, math.nan, math.nan)
     from scipy.special import stdtrit  # slow to import
 
     t = stdtrit(n - 1, (1 + confidence) / 2)
-    share = d.mean() / y.mean()
     # (d̄ − θ ȳ)² ≤ t² var(d − θ y)/n: a θ² − 2 b θ + c ≤ 0.
     covariance = t**2 / n * np.cov(d, y)
     a = y.mean() ** 2 - covariance[1, 1]
     b = d.mean() * y.mean() - covariance[0, 1]
     c = d.mean() ** 2 - covariance[0, 0]
+    least = -1.0 if min(y.min(), (d + y).min()) >= 0 else -math.inf
     if a <= 0:
-        return Interval(float(share), -math.inf, math.inf)
+        return Interval(share, least, math.inf)
     half = math.sqrt(max(b**2 - a * c, 0.0))
-    return Interval(float(share), float((b - half) / a), float((b + half) / a))
+    return Interval(share, max(float((b - half) / a), least), float((b + half) / a))
 
 
 def sign_test(first: int, second: int) -> float:
@@ -366,8 +368,17 @@ RESOLUTION = 1e-6
 EqT and GT on a commutative one, still differ by rounding and solver errors."""
 
 
-LEAST_SEEN = 5e-4
-"""Least relative difference that is called one where there is no interval."""
+NEGLIGIBLE = 0.01
+"""Relative difference that nobody minds; of shares, one point of 100."""
+
+
+class Word(StrEnum):
+    """What the interval of a relative difference says of a law against another one."""
+
+    BETTER = "better"
+    WORSE = "worse"
+    ALIKE = "no difference"
+    UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True)
@@ -419,6 +430,8 @@ class Pair:
         Numbers of runs left out because one of the two failed, or has no value.
     difference, low, high
         Mean difference and its interval; for shares of runs the interval of Newcombe.
+    relative, relative_low, relative_high
+        `relative_difference`; of shares, the difference itself.
     mean_first, mean_second
         Means over the pairs.
     cohen_d
@@ -428,8 +441,8 @@ class Pair:
     ties
         Number of pairs in which both are equal.
     runs_to_decide
-        Number of runs that would decide the sign (`runs_needed.runs_to_decide`); None for fewer
-        than `bootstrap.FEWEST` pairs, whose spread is too uncertain.
+        Number of runs that would decide the sign (`runs_to_decide`); None for fewer than `FEWEST`
+        pairs, whose spread is too uncertain.
     p_value
         P-value of McNemar's test for shares of runs; else None.
     """
@@ -444,6 +457,9 @@ class Pair:
     difference: float
     low: float
     high: float
+    relative: float
+    relative_low: float
+    relative_high: float
     mean_first: float
     mean_second: float
     cohen_d: float
@@ -456,14 +472,9 @@ class Pair:
         """The difference with its interval, in a line."""
         write = Plain()
         interval = write.interval(self.difference, self.low, self.high)
-        measured = f"{self.measured.quantity.name} {write.window(self.measured.window)}"
+        measured = f"{self.measured.quantity.name} {write.window(self.measured.seen)}"
         value = " ".join(filter(None, [interval, write.unit(self.measured.unit)]))
         return f"Pair({self.first} − {self.second}, {measured}: {value}, {self.pairs} pairs)"
-
-    @property
-    def relative(self) -> float:
-        """The difference divided by the mean of the second."""
-        return self.difference / self.mean_second if self.mean_second else float("nan")
 
     @property
     def better_in(self) -> tuple[int, int]:
@@ -471,15 +482,44 @@ class Pair:
         first = round(self.first_better * self.pairs - self.ties / 2) if self.pairs else 0
         return first, self.pairs - self.ties - first
 
+    def word(self, negligible: float = NEGLIGIBLE) -> Word:
+        """Return the word for the first law against the second.
+
+        *No difference* if the interval of the relative difference lies within ±`negligible`, else
+        *better* or *worse* if it lies on one side of 0; of a mean of 0, that of the difference.
+        """
+        better, low, high = self.measured.quantity.better, self.relative_low, self.relative_high
+        known = math.isfinite(low)
+        if not known:
+            low, high = self.low, self.high
+        if max(abs(low), abs(high)) <= negligible * known:
+            return Word.ALIKE
+        if better == "neither" or not (low > 0 or high < 0):
+            return Word.UNDECIDED
+        return Word.BETTER if (high < 0) == (better == "lower") else Word.WORSE
+
     @property
-    def differs(self) -> bool:
-        """Whether a difference was seen: its interval excludes 0, or without one 0.05 % do."""
-        if np.isfinite(self.low):
-            return not self.low <= 0 <= self.high
-        return abs(self.difference) > LEAST_SEEN * abs(self.mean_second)
+    def percent(self) -> str:
+        """The relative difference as ``−16 % [−19, −13]``; of shares in points of 100."""
+        values = [100 * x for x in (self.relative, self.relative_low, self.relative_high)]
+        if not math.isfinite(values[0]):
+            return "-"
+        half = (values[2] - values[1]) / 2
+        digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if half > 0 else 0
+        mean, *ends = (fixed(value, digits, signed=True).replace("-", "−") for value in values)
+        unit = "points" if self.measured.quantity.is_share else "%"
+        return f"{mean} {unit} [{', '.join(ends)}]" if math.isfinite(half) else f"{mean} {unit}"
 
     def swapped(self) -> Pair:
         """Return the pair with the two controllers exchanged."""
+        relative = [-self.relative, -self.relative_high, -self.relative_low]
+        if not self.measured.quantity.is_share:
+            sign, other = np.sign([self.mean_second, self.mean_first])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ratios = 1 + sign * np.array([self.relative, self.relative_low, self.relative_high])
+                value, *ends = (other * (1 / ratios - 1)).tolist()
+            # An interval with a ratio of 0 has none of the inverse.
+            relative = [value, *(sorted(ends) if ratios[1] * ratios[2] >= 0 else 2 * [math.nan])]
         return replace(
             self,
             first=self.second,
@@ -487,6 +527,9 @@ class Pair:
             difference=-self.difference,
             low=-self.high,
             high=-self.low,
+            relative=relative[0],
+            relative_low=relative[1],
+            relative_high=relative[2],
             mean_first=self.mean_second,
             mean_second=self.mean_first,
             cohen_d=-self.cohen_d,
@@ -562,6 +605,8 @@ def _pair(
     deviation, mean = _deviation(differences), interval.value
     with np.errstate(invalid="ignore", divide="ignore"):
         cohen_d = float(np.float64(mean) / deviation)
+    second = s.values[b][both]
+    relative = relative_difference(differences, second, confidence)
     better = -differences if s.quantity.better != "higher" else differences
     first_better = _mean((better > 0) + (better == 0) / 2)
     return Pair(
@@ -573,8 +618,9 @@ def _pair(
         failed,
         s.runs - failed - len(differences),
         *interval,
+        *(interval if s.quantity.is_share else relative),
         mean_first=_mean(s.values[a][both]),
-        mean_second=_mean(s.values[b][both]),
+        mean_second=_mean(second),
         cohen_d=cohen_d,
         first_better=first_better,
         ties=int(np.count_nonzero(differences == 0)),

@@ -106,7 +106,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     shown = replace(comparison, pairs=between, levels=[], judgements=[])
-    pairs = text_tables(shown, _WRITE, brief=True)
+    pairs = text_tables(shown, _WRITE)
     if "pairs" in pairs:
         ranking = _ranking(result, record["objectives"][0], tuned)
         pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking])
@@ -306,10 +306,8 @@ def _relative(winner: Array, start: Array) -> str:
     """Format the mean change relative to the mean at the starting gains, with its interval."""
     shares = relative_difference(resolved_differences(winner, start), start, Resampling.confidence)
     mean, low, high = (fixed(100 * share, 1, signed=True) for share in shares)
-    if not math.isfinite(shares.value):  # of too few runs
-        change = 100 * (winner.mean() / start.mean() - 1) if start.mean() else math.nan
-        return f"{fixed(change, 1, signed=True)} %".replace("- %", "-")
-    return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
+    change = f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
+    return change.replace("- %", "-")
 
 
 def _range(means: Sequence[float], half: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -180,6 +180,7 @@ def compare(
             units=unit or (),
             **vars(how),
         )
+        comparison = replace(comparison, negligible=negligible)
         against = _labels(comparison, against or ())
         as_rows = rows is Rows.CONTROLLERS or (rows is None and format is TableFormat.LATEX)
         shown = _of_experiment(
@@ -189,7 +190,6 @@ def compare(
             format,
             write,
             chosen=bool(metric or window),
-            negligible=negligible,
             laws_as_rows=as_rows,
         )
     _print(shown, result, format, json)
@@ -288,7 +288,6 @@ def _of_experiment(
     write: Plain,
     *,
     chosen: bool,
-    negligible: float,
     laws_as_rows: bool = False,
 ) -> _Findings:
     """Return the findings on one experiment: the answer, or tables.
@@ -299,7 +298,7 @@ def _of_experiment(
     from eqt_cli.analysis import verdict
     from eqt_cli.analysis.comparison_tables import records, text_tables
 
-    rows, text = records(comparison), format is TableFormat.TEXT
+    rows, text = records(comparison, *against), format is TableFormat.TEXT
     made = text_tables(comparison, write, against, laws_as_rows=laws_as_rows)
     wanted: Collection[str] = made
     if table not in (None, TableName.ALL):
@@ -314,7 +313,7 @@ def _of_experiment(
         **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
         "bootstrap": {"method": "expanded BCa"}
         | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
-        "verdict": verdict.records(comparison, base, negligible),
+        "verdict": verdict.records(comparison, base),
         "levels": rows[TableName.CONTROLLERS],
         "pairs": rows[TableName.PAIRS],
         "claims": rows[TableName.CLAIMS],
@@ -326,7 +325,7 @@ def _of_experiment(
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
     elif text and table is None:
-        answer = verdict.lines(comparison, base, negligible, claims=not chosen)
+        answer = verdict.lines(comparison, base, claims=not chosen)
         if not chosen:
             remarks.append(
                 "next: --table pairs, controllers, claims or all; --list for all metrics"

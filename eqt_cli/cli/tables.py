@@ -20,9 +20,6 @@ from eqt_cli.base.reporting import Block, TextTable, words
 # Text tables as LaTeX and CSV; this module knows no command ---------------------------------------
 
 
-_MATHEMATICS = {"d": "$d$"}
-"""Headings that are formulas."""
-
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Characters that begin a formula in a spreadsheet."""
 
@@ -54,11 +51,9 @@ def _tabular(table: TextTable) -> str:
 
 
 def _heading(text: str) -> str:
-    r"""Return a heading, in two lines if it ends with a window and a unit: ``effort, 0--20\,s``."""
-    measure, comma, end = text.rpartition(", ")
-    if comma and end[:1].isdigit():
-        return rf"\shortstack[l]{{{measure} \\ {end}}}"
-    return _MATHEMATICS.get(text, text)
+    r"""Return a heading, with its window and its unit in lines of their own."""
+    lines = r" \\ ".join(text.split(", "))
+    return rf"\shortstack[l]{{{lines}}}" if ", " in text else "$d$" if text == "d" else text
 
 
 def as_csv(records: Sequence[Mapping[str, Any]]) -> str:

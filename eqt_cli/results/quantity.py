@@ -278,6 +278,11 @@ class Quantity:
         return self.of is not None and known and self.window == WHOLE and not self.settings
 
     @property
+    def is_share(self) -> bool:
+        """Whether it is a share of runs or of the time, so that differences are points of 100."""
+        return self.counts or self.name.endswith("_share")
+
+    @property
     def parted(self) -> bool:
         """Whether it has values for the parts of a norm, such as rotation and translation."""
         return self._of_norm and (self.windowed or self.per is ValuePer.TRAJECTORY)

@@ -462,6 +462,13 @@ class PerRun:
         name = self.quantity.described
         return [f"{name}: an error of up to {text} by the distance of samples{by * bool(missed)}."]
 
+    @property
+    def seen(self) -> Window:
+        """The window, or its last part for a number of the last share of the time."""
+        start, stop = self.window.start, self.window.stop
+        share = float(self.quantity.notes.get("share_of_time", 1.0))
+        return Window(stop - share * (stop - start), stop)
+
     def __repr__(self) -> str:
         """Return a description without the values."""
         return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"

@@ -9,7 +9,7 @@ from case_tables import refusal
 from scipy.stats import binomtest
 
 from eqt_cli.analysis.compare import AtMost, compare, judge_at_most, judge_less
-from eqt_cli.analysis.comparison_tables import records
+from eqt_cli.analysis.comparison_tables import records, text_tables
 from eqt_cli.analysis.intervals import Resampling, resolved_differences
 from eqt_cli.base.errors import EqtError
 from eqt_cli.numbers.running import SampledRuns
@@ -19,6 +19,7 @@ from eqt_cli.results.quantity import Latex, Plain, Window
 
 RUNS = 40
 NOISE = np.random.default_rng(5).normal(size=RUNS)
+LEVELS = np.linspace(1.0, 2.0, 8)
 
 
 def only(rows):
@@ -152,7 +153,6 @@ def test_the_spread_of_runs_and_of_their_differences(make_result):
     pair = only(comparison.pairs)
     assert pair.cohen_d == pytest.approx(2 / np.sqrt(13))
     assert (pair.relative, pair.first_better) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
-    assert np.isnan(replace(pair, mean_second=0.0).relative)
     other = pair.swapped()
     assert (other.first, other.difference, other.mean_first) == ("b", -pair.difference, 3.0)
     assert other.first_better == pytest.approx(2 / 3)
@@ -572,3 +572,57 @@ def test_a_number_and_its_interval_have_one_form(mean, low, high, written):
 )
 def test_a_power_of_ten_is_one_in_latex_too(text, written):
     assert Latex().number(text) == written
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_other_law_as_the_base_has_the_interval_of_the_inverse_ratio(make_result, sign):
+    """Fieller's interval holds the ratios that a paired test does not reject, from either side."""
+    random = np.random.default_rng(3)
+    first, second = sign * random.lognormal(0.0, 0.3, (2, RUNS))
+    ends = ("difference", "low", "high", "relative", "relative_low", "relative_high")
+
+    def compared(*efforts):
+        result = make_result(["a", "b"], metrics={"effort": efforts})
+        return only(compare(result, metrics=["effort"]).pairs)
+
+    turned, wanted = compared(second, first).swapped(), compared(first, second)
+    # The resamples of the difference are the same; what BCa makes of them is not, by rounding.
+    for name in ends:
+        assert getattr(turned, name) == pytest.approx(getattr(wanted, name), rel=0.02), name
+
+
+def test_no_law_has_more_than_all_of_a_mean_less(make_result):
+    """An interval that divides by the mean as if it were known reaches below −100 % here."""
+    large = np.random.default_rng(1).lognormal(0.0, 2.0, 12)
+    results = make_result(["a", "b"], metrics={"effort": [0.1 * large[::-1], large]})
+    pair = only(compare(results, metrics=["effort"]).pairs)
+    assert pair.low / pair.mean_second < -1 <= pair.relative_low < pair.relative
+
+
+def test_one_law_is_the_base_of_all_percentages(make_result):
+    results = make_result(["a", "b", "c"], metrics={"effort": [LEVELS, LEVELS + 1, LEVELS + 2]})
+    comparison = compare(results, metrics=["effort"])
+
+    def pairs(*bases):
+        return [(pair.first, pair.second) for pair in comparison.against(*bases)]
+
+    assert pairs() == [("b", "a"), ("c", "a"), ("c", "b")]
+    assert pairs("c") == [("b", "a"), ("a", "c"), ("b", "c")]
+    [row, *_] = records(comparison, "c")["pairs"]
+    assert (row["first"], row["second"], row["word"]) == ("b", "a", "worse")
+    assert row["relative"] == pytest.approx(1 / LEVELS.mean())
+
+
+def test_shares_are_compared_in_points(make_result):
+    """Of the time, too: from nothing to 5 % of it are 5 points, and no share of 0."""
+    results = make_result(["a", "b"], metrics={"saturated_share": [0 * LEVELS, 0.05 + 0 * LEVELS]})
+    [pair] = compare(results, metrics=["saturated_share"]).against()
+    assert (pair.percent, pair.word()) == ("+5 points [+5, +5]", "worse")
+
+
+def test_the_closing_window_is_named_as_it_is(make_result):
+    results = make_result(["a", "b"], metrics={"closing_pose_error": [LEVELS, LEVELS]})
+    comparison = compare(results, metrics=["closing_pose_error"])
+    table = text_tables(comparison, Plain())["controllers"]
+    assert [row[0] for row in table.rows] == ["closing rms of ‖I − Q_E‖, 15–20 s"]
+    assert records(comparison)["pairs"][0]["window_start"] == 15.0

@@ -89,7 +89,7 @@ def test_a_claim_that_the_runs_refute(found):
 def test_a_difference_that_the_runs_do_not_tell(found):
     first = found(["eqt", "gt"], [LOW, LOW[::-1]], [HIGH, LOW])["the EqT cont"]
     assert first.verdict == "undecided"
-    assert first.words.startswith("no difference seen between EqT and GT in mean ‖τ‖ over 0–5 s (")
+    assert first.words.startswith("undecided between EqT and GT: mean ‖τ‖ over 0–5 s (")
 
 
 def test_of_several_comparisons_those_that_do_not_support_are_named(found):

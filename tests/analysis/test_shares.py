@@ -109,7 +109,7 @@ def test_tables_say_which_intervals_shares_have(settling):
     assert made["controllers"].notes == ["Shares of runs: with 95 % Wilson intervals."]
     assert (
         "Shares of runs: with 95 % paired intervals of Newcombe. McNemar's exact test: "
-        "settled, a − b: p = 0.5." in made["pairs"].notes
+        "settled, b − a: p = 0.5." in made["pairs"].notes
     )
 
 

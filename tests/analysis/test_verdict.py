@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.intervals import Resampling
-from eqt_cli.analysis.verdict import Word, answers, lines, word
+from eqt_cli.analysis.intervals import Resampling, Word
+from eqt_cli.analysis.verdict import answers, lines
 
 RUNS = 30
 
@@ -56,15 +56,15 @@ def test_a_pair_is_called_by_one_of_four_words(compared, low, high, better, expe
     (pair, *_) = compared([spread(1.0), spread(1.0)], [spread(1.0), spread(1.0)]).pairs
     quantity = replace(pair.measured.quantity, better=better)
     pair = replace(pair, measured=replace(pair.measured, quantity=quantity))
-    assert word(replace(pair, low=low, high=high, mean_second=1.0)) is expected
-    assert word(replace(pair, low=2 * low, high=2 * high, mean_second=-2.0)) is expected
+    pair = replace(pair, low=low, high=high, relative_low=low, relative_high=high)
+    assert pair.word() is expected
 
 
 def test_the_lines_of_the_answer(compared):
     torque, pose = [spread(2.0), spread(2.5)], [spread(1.0), spread(0.8, width=0.1)]
     found = lines(compared(torque, pose))
     assert found[0] == "B against A"
-    assert found[1].startswith("  better: mean attitude error −2")
+    assert found[1].startswith("  better: mean attitude error −19.9 % [−21.")
     assert found[2].startswith("  worse: effort +5")
     assert found[-1].startswith("30 runs per law from the same starts; ")
 

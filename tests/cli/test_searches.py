@@ -49,7 +49,7 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt, config):
         "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0.",
         "Constraints on the held-out runs",
         "Paired differences from the same initial states",
-        "EqT − GT",
+        "GT against EqT, in % of EqT",
         "results  results/t-tuned",
         "next     eqt run results/t-tuned/tuned/eqt.yaml",
     ):
