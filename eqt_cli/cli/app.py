@@ -105,6 +105,7 @@ _CORE = {
     "worst": ("cli.run.worst", COMPUTE, "late.yaml --fail-above 0.2"),
     "pack": ("cli.run.pack", COMPUTE, "results/sweep_gains"),
     "show": ("cli.show.show", READ, "results/paper --failed"),
+    "results": ("cli.show.results", READ, "results"),
     "compare": ("cli.compare.compare", READ, "results/paper --metric mean_torque"),
     "diff": ("cli.compare.diff", READ, "results/paper results/again"),
     "verify": ("cli.verify.verify", READ, "configs/paper.yaml"),

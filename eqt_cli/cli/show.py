@@ -1,10 +1,12 @@
-"""`eqt show`: the contents of a result."""
+"""`eqt show` and `eqt results`: the contents of a result, and the results in a folder."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME
@@ -195,3 +197,45 @@ def _stored(results: Result, name: str) -> Any:
     from eqt_cli.base import yaml_source
 
     return yaml_source.load(str(results.attributes[name]), name).data
+
+
+# `eqt results`: the results in a folder -----------------------------------------------------------
+
+
+def results(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Folder that holds result folders.")
+    ] = Path("results"),
+    json: options.Json = False,
+) -> None:
+    """List the results in a folder, the newest first: laws, runs and mean errors."""
+    if not folder.is_dir():
+        raise EqtError(f"{folder}: expected a folder; `eqt run CONFIG` makes results/NAME")
+    records = [_listed(path) for path in folder.rglob(FILE_NAME)]
+    records.sort(key=lambda each: each["begun"], reverse=True)
+    rows = [[str(cell) for cell in each.values()] for each in records]
+    text = output.table(["result", "begun, UTC", "laws", "runs", "headline"], rows)
+    output.print_findings(records, *[text] * bool(rows), json=json, nothing=f"{folder}: no results")
+
+
+def _listed(path: Path) -> dict[str, Any]:
+    """Return a line about a result, also about one that cannot be read."""
+    from eqt_cli.base.reporting import significant
+    from eqt_cli.results.result import HEADLINE, open_result
+
+    record = {"result": str(path.parent), "begun": "", "laws": "", "runs": "", "headline": ""}
+    try:
+        with open_result(path) as result:
+            record["begun"] = str(result.provenance.get("started", ""))[:16].replace("T", " ")
+            record["laws"] = ", ".join(result.titles)
+            points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
+            record["runs"] = f"{points}{result.runs}"
+            if not result.is_sweep:
+                parts = [each for name in HEADLINE for each in result.in_parts(name)]
+                name = next(each for each in parts if "error" in each)
+                means = ", ".join(significant(row[name]) for row in result.headline())
+                words = f"{result.quantity(name).plain} {means} {result.unit_in_words(name)}"
+                record["headline"] = words.rstrip()
+    except EqtError as error:
+        record["headline"] = str(error).removeprefix(f"{path}: ")
+    return record

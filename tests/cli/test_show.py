@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+from eqt_cli import open_results
 from eqt_cli.cli import result_tables
 
 FAILS = ("--set", "solver.max_steps=20")
@@ -247,3 +248,34 @@ def test_poses_that_leave_the_group_are_told(eqt):
         "eqt: poses leave the group by 0.002, more than the bound of the cross-check, 0.001; "
         "tighten solver.rtol\n"
     )
+
+
+# eqt results ------------------------------------------------------------------------------------
+
+
+def test_the_results_in_a_folder(eqt, folder):
+    """The newest first; a damaged one is listed with what is wrong."""
+    eqt("run", "c.yaml", "-q")
+    eqt("sweep", "c.yaml", "-q", "--grid", "gains.kp=1,2", "--out", "results/gains")
+    bad = folder / "results" / "bad"
+    bad.mkdir()
+    (bad / "results.h5").write_bytes(b"no HDF5")
+    listed = {Path(each["result"]).name: each for each in json.loads(eqt("results", "--json").out)}
+    assert sorted(listed) == ["bad", "c", "gains"]
+    assert (listed["c"]["laws"], listed["c"]["runs"]) == ("EqT, GT", "3")
+    assert listed["gains"]["runs"] == "2 points × 3"
+    with open_results(folder / "results" / "c", "arrays") as result:
+        means = [result.read("mean_pose_error", controller=c).mean() for c in range(2)]
+    assert [float(each) for each in re.findall(r"[\d.]+", listed["c"]["headline"])] == (
+        pytest.approx(means, rel=1e-3)
+    )
+    assert listed["bad"]["headline"].startswith("is not an HDF5 file")
+    assert eqt("results").out.splitlines()[0].split() == (
+        ["result", "begun,", "UTC", "laws", "runs", "headline"]
+    )
+
+
+def test_a_folder_without_results(eqt, refused, folder):
+    assert refused("results").startswith("eqt: results: expected a folder")
+    (folder / "results").mkdir()
+    assert eqt("results").err == "results: no results\n"
