@@ -69,7 +69,8 @@ def sweep(
     Options
     -------
     Experiment
-        --grid KEY=A,B,…  Sweep a key over values, such as gains.kd=0.25,0.5,1. Repeatable: every
+        --grid KEY=A,B,…  Sweep a key over values, such as gains.kd=0.25,0.5,1, or over a range,
+            LOW:HIGH:POINTS or LOW:HIGH:POINTS:log. Repeatable: every
             combination is one point.
     Computing
         --dry-run  Print the points, the expected time and size only.

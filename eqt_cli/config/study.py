@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -459,6 +460,9 @@ RUNS = (
 def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
     """Append texts such as ``gains.kd=0.25,0.5,1``, by their places, to the sweep as blocks.
 
+    A text such as ``gains.kd=0.25:1:4``, or with ``:log`` at its end, is a range with its number of
+    points.
+
     Raises
     ------
     ConfigError
@@ -475,7 +479,11 @@ def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
             message = f"expected KEY=VALUE,VALUE,…, got '{grid}'"
             raise ConfigError([InputProblem("", message, place)])
         source.overrides[("sweep", len(blocks))] = place
-        blocks.append({"grid": {key.strip(): parse_value(f"[{text}]", place)}})
+        values = parse_value(f"[{text}]", place)
+        if re.fullmatch(r"[^:,\[\]{}]+(:[^:,\[\]{}]+){2}(:log)?", text.strip()):
+            ends = [parse_value(part, place) for part in text.split(":")]
+            values = dict(zip(("low", "high", "points", "scale"), ends, strict=False))
+        blocks.append({"grid": {key.strip(): values}})
     if blocks:
         source.data = source.data | {"sweep": blocks}
 

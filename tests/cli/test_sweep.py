@@ -57,6 +57,21 @@ def test_dry_run_stores_nothing(eqt):
 
 
 @pytest.mark.usefixtures("untimed")
+def test_a_grid_may_be_a_range(eqt, untimed):
+    done = eqt(
+        "sweep",
+        "c.yaml",
+        "--grid",
+        "gains.kp=1:2:3",
+        "--grid",
+        "gains.kd=0.1:10:3:log",
+        "--dry-run",
+    )
+    points = [line.split(", gains.kd = ") for line in done.out.splitlines() if "gains.kd" in line]
+    numbers = [(float(kp.split()[-1]), float(kd)) for kp, kd in points]
+    assert numbers == [(1, 0.1), (1, 1), (1, 10), (1.5, 0.1), (1.5, 1)]  # the first five
+
+
 def test_dry_run_of_very_many_points_checks_some(eqt, monkeypatch):
     monkeypatch.setattr("eqt_cli.cli.run.MOST_CHECKED", 3)
     done = eqt("sweep", "c.yaml", *GRID, "--dry-run")
