@@ -12,7 +12,7 @@ import typer
 
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.registry import of_extension
-from eqt_cli.cli import options, output
+from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.tables import as_csv, as_latex
 
 if TYPE_CHECKING:
@@ -61,12 +61,16 @@ class Rows(StrEnum):
 def compare(
     result: options.Result,
     more: options.MoreResults = None,
-    metric: Annotated[list[str] | None, options.option("--metric", "-m")] = None,
+    metric: Annotated[
+        list[str] | None, options.option("--metric", "-m", autocompletion=completion.metrics)
+    ] = None,
     window: Annotated[list[str] | None, options.option("--window", "-w")] = None,
     controller: options.Controllers = None,
     without_start: Annotated[bool, options.option("--without-start")] = False,
     rows: Annotated[Rows | None, options.option("--rows")] = None,
-    against: Annotated[list[str] | None, options.option("--against")] = None,
+    against: Annotated[
+        list[str] | None, options.option("--against", autocompletion=completion.laws)
+    ] = None,
     table: Annotated[TableName | None, options.option("--table")] = None,
     format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
     point: options.Point = None,

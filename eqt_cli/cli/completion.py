@@ -12,13 +12,16 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import read_record, write_record
 from eqt_cli.base.registry import KINDS, registry, summary
+
+if TYPE_CHECKING:
+    from eqt_cli.results.result import Result
 
 Completions = list[tuple[str, str]]
 """Possible words, each with its meaning."""
@@ -28,6 +31,13 @@ def words(known: str | Sequence[str], incomplete: str) -> Completions:
     """Complete one of these words or, for the name of a kind, the name of a component."""
     texts = _known()["names"][known] if isinstance(known, str) else dict.fromkeys(known, "")
     return _starting(incomplete, texts)
+
+
+def listed(incomplete: str) -> Completions:
+    """Complete a kind of components or, from its first letter, the name of a component."""
+    kinds = dict.fromkeys((*KINDS, "devices", "configs"), "")
+    names = {name: text for of_kind in _known()["names"].values() for name, text in of_kind.items()}
+    return _starting(incomplete, kinds | names if incomplete else kinds)
 
 
 def shipped(incomplete: str) -> Completions:
@@ -59,6 +69,33 @@ def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
     plain = {f"{option}=": "" for _, option in offered}
     dotted = {f"{name}.{option}=": "" for name, option in offered} if "." in incomplete else {}
     return _starting(incomplete, plain | dotted)
+
+
+def laws(ctx: typer.Context, incomplete: str) -> Completions:
+    """Complete the label of a law in the results on the line."""
+    return _starting(incomplete, {name: "" for each in _results(ctx) for name in each.labels})
+
+
+def metrics(ctx: typer.Context, incomplete: str) -> Completions:
+    """Complete the name of a metric in the results on the line."""
+    known = {n: q.plain for each in _results(ctx) for n, q in each.comparable.items()}
+    return _starting(incomplete, known)
+
+
+def panels(ctx: typer.Context, incomplete: str) -> Completions:
+    """Complete the name of a signal over time, which a panel shows, in the results on the line."""
+    shown = {n: r.long_name(n) for r in _results(ctx) for n in r.names if "time" in r.dims(n)}
+    return _starting(incomplete, shown)
+
+
+def _results(ctx: typer.Context) -> Iterator["Result"]:
+    """Yield the results on the line; none that cannot be read."""
+    from eqt_cli.results.result import open_result
+
+    first = ctx.params.get("result") or ()
+    for path in [*(first if isinstance(first, list | tuple) else [first]), *ctx.args]:
+        with suppress(EqtError, OSError), open_result(path) as opened:
+            yield opened
 
 
 def _starting(incomplete: str, known: dict[str, str]) -> Completions:

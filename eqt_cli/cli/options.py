@@ -298,7 +298,7 @@ MoreResults = Annotated[list[Path] | None, typer.Argument(metavar="", hidden=Tru
 """Surplus results, accepted so that the command can say what to do instead."""
 Set = Annotated[list[str] | None, option("--set", autocompletion=completion.settings)]
 Out = Annotated[Path | None, option("--out", parser=folder)]
-Controllers = Annotated[list[str] | None, option("--controller")]
+Controllers = Annotated[list[str] | None, option("--controller", autocompletion=completion.laws)]
 Json = Annotated[bool, option("--json")]
 Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
 Verbose = Annotated[bool, option("--verbose", "-v")]

@@ -48,7 +48,9 @@ def plot(
     ] = None,
     width: Annotated[str, options.option("--width", known=("column", "page", "slide"))] = "column",
     controller: options.Controllers = None,
-    panel: Annotated[list[str] | None, options.option("--panel")] = None,
+    panel: Annotated[
+        list[str] | None, options.option("--panel", autocompletion=completion.panels)
+    ] = None,
     start: Annotated[float | None, options.option("--from")] = None,
     end: Annotated[float | None, options.option("--to")] = None,
     title: Annotated[list[str] | None, options.option("--title")] = None,

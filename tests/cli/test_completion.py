@@ -68,7 +68,8 @@ COMPLETED = "one case of each kind of name is tried every time"
         slow(COMPLETED, "eqt report out --figure tor", ["torque"]),
         ("eqt plot out --figure paper --option lo", ["log=", "log_torque="]),
         slow(COMPLETED, "eqt plot out --width p", ["page"]),
-        slow(COMPLETED, "eqt list con", ["controllers", "configs"]),
+        slow(COMPLETED, "eqt list cont", ["controllers"]),
+        ("eqt list casc", ["cascade"]),
         slow(COMPLETED, "eqt config new --from pap", ["paper"]),
         slow(COMPLETED, "eqt show out --table --format j", ["jsonl"]),
         ("eqt run no", []),  # the shell then completes file names
@@ -83,6 +84,15 @@ def test_the_keys_of_the_given_configuration(complete, folder):
     laws = "controllers: [eqt, {kind: gt, label: other}]"
     (folder / "c.yaml").write_text(text.replace("controllers: [eqt, gt]", laws), encoding="utf-8")
     assert "controllers[1].label=" in complete("eqt run c.yaml --set controllers[1]")
+
+
+def test_laws_metrics_and_signals_of_the_given_result(complete, eqt):
+    eqt("run", "c.yaml", "-q")
+    assert complete("eqt compare results/c --against ") == ["eqt", "gt"]
+    assert complete("eqt plot results/c --controller g") == ["gt"]
+    assert "mean_torque" in complete("eqt compare results/c --metric mean_")
+    assert complete("eqt plot results/c --panel pose_e") == ["pose_error"]
+    assert complete("eqt compare no --against ") == []
 
 
 @pytest.mark.parametrize("text", ["a: [", "\xff", "- 1"])
