@@ -268,22 +268,12 @@ SEVERAL = 3
 
 def _options(component: type) -> list[list[str]]:
     """Name, value, default and meaning of each option."""
-    from eqt_cli.base.option_types import has_options
-    from eqt_cli.base.registry import meanings, option_of_field
-    from eqt_cli.config.json_schema import default_of, options_of, value_of
+    from eqt_cli.config.json_schema import keys_of_component
 
-    shared: dict[str, Any] = {}
-    schema = options_of(component, shared) if has_options(component) else {}
-    schema |= {"$defs": shared}
-    said = {option_of_field(name): text for name, text in meanings(component).items()}
     return [
-        [
-            code(name),
-            value_of(entry, schema),
-            default_of(name, entry, schema.get("required", [])),
-            escaped(said.get(name) or entry.get("description", "")),
-        ]
-        for name, entry in schema.get("properties", {}).items()
+        [code(each.key), each.value, each.default, escaped(each.meaning)]
+        for each in keys_of_component(component)
+        if "." not in each.key
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -16,15 +17,18 @@ from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import print_findings
 from eqt_cli.config import shipped
+from eqt_cli.config.vehicles import VEHICLES, first_file
 
 if TYPE_CHECKING:
+    from rich.text import Text
+
     from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
 
 # `eqt list`: the available components ------------------------------------------------------------
 
 
-MOST_BESIDE = 24
+MOST_BESIDE = 26
 """Longest name with its summary beside it; below longer names the summary can be wrapped."""
 
 
@@ -32,9 +36,9 @@ def list_components(
     kind: Annotated[
         str | None,
         typer.Argument(
-            metavar="KIND",
-            help=f"{', '.join(KINDS)}, devices or configs.",
-            autocompletion=options.completed_by((*KINDS, "devices", "configs")),
+            metavar="[KIND|NAME]",
+            help=f"{', '.join(KINDS)}, devices or configs; or the name of a component.",
+            autocompletion=completion.listed,
         ),
     ] = None,
     plugin: Annotated[
@@ -43,18 +47,50 @@ def list_components(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Count the components of each kind, and list them with their options."""
+    """Count the components of each kind, and list them; of one component, explain the options."""
     kinds = [*KINDS, "configs"]
-    if kind is not None and kind not in [*kinds, "devices"]:
-        hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
-        raise EqtError(f"unknown kind '{kind}'{hint}")
     if plugin:
         for name in KINDS:
             registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
+    if kind is not None and kind not in [*kinds, "devices"]:
+        _explain(kind, kinds, json)
+        return
     listed = {name: _described(name) for name in ([kind] if kind else kinds)}
     print_findings(listed, _text(listed), json=json)
+
+
+def _explain(name: str, kinds: list[str], json: bool) -> None:
+    """Print the options of the components of this name, and an example from a configuration."""
+    from eqt_cli.base.yaml_source import dump
+    from eqt_cli.config.json_schema import keys_of_component
+
+    found = _of_name(name)
+    if not found:
+        names = [*kinds, *(each for kind in KINDS for each in registry(kind).names())]
+        hint = suggestion(name, names) or f"; kinds: {', '.join(kinds)}"
+        raise EqtError(f"unknown kind or component '{name}'{hint}")
+    config, part = shipped.using(name)
+    records = []
+    texts: list[str | Text] = []
+    for kind, component in found.items():
+        keys = [asdict(each) for each in keys_of_component(component)]
+        records.append({"kind": kind, "name": name, "summary": summary(component), "options": keys})
+        texts += [*([""] * bool(texts)), f"{name}, of {kind}: {summary(component)}"]
+        if keys:
+            rows = [[text.replace("`", "") for text in each.values()] for each in keys]
+            texts += ["", output.table(["option", "value", "default", "meaning"], rows)]
+    if config:
+        texts += ["", f"example, from configs/{config}.yaml; it runs by `eqt run {config}`:", ""]
+        texts.append(textwrap.indent(dump(part).rstrip(), "  "))
+    document = {"components": records, "config": config or None, "example": part or None}
+    print_findings(document, *texts, json=json)
+
+
+def _of_name(name: str) -> dict[str, Any]:
+    """Return the components of this name by their kind."""
+    return {kind: registry(kind).get(name) for kind in KINDS if name in registry(kind).names()}
 
 
 def _described(kind: str) -> list[dict[str, Any]]:
@@ -71,7 +107,10 @@ def _described(kind: str) -> list[dict[str, Any]]:
             for each in of_extension("devices.devices")()
         ]
     if kind == "configs":
-        return [{"name": config, "summary": "", "options": []} for config in shipped.names()]
+        return [
+            {"name": config, "summary": shipped.summary(config), "options": []}
+            for config in shipped.names()
+        ]
     return [
         {
             "name": component.name,
@@ -124,17 +163,37 @@ def new(
         Path | None,
         typer.Argument(metavar="FILE", help="File to write, or - for stdout. Default: NAME.yaml."),
     ] = None,
-    source: Annotated[str, options.option("--from", autocompletion=completion.shipped)] = "paper",
+    source: Annotated[
+        str | None, options.option("--from", autocompletion=completion.shipped)
+    ] = None,
+    vehicle: Annotated[str | None, options.option("--vehicle", known=tuple(VEHICLES))] = None,
+    mass: Annotated[float | None, options.option("--mass")] = None,
+    inertia: Annotated[str | None, options.option("--inertia")] = None,
+    bandwidth: Annotated[float | None, options.option("--bandwidth")] = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Create a configuration of your own from a shipped one.
+    """Create a configuration of your own from a shipped one, or from the numbers of a vehicle.
 
     Options
     -------
     Experiment
-        --from NAME  Shipped configuration to start from.
+        --from NAME  Shipped configuration to start from. Default: paper.
+    A vehicle
+        --vehicle NAME  quadrotor, satellite, auv or boat. Its gains follow from these numbers.
+        --mass M  Mass, kg.
+        --inertia A,B,C  Principal moments of inertia, kg m²; of a boat the one about the vertical.
+        --bandwidth W  Where both poles of each small error are, rad/s.
     """
-    text = shipped.text(source)
+    numbers = {"--mass": mass, "--inertia": inertia, "--bandwidth": bandwidth}
+    of_vehicle = [name for name, value in numbers.items() if value is not None]
+    if vehicle is None and of_vehicle:
+        raise EqtError(f"{of_vehicle[0]} is of a vehicle; add --vehicle {' | '.join(VEHICLES)}")
+    if vehicle is not None:
+        if source is not None or bandwidth is None:
+            raise EqtError("--vehicle: expected --inertia and --bandwidth beside it, and no --from")
+        text = first_file(vehicle, mass, _moments(inertia or ""), bandwidth)
+    source = vehicle or source or "paper"
+    text = text if vehicle else shipped.text(source)
     if file == Path("-"):
         output.print_verbatim(text)
         return
@@ -147,6 +206,13 @@ def new(
             raise EqtError(f"{file}: already exists; give another name, or remove it") from None
     output.print_text(str(file))
     output.say(f"next: eqt run {file}")
+
+
+def _moments(text: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(",")] if text else []
+    except ValueError:
+        raise EqtError(f"--inertia: expected numbers such as 0.1,0.2,0.25, got '{text}'") from None
 
 
 @app.command("check", cls=Command, epilog=example("eqt config check", "mine.yaml --set gains.kp=2"))
@@ -305,7 +371,10 @@ def keys(
     """Describe the keys of a configuration: value, default and meaning."""
     from eqt_cli.config.json_schema import json_schema, keys_of, within
 
-    listed = keys_of(json_schema())
+    listed, (section, _, name) = keys_of(json_schema()), (key or "").rpartition(".")
+    if section in {each.key for each in listed} and _of_name(name):
+        _explain(name, [], json)  # controllers.cascade
+        return
     if key is not None:
         listed = within(listed, key)
     rows = [[text.replace("`", "") for text in asdict(each).values()] for each in listed]

@@ -15,7 +15,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from eqt_cli.base.errors import EqtError, parse_key, suggestion
-from eqt_cli.base.option_types import Kind, Scale, option_names, owners
+from eqt_cli.base.option_types import Kind, Scale, has_options, option_names, owners
 from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.components.groups import groups
 from eqt_cli.config.designs import BLOCK, designs
@@ -270,6 +270,13 @@ def keys_of(schema: Schema) -> list[Key]:
 
     visit(schema, "")
     return [_joined(key, alternatives, schema) for key, alternatives in entries.items()]
+
+
+def keys_of_component(component: type) -> list[Key]:
+    """Return the options of a component, and the keys in them."""
+    shared: Schema = {}
+    schema = options_of(component, shared) if has_options(component) else {}
+    return keys_of(schema | {"$defs": shared})
 
 
 def within(keys: Sequence[Key], requested: str) -> list[Key]:

@@ -1,8 +1,16 @@
 """Finds the configurations that are shipped with eqt, in a wheel or in a checkout."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from eqt_cli.base.errors import EqtError, suggestion
+
+LONGEST = 120
+"""Number of characters of a summary above which it ends at a colon."""
 
 
 def folder() -> Path:
@@ -23,3 +31,38 @@ def text(name: str) -> str:
         hint = suggestion(name, names()) or f"; shipped are: {', '.join(names())}"
         raise EqtError(f"unknown configuration '{name}'{hint}")
     return (folder() / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+def summary(name: str) -> str:
+    """Return the first sentence of a shipped configuration; of a long one, up to a colon."""
+    [comment] = re.findall(r"\A(?:#.*\n)+", text(name))
+    words = " ".join(line.lstrip("# ") for line in comment.splitlines())
+    sentence = re.split(r"(?<=[.?]) +(?!\()", words)[0].removesuffix(".")
+    return sentence if len(sentence) <= LONGEST else sentence.partition(": ")[0]
+
+
+def using(kind: str) -> tuple[str, Any]:
+    """Return a shipped configuration with a component, and its shortest part with it; or nothing.
+
+    The part is a mapping as in the configuration, without other keys beside the component.
+    """
+    found = [
+        (name, {key: part})
+        for name in names()
+        for key, value in yaml.safe_load(text(name)).items()
+        for part in _parts(value, kind, by_key=key == "sweep")
+    ]
+    return min(found, key=lambda pair: len(str(pair[1])), default=("", {}))
+
+
+def _parts(data: Any, kind: str, *, by_key: bool) -> Iterator[Any]:
+    """Yield the parts of a value with a component: by ``kind: NAME``, a name alone, or a key."""
+    if data == kind:
+        yield data
+    elif isinstance(data, list):
+        yield from ([part] for each in data for part in _parts(each, kind, by_key=by_key))
+    elif isinstance(data, dict) and (data.get("kind") == kind or (by_key and kind in data)):
+        yield data
+    elif isinstance(data, dict):
+        inner = ((key, _parts(value, kind, by_key=by_key)) for key, value in data.items())
+        yield from ({key: part} for key, parts in inner for part in parts)

@@ -22,6 +22,7 @@ from eqt_cli.base.errors import (
     alike,
     dotted,
     parse_key,
+    suggestion,
 )
 from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
 from eqt_cli.base.option_types import shown
@@ -30,6 +31,7 @@ from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.yaml_source import Source
 from eqt_cli.components.log_table import recording_text
 from eqt_cli.components.mechanics import TimeVarying
+from eqt_cli.config import shipped
 
 # Describes the parts of a loop, as a signal path and as a sentence --------------------------------
 
@@ -192,6 +194,9 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
 
     Parameters
     ----------
+    path
+        The file or folder; or, where neither it nor ``PATH.yaml`` exists, the name of a shipped
+        configuration.
     overrides
         ``KEY=VALUE``, by the place for messages; in a sequence, the places are ``overrides[0]``, ….
 
@@ -200,6 +205,8 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
     ConfigError
         If the file is not valid YAML, or an override does not parse.
     """
+    if str(path) in shipped.names() and not (path.exists() or path.with_suffix(".yaml").exists()):
+        path = shipped.folder() / f"{path}.yaml"
     if path.is_dir() and not (path / FILE_NAME).exists() and (files := sorted(path.glob("*.yaml"))):
         listed = ", ".join(map(str, files[:_MAX_LISTED])) + (", …" if files[_MAX_LISTED:] else "")
         raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
@@ -249,6 +256,7 @@ def _text(path: Path) -> bytes:
             return content_of(path, yaml_source.MAX_BYTES)
         except FileNotFoundError:
             hint = near(path, lambda entry: entry.suffix in YAML or (entry / FILE_NAME).is_file())
+            hint = hint or suggestion(str(path), shipped.names())
             hint = hint or ". Create one with `eqt config new`"
             raise EqtError(f"{path}: not found{hint}") from None
 

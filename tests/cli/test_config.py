@@ -54,6 +54,75 @@ def test_new_refuses(refused, folder, arguments, said):
     assert (folder / "c.yaml").read_bytes() == before
 
 
+VEHICLES = {
+    "quadrotor --mass 0.5 --inertia 3.65e-3,3.68e-3,7.03e-3 --bandwidth 10": (
+        "gains of cascade: ωx, ωy, ωz 10 rad/s, damping 1; x, y, z 2 rad/s, damping 1"
+    ),
+    "satellite --inertia 6,4,7 --bandwidth 0.2": (
+        "gains of EqT, GT: ωx, ωy, ωz 0.2 rad/s, damping 1"
+    ),
+    "auv --mass 11.5 --inertia 0.16,0.16,0.2 --bandwidth 1.5": (
+        "gains of EqT, GT: ωx, ωy, ωz, vx, vy, vz 1.5 rad/s, damping 1"
+    ),
+    "boat --mass 80 --inertia 20 --bandwidth 0.5": (
+        "gains of EqT, GT: ω, vx, vy 0.5 rad/s, damping 1"
+    ),
+}
+
+
+@pytest.mark.parametrize(("vehicle", "gains"), VEHICLES.items(), ids=lambda text: text[:9])
+def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
+    """Bandwidth and damping of each axis, from the linearised loop."""
+    eqt("config", "new", "mine.yaml", "--vehicle", *vehicle.split())
+    done = eqt("config", "check", "mine.yaml")
+    assert (done.code, done.err) == (0, "mine.yaml: valid\n")
+    assert done.out.splitlines()[1:] == [gains]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("--mass 2", "--mass is of a vehicle; add --vehicle quadrotor | satellite | auv | boat"),
+        (
+            "--vehicle boat --mass 2",
+            "--vehicle: expected --inertia and --bandwidth beside it, and no --from",
+        ),
+        (
+            "--vehicle boat --inertia 2,1 --mass 2 --bandwidth 1",
+            "--inertia: expected 1 positive kg m² of a boat, as 20",
+        ),
+        (
+            "--vehicle satellite --inertia 1,2,3 --bandwidth 1",
+            "--inertia: each moment of a rigid body is less than the sum of the others",
+        ),
+        (
+            "--vehicle auv --inertia 1,2,2.5 --bandwidth 1",
+            "--mass: expected the mass of the auv in kg, such as 1.2",
+        ),
+        (
+            "--vehicle satellite --inertia 1,2,x --bandwidth 1",
+            "--inertia: expected numbers such as 0.1,0.2,0.25, got '1,2,x'",
+        ),
+        (
+            "--vehicle bot --inertia 1 --bandwidth 1",
+            "--vehicle: expected quadrotor, satellite, auv, boat, got 'bot'",
+        ),
+    ],
+)
+def test_a_vehicle_refuses(refused, folder, arguments, said):
+    assert refused("config", "new", "mine.yaml", *arguments.split()) == f"eqt: {said}\n"
+    assert not (folder / "mine.yaml").exists()
+
+
+def test_a_shipped_configuration_by_its_name(eqt, refused, folder):
+    done = eqt("config", "check", "so2")
+    assert done.out.startswith("so2: SO2, 2 controllers")
+    assert refused("config", "check", "papr") == "eqt: papr: not found; did you mean 'paper'?\n"
+    (folder / "so2.yaml").write_text((folder / "c.yaml").read_text())
+    said = refused("config", "check", "so2")  # which of the two is meant?
+    assert said == "eqt: so2: not found; did you mean 'so2.yaml'?\n"
+
+
 # check ------------------------------------------------------------------------------------------
 
 
@@ -161,6 +230,11 @@ def test_keys_of_a_section(eqt):
         ["time.duration", "number", "required", "Length of the horizon, s."],
         ["time.samples", "whole number", "401", "Number of sample times."],
     ]
+
+
+def test_keys_of_a_component(eqt):
+    done = eqt("config", "keys", "controllers.cascade")
+    assert done.out == eqt("list", "cascade").out
 
 
 def test_a_key_of_any_controller(eqt):

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import yaml
 
 from eqt_cli.base import registry
 from eqt_cli.base import registry as catalogue
@@ -96,11 +97,38 @@ def test_a_plugin(eqt, folder):
     ("kind", "hint"),
     [
         ("controler", "did you mean 'controllers'?"),
-        ("xyz", f"known: {', '.join([*KINDS, 'configs'])}"),
+        ("cascde", "did you mean 'cascade'?"),
+        ("xyz", f"kinds: {', '.join([*KINDS, 'configs'])}"),
     ],
 )
 def test_an_unknown_kind(refused, kind, hint):
-    assert refused("list", kind) == f"eqt: unknown kind '{kind}'; {hint}\n"
+    assert refused("list", kind) == f"eqt: unknown kind or component '{kind}'; {hint}\n"
+
+
+def test_one_component(eqt):
+    """Its options with those in them, and a part of a shipped configuration."""
+    first, _, *lines = eqt("list", "cascade").out.splitlines()
+    assert first.startswith("cascade, of controllers: A position loop around an attitude law")
+    assert lines[0].split() == ["option", "value", "default", "meaning"]
+    named = [line.split()[0] for line in lines if line.strip()]
+    assert {"attitude", "position", "position.kx", "along"} <= set(named)
+    at = next(k for k, line in enumerate(lines) if line.startswith("example, "))
+    assert lines[at].endswith("`eqt run planar_vtol`:")
+    example = yaml.safe_load("\n".join(lines[at + 1 :]))
+    whole = yaml.safe_load(shipped.text("planar_vtol"))
+    assert example["controllers"] == whole["controllers"][:1]
+
+
+def test_components_of_one_name_are_all_explained(eqt):
+    document = json.loads(eqt("list", "lag", "--json").out)
+    assert [each["kind"] for each in document["components"]] == ["actuators", "sensors"]
+    assert all(option["meaning"] for each in document["components"] for option in each["options"])
+
+
+def test_every_configuration_says_what_it_is(eqt):
+    lines = eqt("list", "configs").out.splitlines()[1:]
+    assert [line.split()[0] for line in lines] == shipped.names()
+    assert all(15 < len(shipped.summary(name)) <= shipped.LONGEST for name in shipped.names())
 
 
 def test_an_unknown_plugin(refused):
