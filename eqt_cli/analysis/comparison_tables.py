@@ -9,7 +9,7 @@ from typing import Any
 
 from eqt_cli.analysis.compare import ClaimVerdict, Comparison, Judgement
 from eqt_cli.analysis.intervals import FEWEST, POWER, SHARE, Level, Pair, Word
-from eqt_cli.base.reporting import Block, TextTable, listed, percent
+from eqt_cli.base.reporting import Block, TextTable, count_of, listed, percent
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain, Window
 from eqt_cli.results.result import PerRun
@@ -470,7 +470,7 @@ def _level_name(comparison: Comparison, write: Plain) -> str:
 
 def runs_each(comparison: Comparison) -> str:
     """Return how many runs each law has, in words."""
-    return f"{comparison.runs} runs per law" if comparison.runs > 1 else "one run per law"
+    return f"{count_of(comparison.runs, 'run')} per law"
 
 
 def too_few(comparison: Comparison) -> str:

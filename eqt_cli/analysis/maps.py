@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eqt_cli.analysis.intervals import (
+    RESOLUTION,
     Interval,
     Resampling,
     holm,
@@ -20,7 +21,7 @@ from eqt_cli.analysis.intervals import (
 )
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant, step
+from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, reporter, significant, step
 from eqt_cli.results.quantity import Plain, Quantity
 from eqt_cli.results.result import Result, SweptKey, mean_over_runs
 
@@ -40,6 +41,9 @@ RULE = (
 )
 """When a law wins, in words; `decide` tests it."""
 
+SETTLING = 0.9
+"""Share of runs that a law must bring to an end to be ranked; see `compare_map`."""
+
 _NUMBERS = 10_000_000
 """Largest number of resampled means in memory."""
 
@@ -58,8 +62,7 @@ class Cell:
         Index of the next best law.
     wins
         Whether a law, which is then the best, is better than every other law in more than half of
-        the runs, after the adjustment for all points, and in the mean, and settles in at least one
-        run.
+        the runs, after the adjustment for all points, and in the mean.
     in_most_runs
         Index of the law that is better than every other one in more than half of the runs; it does
         not win if its mean is not the better one. `NOBODY` if the runs do not decide.
@@ -72,8 +75,8 @@ class Cell:
         The difference divided by the mean of the next law, with the interval of the ratio.
     failed, censored : tuple of int
         Numbers of runs of each law that failed, and whose value lies beyond the horizon.
-    settled
-        Number of runs of the best law that settled; None if this is not stored.
+    unranked
+        Whether each law is not ranked.
     """
 
     point: int
@@ -86,7 +89,7 @@ class Cell:
     lead: Interval
     failed: tuple[int, ...]
     censored: tuple[int, ...]
-    settled: int | None
+    unranked: tuple[bool, ...]
 
     @property
     def winner(self) -> int:
@@ -116,6 +119,8 @@ class Map:
         What points without a winner are called: `UNDECIDED`, or `TOO_FEW_RUNS`.
     confidence
         Confidence of each interval, and 1 minus the allowed probability of any false win.
+    settling
+        Share of runs by which laws are ranked.
     """
 
     quantity: Quantity
@@ -128,6 +133,7 @@ class Map:
     fewest: int
     without_winner: str
     confidence: float
+    settling: float
 
     @property
     def has_too_few_runs(self) -> bool:
@@ -157,6 +163,7 @@ def compare_map(
     laws: Sequence[int] | None = None,
     *,
     intervals: bool = True,
+    settling: float = SETTLING,
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
@@ -167,8 +174,10 @@ def compare_map(
     it is false for any other law (intersection-union test, Berger 1982). The p-values of all points
     are adjusted after Holm (1979), which is valid for dependent tests such as those on the same
     runs. A law with more failed runs than another cannot win, because its other runs are a biased
-    sample. A law that settles in no run cannot win. What fails in fewer than 3/n of the runs is not
-    in the data of n runs, so no test of them excludes it.
+    sample. A law is not ranked where more than 1 − `settling` of its runs failed, or where fewer
+    than that settled and another law settled in at least `settling` of them; then it counts as
+    failed. What fails in fewer than 3/n of the runs is not in the data of n runs, so no test of
+    them excludes it.
 
     Parameters
     ----------
@@ -182,6 +191,8 @@ def compare_map(
         Indices of the laws to compare; all if None.
     intervals
         Whether differences have intervals, which take most of the time.
+    settling
+        Share of runs by which laws are ranked.
 
     Raises
     ------
@@ -199,24 +210,28 @@ def compare_map(
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
     means = mean_over_runs(values)
     costs = quantity.cost(means)
+    failing, idle = failed / result.runs > 1 - settling + RESOLUTION, np.zeros(failed.shape, bool)
+    if (settles := result.settles) is not None:
+        arrived = settles[:, chosen].mean(axis=-1)
+        idle = (arrived < 1 - settling) & (arrived.max(axis=-1, keepdims=True) >= settling)
+    lost = np.where(idle, result.runs, failed)
     # Laws with more failed runs come last: their other runs are a biased sample.
-    order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed), axis=-1)
+    order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), lost), axis=-1)
     points = np.arange(len(values))
-    decision = decide(quantity.cost(values), failed, how.confidence)
+    counted = np.where(idle[..., None], np.nan, quantity.cost(values))
+    decision = decide(counted, lost, how.confidence)
     # The law that is better in most runs is the best one, unless the means contradict.
-    agrees = decision.winner != NOBODY
+    agrees = (decision.winner != NOBODY) & ~failing[points, decision.winner]
     order = np.where(agrees[:, None], _first(order, decision.winner), order)
     best, runner_up = order[:, 0], order[:, 1]
     differences = resolved_differences(values[points, best], values[points, runner_up])
     ends = _intervals(differences, how) if intervals else np.full((len(points), 3), np.nan)
-    settles = result.settles
-    settled = None if settles is None else np.count_nonzero(settles[:, chosen], axis=-1)
     cells = [
         Cell(
             point=point,
             best=int(best[point]),
             runner_up=int(runner_up[point]),
-            wins=bool(agrees[point]) and count != 0,
+            wins=bool(agrees[point]),
             in_most_runs=int(decision.in_most_runs[point]),
             p_value=float(decision.p_values[point]),
             difference=Interval(*ends[point].tolist()),
@@ -225,14 +240,13 @@ def compare_map(
             ),
             failed=tuple(map(int, failed[point])),
             censored=tuple(map(int, np.count_nonzero(censored[point], axis=-1))),
-            settled=count,
+            unranked=tuple((failing | idle)[point].tolist()),
         )
         for point in points.tolist()
-        for count in [None if settled is None else int(settled[point, best[point]])]
     ]
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
     about, kind = (result.units(metric), labels, titles, result.runs, means, cells), decision[-2:]
-    return Map(quantity, *about, *kind, how.confidence)
+    return Map(quantity, *about, *kind, how.confidence, settling)
 
 
 class Decision(NamedTuple):
@@ -356,7 +370,7 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     counted.append([wins.without_winner, str(undecided), "", ""])
     summary = TextTable(
         "winners",
-        f"Which law has the better {name}, at {points} points of {wins.runs} runs each",
+        f"Which law has the better {name}, at {points} points of {count_of(wins.runs, 'run')} each",
         ["law", "points won", "largest lead", "at"],
         [Block("", counted)],
         [write.text(note) for note in _notes(wins)],
@@ -391,9 +405,11 @@ def _notes(wins: Map) -> list[str]:
     ]
     if wins.has_too_few_runs:
         notes.append(
-            f"{wins.runs} runs are too few to show a win at one of {len(wins.cells)} points: use "
-            f"{wins.fewest} or more (ensemble.runs)."
+            f"Too few to show a win at one of {len(wins.cells)} points: "
+            f"{count_of(wins.runs, 'run')}; use {wins.fewest} or more (ensemble.runs)."
         )
+    elif any(cell.winner == NOBODY for cell in wins.cells):
+        notes.append("More runs decide more points (ensemble.runs).")
     if split := sum(cell.in_most_runs not in (NOBODY, cell.best) for cell in wins.cells):
         notes.append(
             f"At {split} of {len(wins.cells)} points a law is better in most runs, but fails more "
@@ -408,14 +424,21 @@ def _notes(wins: Map) -> list[str]:
             f"Failed runs: {_listed(wins, failed)}. A law of which more runs failed than of "
             "another cannot win at that point."
         )
-    if unsettled := sum(cell.settled == 0 for cell in wins.cells):
-        notes.append(
-            f"At {unsettled} of {len(wins.cells)} points no run of the best law settled; no law "
-            "wins there."
-        )
+    notes += [f"{said}." for said in _unranked(wins)]
     if any(censored):
         notes.append(f"Runs beyond the horizon, which count with it: {_listed(wins, censored)}.")
     return notes
+
+
+def _unranked(wins: Map) -> Iterator[str]:
+    """Say which laws are not ranked at some points, why, and which option changes it."""
+    points = np.sum([cell.unranked for cell in wins.cells], axis=0).tolist()
+    if any(points):
+        some, most = (f"{100 * share:.3g} %" for share in (1 - wins.settling, wins.settling))
+        yield (
+            f"Points at which a law is not ranked: {_listed(wins, points)}; more than {some} of "
+            f"its runs fail, or fewer settle where another law settles in {most} (--share)"
+        )
 
 
 def _listed(wins: Map, counts: list[int]) -> str:
@@ -580,7 +603,9 @@ def _won(wins: Map) -> str:
     counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
     counts[wins.without_winner] = wins.wins(NOBODY)
     points = ", ".join(f"{name} {count}" for name, count in counts.items())
-    return f"Points won by {Plain().name(wins.quantity)}: {points}."
+    few = f" (ensemble.runs: {wins.fewest} or more)" * wins.has_too_few_runs
+    won = f"Points won by {Plain().name(wins.quantity)}: {points}{few}"
+    return ". ".join([won, *_unranked(wins), ""]).rstrip()
 
 
 # Finds the range of a swept number in which enough runs of each law settle ------------------------

@@ -120,6 +120,7 @@ def compare_sweep(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
+    share: float = 0.9,
 ) -> list[Map]:
     """Compare the controllers at each point of a sweep, and find the points that each wins.
 
@@ -133,6 +134,9 @@ def compare_sweep(
         Labels or titles of the controllers to compare; all if empty.
     units, confidence, resamples, seed
         As for `compare`.
+    share
+        A law is not ranked at a point where it settles in fewer than 1 − `share` of the runs and
+        another law in `share` of them, or where more than 1 − `share` of its runs fail.
 
     Returns
     -------
@@ -158,7 +162,7 @@ def compare_sweep(
             raise results.error("is a single experiment; compare its controllers with `compare`")
         how = Resampling(confidence, resamples, seed)
         chosen = [results.labels.index(label) for label in chosen_labels(results, controllers)]
-        return [compare_map(results, name, how, chosen) for name in metrics]
+        return [compare_map(results, name, how, chosen, settling=share) for name in metrics]
 
 
 def _window(value: Any) -> Window:

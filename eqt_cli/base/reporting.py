@@ -268,6 +268,11 @@ class TextTable:
         return [row for block in self.blocks for row in block.rows]
 
 
+def count_of(number: int, noun: str) -> str:
+    """Return a count with its noun: ``1 run``, ``200 runs``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 NOTHING = 1e-30
 """Sizes that are written as 0: nothing physical is so small beside errors of rounding."""
 

@@ -121,7 +121,8 @@ def compare(
         --negligible X  Relative difference that counts as none, such as 0.01.
         --resamples N  Number of bootstrap resamples.
         --seed N  Random seed of the bootstrap.
-        --share P  Share of runs that must settle, for --robust.
+        --share P  Share of runs that must settle, for --robust. At a point of a sweep, a law that
+            settles in fewer than 1 − P where another one settles in P is not ranked.
     """
     from eqt_cli import api
     from eqt_cli.analysis.intervals import Resampling
@@ -167,7 +168,7 @@ def compare(
     elif shown is None and point is None:
         narrow = bool(window or against or without_start)
         shown = _of_whole(
-            result, metric or (), table, controller or (), narrow, how, write, unit or ()
+            result, metric or (), table, controller or (), narrow, how, write, unit or (), share
         )
     if shown is None:
         if table in (TableName.WINNERS, TableName.POINTS):
@@ -234,6 +235,7 @@ def _of_whole(
     how: Resampling,
     write: Plain,
     units: Sequence[str],
+    share: float,
 ) -> _Findings | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
@@ -252,7 +254,7 @@ def _of_whole(
                 "points"
             )
         maps = api.compare_sweep(
-            path, metrics or (MAPPED,), controllers=laws, units=units, **vars(how)
+            path, metrics or (MAPPED,), controllers=laws, units=units, share=share, **vars(how)
         )
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS

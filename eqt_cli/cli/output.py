@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from eqt_cli.base.errors import EqtError, EqtWarning, HarmWarning, InputProblem, printable
 from eqt_cli.base.process import drop_stdout
 from eqt_cli.base.reporting import WORD, Block, Reporter, TextTable, reporter
+from eqt_cli.base.reporting import count_of as count_of
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -216,11 +217,6 @@ def _fold(line: str, width: int) -> str:
 
 _HANGING = re.compile(r" *(\S+ {2,})?")
 """Hanging indent of wrapped lines: the indentation, and the word that labels the line."""
-
-
-def count_of(number: int, noun: str) -> str:
-    """Return a count with its noun: ``1 run``, ``200 runs``."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def duration(seconds: float) -> str:

@@ -10,7 +10,15 @@ from case_tables import slow
 from scipy.stats import binomtest
 
 from eqt_cli.analysis.intervals import Resampling, share
-from eqt_cli.analysis.maps import NOBODY, Map, compare_map, reaches, robustness_table, runs_to_show
+from eqt_cli.analysis.maps import (
+    NOBODY,
+    Map,
+    _notes,
+    compare_map,
+    reaches,
+    robustness_table,
+    runs_to_show,
+)
 from eqt_cli.base.errors import EqtError
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result, SweptKey
@@ -23,6 +31,7 @@ class Stored(Result):
 
     horizon = 100.0
     path = "made-up"
+    arrived: Any = None
 
     def __init__(self, values: Any, name: str = "mean_pose_error", failed: Any = None) -> None:
         self.name, self.values = name, np.array(values, dtype=float)
@@ -41,7 +50,8 @@ class Stored(Result):
         return ""
 
     def metric(self, name: str, controller: int | None = None) -> Any:
-        values = np.isfinite(self.values) if name == "settled" else self.values
+        settled = np.isfinite(self.values) if self.arrived is None else self.arrived
+        values = settled if name == "settled" else self.values
         return np.where(self.good, values, np.nan)
 
 
@@ -173,14 +183,32 @@ def test_of_two_equal_best_laws_neither_wins_where_a_third_is_worse() -> None:
     assert sum(cell.wins for found in maps for cell in found.cells) <= 1
 
 
-def test_a_law_that_settles_in_no_run_does_not_win(random: np.random.Generator) -> None:
+def test_a_law_that_does_not_settle_is_not_ranked_where_others_settle(
+    random: np.random.Generator,
+) -> None:
     """That also where only settling times are stored, as of vehicles without limits and noise."""
     values = random.normal(0, 0.1, (2, 2, RUNS)) + np.array([[1], [120]])
     values[0, 0] = np.nan  # the horizon of 100 counts, less than 120
     values[1, 0, 3:] = np.nan
     found = compared(Stored(values, "settling_time"))
-    assert [cell.winner for cell in found.cells] == [NOBODY, 0]
-    assert [cell.settled for cell in found.cells] == [0, 3]
+    assert [cell.winner for cell in found.cells] == [1, 0]
+    assert [cell.unranked for cell in found.cells] == [(True, False), (False, False)]
+    said = "\n".join(_notes(found))
+    assert (
+        "Points at which a law is not ranked: law 0 1; more than 10 % of its runs fail, or " in said
+    )
+    assert "fewer settle where another law settles in 90 % (--share)." in said
+
+
+def test_errors_need_no_settled_runs(random: np.random.Generator) -> None:
+    """A law wins where no law settles, and one that fails in most runs is not ranked."""
+    values = random.normal(0, 0.1, (2, 2, RUNS)) + np.array([[1], [2]])
+    stored = Stored(values, failed=np.s_[1, 0, :3])
+    stored.metrics = ["settled", "mean_pose_error"]
+    stored.arrived = np.zeros(values.shape)
+    found = compared(stored)
+    assert [cell.winner for cell in found.cells] == [0, NOBODY]
+    assert [cell.unranked for cell in found.cells] == [(False, False), (True, False)]
 
 
 def test_equal_laws_do_not_win(random: np.random.Generator) -> None:
@@ -221,6 +249,7 @@ class Settling(Result):
     """A sweep in which so many runs settle, ``(points, laws)``."""
 
     path = "made-up"
+    arrived: Any = None
 
     def __init__(self, settled: Any, *keys: SweptKey, runs: int = HUNDRED) -> None:
         counts = np.array(settled)[..., None]
