@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import ClassVar
 
@@ -337,6 +337,10 @@ class Comparison:
         Settings of the bootstrap.
     negligible
         Relative difference within which there is none.
+    bases
+        Of two results: the law of the first with which each law of the second is compared.
+    between
+        Sentences on two results: whether their runs are pairs, and what differs.
     """
 
     title: str
@@ -358,6 +362,8 @@ class Comparison:
     resamples: int
     seed: int
     negligible: float = NEGLIGIBLE
+    bases: Mapping[str, str] = field(default_factory=dict)
+    between: Sequence[str] = ()
 
     def against(self, *bases: str) -> list[Pair]:
         """Return every pair against the law that stands first of both, after these."""
@@ -445,6 +451,89 @@ def compare(
         resamples=resamples,
         seed=how.seed,
     )
+
+
+def compare_two(
+    first: Result,
+    second: Result,
+    *,
+    metrics: Sequence[str] = (),
+    windows: Sequence[Window] = (),
+    between: Sequence[str] = (),
+    how: Resampling = Resampling(),  # noqa: B008  # it is frozen
+) -> Comparison:
+    """Compare each law of the second result with the same law of the first, or with its first law.
+
+    Runs with equal numbers are pairs. Where their starts differ, the runs of a pair are
+    independent, and intervals and tests hold, too. Numbers of L are left out, since L may differ.
+
+    Parameters
+    ----------
+    between
+        Sentences on the two results.
+
+    Raises
+    ------
+    EqtError
+        As `compare`, or if the results are of different groups.
+    """
+    both = first, second
+    if first.group_name != second.group_name:
+        raise second.error(f"is of {second.group_name}, and the other result of {first.group_name}")
+    names = [each.path.parent.name for each in both]
+    names = names if names[0] != names[1] else ["first", "second"]
+    laws = {
+        f"{name}/{law}": (name, each, law)
+        for name, each in zip(names, both, strict=True)
+        for law in each.labels
+    }
+    runs = min(each.runs for each in both)
+    good = np.vstack([each.good[:, :runs] for each in both])
+    measured = []
+    for quantity, window in _chosen(first, metrics, windows):
+        other = second.comparable.get(quantity.name)
+        if other is None or not second.covers(other, window) or "lyapunov" in quantity.signals:
+            continue
+        one = first.per_run(quantity, window.within(first.times))
+        two = second.per_run(other, window.within(second.times))
+        if one.unit == two.unit:
+            measured.append(_beside(one, two, runs))
+    levels, pairs, resamples = statistics(measured, list(laws), good, how)
+    same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
+    bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
+    return Comparison(
+        title=" and ".join(names),
+        group=first.group_name,
+        labels=list(laws),
+        titles={at: f"{each.title_of[law]} ({name})" for at, (name, each, law) in laws.items()},
+        runs=runs,
+        kinds={at: each.kinds[law] for at, (_, each, law) in laws.items()},
+        failed=dict(zip(laws, np.count_nonzero(~good, axis=1).tolist(), strict=True)),
+        horizon=float(first.times[-1] - first.times[0]),
+        levels=levels,
+        pairs=[pair for pair in pairs if bases.get(pair.second) == pair.first],
+        judgements=[],
+        departures="",
+        lyapunov_functions={},
+        not_matched=[],
+        missing=[sentence for each in both for sentence in _missing(each)],
+        confidence=how.confidence,
+        resamples=resamples,
+        seed=how.seed,
+        bases=bases,
+        between=between,
+    )
+
+
+def _beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
+    """Return the numbers of two results, those of the first above those of the second."""
+    values, censored = (
+        np.vstack([getattr(each, name)[:, :runs] for each in (first, second)])
+        for name in ("values", "censored")
+    )
+    shared = min(runs, first.runs, second.runs)
+    values[:, shared:] = np.nan
+    return replace(first, values=values, censored=censored, runs=shared)
 
 
 def _same_measure(result: Result, pair: Pair) -> bool:

@@ -332,6 +332,7 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: 
         titles = [comparison.titles[label] for label in (first, second, second)]
         blocks.append(Block(write.text("{} against {}, in % of {}".format(*titles)), rows))
     about = "Paired differences from the same initial states"
+    about = "Differences, run by run" if comparison.between else about
     header = ["measure", "difference", "relative", "verdict", "better in", *IN_FULL]
     spare = ("runs to decide", "d", "difference", "better in")
     if not any(math.isfinite(pair.low) for pair in shown):

@@ -5,7 +5,7 @@ Does not know what the numbers mean.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from math import prod
@@ -83,27 +83,42 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     A stored file has the same name in both if its text is the same, since packing renames files.
     """
     both = first, second
-    sources = [source_of(each) for each in both]
-    texts = [{**(source.stored_plugins or {}), **source.files} for source in sources]
-    known = {text: name for name, text in texts[0].items()}
-    renamings = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
+    configuration, texts, renamings = _configurations(both)
     arrays = [_datasets(each) for each in both]
     names = list(dict.fromkeys(chain(*arrays)))
     compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
-    renaming = zip(sources, renamings, strict=True)
-    configurations = [dict(_leaves(renamed(source.data, names))) for source, names in renaming]
     attributes = [
         {key: value for key, value in result.attributes.items() if key not in _APART}
         | {f"file {names[name]}": text for name, text in stored.items()}
         for result, names, stored in zip(both, renamings, texts, strict=True)
     ]
     return Differences(
-        _changes(*configurations),
+        configuration,
         _changes(*attributes),
         _changes(*(dict(_leaves(each.provenance)) for each in both)),
         [each for each in compared if each is not None],
         len(names),
     )
+
+
+def changed_keys(first: KnownResult, second: KnownResult) -> list[dict[str, Any]]:
+    """Return the keys in which the configurations of two results differ, with both values."""
+    return _configurations((first, second))[0]
+
+
+Texts = list[dict[str, str]]
+"""A mapping of texts by their names for each of two results."""
+
+
+def _configurations(both: Sequence[KnownResult]) -> tuple[list[dict[str, Any]], Texts, Texts]:
+    """Return the changed keys, the texts of stored files, and their names in the first result."""
+    sources = [source_of(each) for each in both]
+    texts = [{**(source.stored_plugins or {}), **source.files} for source in sources]
+    known = {text: name for name, text in texts[0].items()}
+    renamings = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
+    renaming = zip(sources, renamings, strict=True)
+    keys = [dict(_leaves(renamed(source.data, names))) for source, names in renaming]
+    return _changes(*keys), texts, renamings
 
 
 # Keys ---------------------------------------------------------------------------------------------

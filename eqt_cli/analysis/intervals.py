@@ -518,8 +518,8 @@ class Pair:
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratios = 1 + sign * np.array([self.relative, self.relative_low, self.relative_high])
                 value, *ends = (other * (1 / ratios - 1)).tolist()
-            # An interval with a ratio of 0 has none of the inverse.
-            relative = [value, *(sorted(ends) if ratios[1] * ratios[2] >= 0 else 2 * [math.nan])]
+                around_0 = not ratios[1] * ratios[2] >= 0  # such an interval has no inverse
+            relative = [value, *(2 * [math.nan] if around_0 else sorted(ends))]
         return replace(
             self,
             first=self.second,

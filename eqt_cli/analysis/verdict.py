@@ -49,14 +49,17 @@ class Answer:
 def answers(comparison: Comparison, against: str = "") -> list[Answer]:
     """Return what is known of all other laws against one, by default the first.
 
+    Of two results, each law of the second is compared with its base in the first.
+
     With probability `confidence`, none of the decided *better* and *worse* is false, if each run
     may as well have gone the other way.
     """
     base = against or comparison.labels[0]
+    bases = comparison.bases or dict.fromkeys(comparison.labels, base)
     pairs = [
         pair
         for pair in comparison.against(base)
-        if pair.second == base and pair.measured.quantity.better != "neither"
+        if pair.second == bases.get(pair.first) and pair.measured.quantity.better != "neither"
     ]
     p_values = holm(np.array([_p_value(pair) for pair in pairs]))
     found = []
@@ -89,26 +92,26 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     claims
         Whether to say how the claims of papers come out.
     """
-    base = against or comparison.labels[0]
-    found, titles = answers(comparison, base), comparison.titles
+    found, titles = answers(comparison, against), comparison.titles
     made, undecided = list[str](), list[str]()
     for label in comparison.labels:
         of_law = [each for each in found if each.pair.first == label]
         first = [each for names in (ERRORS, COSTS) for each in _headline(of_law, names)]
         others = [each for each in of_law if each not in first]
         if of_law:
-            made.append(f"{titles[label]} against {titles[base]}")
+            made.append(f"{titles[label]} against {titles[of_law[0].pair.second]}")
         made += [f"  {_in_full(each)}" for each in first]
         for said in (Word.BETTER, Word.WORSE, Word.ALIKE):
             of_word = [each for each in others if each.decided and each.word is said]
             made += [f"  also {said}: {_names(of_word, comparison.horizon)}"] * bool(of_word)
         left = [each for each in others if not each.decided]
         if left and comparison.runs >= FEWEST:
-            undecided.append(f"{titles[label]}: {_names(left, comparison.horizon)}")
+            names = _names(left, comparison.horizon) if len(left) < len(others) else "all else"
+            undecided.append(f"{titles[label]}: {names}")
     made += [f"undecided: {'; '.join(undecided)}"] * bool(undecided)
     made += _troubles(comparison)
     made += _claimed(comparison) if claims else ()
-    return [*made, *_meaning(comparison, len(found))]
+    return [*made, *comparison.between, *_meaning(comparison, len(found))]
 
 
 def _headline(found: Sequence[Answer], names: Sequence[str]) -> list[Answer]:
@@ -195,8 +198,9 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     if comparison.runs < FEWEST:
         yield too_few(comparison)
         return
+    starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     yield (
-        f"{runs_each(comparison)} from the same starts; better or worse by intervals of {sure} "
+        f"{runs_each(comparison)}{starts}; better or worse by intervals of {sure} "
         f"and sign tests (Holm, {count} numbers); within {none} is no difference"
     )

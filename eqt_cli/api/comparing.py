@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.api.loading import Configuration, ResultPath, experiment_at, open_at, path_from
@@ -30,6 +32,7 @@ def compare(
     metrics: Sequence[str] = (),
     windows: Sequence[str | Window] = (),
     *,
+    other: ResultPath | None = None,
     controllers: Sequence[str] = (),
     without_start: bool = False,
     point: int | None = None,
@@ -38,7 +41,7 @@ def compare(
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
 ) -> Comparison:
-    """Compare the controllers of a result, run by run on the same initial states.
+    """Compare the controllers of a result, or those of another one with them, run by run.
 
     Parameters
     ----------
@@ -48,6 +51,9 @@ def compare(
         Names of metrics, as ``eqt compare RESULT --list`` shows them; a default selection if empty.
     windows
         Time windows in seconds, as ``"0:5"``.
+    other
+        Another result, such as one with other gains, whose laws are compared with the same laws of
+        the first.
     controllers
         Labels or titles of the controllers to compare; all if empty.
     without_start
@@ -76,6 +82,7 @@ def compare(
     [('eqt', 'gt'), ('eqt', 'nog')]
     """
     from eqt_cli.analysis.compare import compare as compare_results
+    from eqt_cli.analysis.compare import compare_two
 
     if isinstance(metrics, str):
         raise EqtError(f"metrics: expected a list of names, as [{metrics!r}], got {metrics!r}")
@@ -85,8 +92,46 @@ def compare(
     with open_at(path_from("result", result), point) as opened:
         results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
+        if other is not None:
+            with open_at(path_from("other", other), point) as second:
+                return compare_two(
+                    results,
+                    second.in_units(units),
+                    metrics=metrics,
+                    windows=parsed,
+                    between=_between(opened, second),
+                    how=how,
+                )
         labels = chosen_labels(results, controllers, without_start=without_start)
         return compare_results(results, metrics=metrics, windows=parsed, labels=labels, how=how)
+
+
+def _between(first: Result, second: Result) -> list[str]:
+    """Say whether the runs of two results are pairs, and what differs between the results."""
+    from eqt_cli.analysis.differences import changed_keys
+
+    runs = slice(min(first.runs, second.runs))
+    paired = all(
+        np.array_equal(first.read(name, run=runs), second.read(name, run=runs))
+        for name in ("initial_pose", "initial_velocity")
+    )
+    changes = [
+        f"{each['key']} {each.get('first', '-')} → {each.get('second', '-')}"
+        for each in changed_keys(first, second)
+    ]
+    if len(changes) > MOST_CHANGES:
+        changes[MOST_CHANGES:] = [f"{len(changes) - MOST_CHANGES} more keys (`eqt diff`)"]
+    versions = [str(each.provenance.get("eqt")) for each in (first, second)]
+    if versions[0] != versions[1]:
+        changes.append(f"eqt {' → '.join(versions)}")
+    return [
+        "runs are paired by their equal starts" if paired else "runs are not paired: other starts",
+        f"what differs: {', '.join(changes) or 'nothing'}",
+    ]
+
+
+MOST_CHANGES = 4
+"""Maximum number of changed keys that a comparison of two results names."""
 
 
 def chosen_labels(

@@ -31,6 +31,9 @@ PIPED = 100
 """Width of a line of text if the output is not a terminal."""
 
 
+_OF_ONE = "--controller, --without-start, --robust, --measured and --against"
+
+
 class TableFormat(StrEnum):
     """Format of the printed tables."""
 
@@ -51,6 +54,13 @@ class TableName(StrEnum):
     POINTS = "points"
 
 
+_NEEDS = {
+    TableName.WINNERS: "a whole sweep; this is a single experiment",
+    TableName.POINTS: "a whole sweep; this is a single experiment",
+    TableName.FRONTS: "a result of `eqt tune` with two `objectives`",
+}
+
+
 class Rows(StrEnum):
     """Rows of the table of means."""
 
@@ -60,7 +70,10 @@ class Rows(StrEnum):
 
 def compare(
     result: options.Result,
-    more: options.MoreResults = None,
+    other: Annotated[
+        Path | None,
+        typer.Argument(metavar="OTHER", help="Another result, to compare with the first."),
+    ] = None,
     metric: Annotated[
         list[str] | None, options.option("--metric", "-m", autocompletion=completion.metrics)
     ] = None,
@@ -90,6 +103,9 @@ def compare(
     quiet: options.Quiet = False,
 ) -> None:
     """Say which controller of a result is better, by how much and how surely, run by run.
+
+    Of two results, such as before and after a change of gains, this compares each law of the second
+    with the same law of the first.
 
     This prints the answer against the first controller: the error, the cost, what else is decided,
     and what is not. --table prints the numbers behind it.
@@ -128,9 +144,9 @@ def compare(
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.results.quantity import Latex, Plain
 
-    result = options.only_result(
-        "compare", [result, *(more or ())], " and compares its controllers"
-    )
+    of_one = [controller, without_start, robust, measured, against]
+    if other and any(of_one):
+        raise EqtError(f"{_OF_ONE} are of one result; leave them out with two")
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:
@@ -165,20 +181,19 @@ def compare(
         )
     if shown is None and robust:
         shown = _robustness(result, share, confidence, write)
-    elif shown is None and point is None:
+    elif shown is None and point is None and other is None:
         narrow = bool(window or against or without_start)
         shown = _of_whole(
             result, metric or (), table, controller or (), narrow, how, write, unit or (), share
         )
     if shown is None:
-        if table in (TableName.WINNERS, TableName.POINTS):
-            raise EqtError(f"--table {table} needs a whole sweep; this is a single experiment")
-        if table is TableName.FRONTS:
-            raise EqtError("--table fronts needs a result of `eqt tune` with two `objectives`")
+        if table in _NEEDS:
+            raise EqtError(f"--table {table} needs {_NEEDS[table]}")
         comparison = api.compare(
             result,
             metric or (),
             window or (),
+            other=other,
             controllers=controller or (),
             without_start=without_start,
             point=point,

@@ -36,7 +36,7 @@ def list_components(
     kind: Annotated[
         str | None,
         typer.Argument(
-            metavar="[KIND|NAME]",
+            metavar="KIND|NAME",
             help=f"{', '.join(KINDS)}, devices or configs; or the name of a component.",
             autocompletion=completion.listed,
         ),

@@ -256,25 +256,6 @@ def pairs(option: str, texts: Sequence[str] | None, expected: str = "NAME=TEXT")
     return parsed
 
 
-def only_result(command: str, results: Sequence[Path], does: str = "") -> Path:
-    """Return the single result of a command.
-
-    Raises
-    ------
-    EqtError
-        If several were given; the message says how to compare them.
-    """
-    if len(results) == 1:
-        return results[0]
-    both = "both" if len(results) == 2 else "all"
-    raise EqtError(
-        f"{command} takes one result{does}; got {len(results)}. To compare across experiments, put "
-        "the laws in one configuration, as entries of `controllers` with labels and gains of "
-        f"their own. To draw {both} in one figure: `eqt plot {' '.join(map(str, results))} --out "
-        f"figures/{both}`"
-    )
-
-
 def folder(text: str) -> Path:
     """Return a folder by its name; an empty name, as from an unset variable, is refused.
 

@@ -311,7 +311,12 @@ def report(
     from eqt_cli import api
     from eqt_cli.base.files import text_of
 
-    result = options.only_result("report", [result, *(more or ())])
+    if more:
+        both = " ".join(map(str, [result, *more]))
+        raise EqtError(
+            f"report takes one result; `eqt compare` compares two, and `eqt plot {both}` draws all "
+            "in one figure"
+        )
 
     text = text_of(notes, "write the notes there first") if notes else ""
     path = api.write_report(

@@ -98,17 +98,75 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     )
 
 
-def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
-    done = invoke("compare", paper_result, "other", code=2)
-    assert done.stderr == (
-        "eqt: compare takes one result and compares its controllers; got 2. To compare across "
-        "experiments, put the laws in one configuration, as entries of `controllers` with labels "
-        "and gains of their own. To draw both in one figure: "
-        f"`eqt plot {paper_result} other --out figures/both`\n"
-    )
+SMALL = ["--engine", "native", "--set", "ensemble.runs=20", "--set", "time.samples=51", "-q"]
+
+
+@pytest.fixture(scope="module")
+def changed(invoke, made_once):
+    """Three results: the paper with 20 runs, with a stiffer law, and with other starts."""
+
+    def make(folder):
+        for name, change in {
+            "soft": [],
+            "stiff": ["--set", "gains.kp=2"],
+            "other": ["--set", "ensemble.seed=3", "--set", "ensemble.runs=15"],
+        }.items():
+            invoke("run", "paper", *SMALL, *change, "--out", folder / name)
+
+    return made_once("changed", make)
+
+
+def test_two_results_are_compared_law_by_law(invoke, changed):
+    """Before and after a change of gains; the numbers from the two files alone."""
+    two = [changed / "soft", changed / "stiff"]
+    lines = invoke("compare", *two, "--resamples", 99).stdout.splitlines()
+    assert [line for line in lines if " against " in line] == [
+        f"{law} (stiff) against {law} (soft)" for law in ("EqT", "GT", "nog", "asym")
+    ]
+    assert "runs are paired by their equal starts" in lines
+    assert "what differs: gains.kp 1.0 → 2.0" in lines
+    rows = json.loads(invoke("compare", *two, "--json", "--resamples", 99).stdout)["pairs"]
+    with open_result(two[0]) as soft, open_result(two[1]) as stiff:
+        for number, law in enumerate(soft.labels):
+            [row] = [
+                row
+                for row in rows
+                if (row["metric"], row["first"]) == ("mean_torque", f"stiff/{law}")
+            ]
+            torques = [each.metric("mean_torque", number) for each in (soft, stiff)]
+            assert row["second"] == f"soft/{law}"
+            assert row["relative"] == pytest.approx(torques[1].mean() / torques[0].mean() - 1)
+            assert row["first_better"] == np.mean(torques[1] < torques[0])
+    assert not [row for row in rows if "lyapunov" in row["metric"]]
+
+
+def test_two_results_with_other_starts_are_no_pairs(invoke, changed):
+    lines = invoke("compare", changed / "soft", changed / "other").stdout.splitlines()
+    assert "runs are not paired: other starts" in lines
+    assert "what differs: ensemble.runs 20 → 15, ensemble.seed 2025 → 3" in lines
+    assert any(line.startswith("15 runs per law; ") for line in lines)
+    table = invoke("compare", changed / "soft", changed / "other", "--table", "pairs").stdout
+    assert table.startswith("Differences, run by run")
+
+
+def test_equal_results_have_no_difference(invoke, changed):
+    done = invoke("compare", changed / "soft", changed / "soft").stdout
+    assert "what differs: nothing" in done
+    assert "better" not in done.partition("runs per law")[0]
+
+
+def test_two_results_refuse_what_is_of_one(invoke, changed):
+    two = [changed / "soft", changed / "stiff"]
+    done = invoke("compare", *two, "--against", "gt", code=2)
+    assert done.stderr.endswith("and --against are of one result; leave them out with two\n")
+    invoke("run", "so2", *SMALL, "--out", changed / "so2")
+    done = invoke("compare", two[0], changed / "so2", code=2)
+    assert done.stderr.endswith("is of SO2, and the other result of SO3\n")
     done = invoke("report", "a", "b", "c", code=2)
-    assert done.stderr.startswith("eqt: report takes one result; got 3. To compare across ")
-    assert done.stderr.endswith(" To draw all in one figure: `eqt plot a b c --out figures/all`\n")
+    assert done.stderr == (
+        "eqt: report takes one result; `eqt compare` compares two, and `eqt plot a b c` draws all "
+        "in one figure\n"
+    )
 
 
 def test_against_chooses_pairs(invoke, paper_result):
