@@ -222,9 +222,6 @@ def _number(row: Pair | Level, value: float) -> str:
     return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
 
 
-IN_FULL = ("d", "runs to decide")
-"""Columns of the table of pairs that only some readers need."""
-
 FEW = 20
 """Pairs below which coverage falls short of the confidence (docs/explanation/statistics.md)."""
 
@@ -333,11 +330,11 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: 
         blocks.append(Block(write.text("{} against {}, in % of {}".format(*titles)), rows))
     about = "Paired differences from the same initial states"
     about = "Differences, run by run" if comparison.between else about
-    header = ["measure", "difference", "relative", "verdict", "better in", *IN_FULL]
-    spare = ("runs to decide", "d", "difference", "better in")
+    header = ["measure", "difference", "relative", "verdict", "better in", "runs to decide"]
+    spare = ("runs to decide", "difference", "better in")
     if not any(math.isfinite(pair.low) for pair in shown):
-        notes = [*_of_shares(comparison, shown), too_few(comparison)]
-        table = TextTable("pairs", about, header, blocks, _plain(notes, write), spare)
+        notes = _plain([too_few(comparison)], write)
+        table = TextTable("pairs", about, header, blocks, notes, spare)
         return table.without(header[3:])
     caption = f"{about} over {whole} where no time is named, with {_level_name(comparison, write)}"
     notes = _plain(_pair_notes(comparison, shown), write)
@@ -355,7 +352,6 @@ def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> l
         write.text(pair.percent),
         str(pair.word(comparison.negligible)) if math.isfinite(pair.low) else "-",
         write.text(_better_in(pair, comparison.titles)),
-        "-" if pair.measured.quantity.counts else write.number(_two(pair.cohen_d)),
         _runs(pair.runs_to_decide),
     ]
 
@@ -375,10 +371,8 @@ def _better_in(pair: Pair, titles: Mapping[str, str]) -> str:
 
 def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     notes = [
-        "d: mean over standard deviation of the paired differences (Cohen).",
         f"runs to decide: the number of runs with which an interval excludes 0 with probability "
         f"{POWER:g}, if mean and spread stay as measured.",
-        *_of_shares(comparison, shown),
         f"Words follow from the relative interval of each row alone, uncorrected; within "
         f"±{100 * comparison.negligible:g} % is no difference.",
     ]
@@ -392,20 +386,6 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
             f"its confidence says; from fewer than {FEWEST}, there is none."
         )
     return notes
-
-
-def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> Iterator[str]:
-    """Note the method for shares of runs, with the p-values."""
-    tested = [pair for pair in shown if pair.p_value is not None]
-    if not tested:
-        return
-    tests = "; ".join(
-        f"{pair.measured.quantity.plain}, {_difference(comparison, pair.first, pair.second)}: "
-        f"p = {pair.p_value:.2g}"
-        for pair in tested
-    )
-    intervals = f"{100 * comparison.confidence:g} % paired intervals of Newcombe"
-    yield f"Shares of runs: with {intervals}. McNemar's exact test: {tests}."
 
 
 def _claims(comparison: Comparison, write: Plain) -> TextTable:
@@ -477,10 +457,6 @@ def runs_each(comparison: Comparison) -> str:
 def too_few(comparison: Comparison) -> str:
     """Say that there are no statistics."""
     return f"{runs_each(comparison)}: too few for statistics; `ensemble.runs` sets how many"
-
-
-def _two(value: float) -> str:
-    return f"{value:.2f}" if value == value else "-"
 
 
 def _runs(runs: int | None) -> str:

@@ -514,7 +514,7 @@ def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
     ]
 
 
-METRICS = ("mean_pose_error", "early_torque", "effort", "peak_torque")
+METRICS = ("position_rms", "mean_pose_error", "early_torque", "effort", "peak_torque")
 """Metrics whose smallest and largest means are shown."""
 
 
@@ -562,7 +562,7 @@ def _at(result: Result, point: np.intp) -> list[str]:
     return [str(point), *(value if isinstance(value, str) else f"{value:.4g}" for value in values)]
 
 
-COMPARED = ("mean_pose_error", "early_torque")
+COMPARED = ("position_rms", "mean_pose_error", "early_torque")
 """Metrics by which laws win points."""
 
 

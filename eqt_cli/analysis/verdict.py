@@ -15,10 +15,10 @@ from eqt_cli.analysis.comparison_tables import findings, runs_each, sources, too
 from eqt_cli.analysis.intervals import FEWEST, Pair, Word, holm, sign_test
 from eqt_cli.results.quantity import Plain
 
-ERRORS = ("position_rms", "mean_attitude_error", "mean_pose_error")
-"""Errors by which laws are compared first; the first one that a result knows."""
+ERRORS = ("position_rms", "mean_attitude_error"), ("mean_pose_error",)
+"""Errors by which laws are compared first; the first of these of which a result knows any."""
 
-COSTS = ("effort", "early_torque")
+COSTS = ("effort",), ("early_torque",)
 """The same for what they cost."""
 
 
@@ -114,13 +114,18 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     return [*made, *comparison.between, *_meaning(comparison, len(found))]
 
 
-def _headline(found: Sequence[Answer], names: Sequence[str]) -> list[Answer]:
-    """Return the answers about the first of these numbers that is known, by parts if it has any."""
-    for name in names:
-        of_name = [each for each in found if each.pair.measured.quantity.name.startswith(name)]
-        if of_name:
-            first = of_name[0].pair.measured
-            return [each for each in of_name if each.pair.measured.window == first.window]
+def _headline(found: Sequence[Answer], names: Sequence[tuple[str, ...]]) -> list[Answer]:
+    """Return the answers about the first of these numbers that are known, by parts if any."""
+    for some in names:
+        of_some = [
+            each
+            for name in some
+            for each in found
+            if each.pair.measured.quantity.name.startswith(name)
+        ]
+        if of_some:
+            window = of_some[0].pair.measured.window
+            return [each for each in of_some if each.pair.measured.window == window]
     return []
 
 

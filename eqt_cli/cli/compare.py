@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from eqt_cli.results.quantity import Plain
     from eqt_cli.results.result import Result
 
-MAPPED = "mean_pose_error"
-"""Metric compared over a sweep by default."""
-
-
 PIPED = 100
 """Width of a line of text if the output is not a terminal."""
 
@@ -254,7 +250,7 @@ def _of_whole(
 ) -> _Findings | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
-    from eqt_cli.analysis.maps import map_records, map_tables
+    from eqt_cli.analysis.maps import COMPARED, map_records, map_tables
 
     with api.open_results(path, "arrays") as opened:
         result = opened.in_units(units)
@@ -268,8 +264,9 @@ def _of_whole(
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
                 "points"
             )
+        mapped = [name for name in COMPARED if result.has(name)][:1]
         maps = api.compare_sweep(
-            path, metrics or (MAPPED,), controllers=laws, units=units, share=share, **vars(how)
+            path, metrics or mapped, controllers=laws, units=units, share=share, **vars(how)
         )
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS

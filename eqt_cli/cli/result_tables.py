@@ -14,7 +14,6 @@ from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
-from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.results.result import HEADLINE, Result, mean_over_runs
 
 if TYPE_CHECKING:
@@ -84,55 +83,88 @@ def outcome_record(result: Result) -> dict[str, Any]:
     return {"points_won": won}
 
 
+_ERRORS = {
+    "mean_attitude_error": "mean error",
+    "mean_position_error": "mean error",
+    "position_rms": "rms error",
+    "final_attitude_error": "final error",
+    "final_position_error": "final error",
+}
+"""Headings of errors that are an angle in one block, and a distance in another one."""
+
+
 def _headline(result: Result) -> Text:
-    """Return a line per law: torque, tracking error, final errors, energy residual.
+    """Return a line per law: errors, torque, final velocity error, energy residual.
 
     Parts with units of their own have a block each.
     """
-    parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
-    blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts)) or [""]]
-    plain = [result.quantity(name).plain.removeprefix("energy ") for name in HEADLINE]
-    short = [_WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), words) for words in plain]
-    notes = [f"{new}: {old}" for new, old in zip(short, plain, strict=True) if new != old]
-    units = [f", {result.units(name)}" * (result.factor(name) != 1.0) for name in HEADLINE]
-    measures = [words + unit for words, unit in zip(short, units, strict=True)]
-    ends = "settled" if all("settled" in row for row in result.headline()) else "runs"
-    spare = (measures[-1], *reversed(measures[1:-1]))
-    header = ["law", ends, *measures]
-    return output.laid_out(TextTable("headline", "", header, blocks, notes, spare))
+    known = result.headlines
+    parts = [name.removeprefix(_base(name)) for name in known]
+    ends = list(dict.fromkeys(filter(None, parts))) or [""]
+    columns = {end: _columns(result, end) for end in ends}
+    shown = {heading: columns[end][heading] for end in ends for heading in columns[end]}
+    measures = sorted(shown, key=lambda each: HEADLINE.index(_base(shown[each])))
+    blocks = [
+        _block(result, end, [columns[end].get(each, "") for each in measures]) for end in ends
+    ]
+    units = [result.units(shown[each]) * (ends == [""]) for each in measures]
+    header = [
+        f"{x}, {u}" if u not in ("", "1") else x for x, u in zip(measures, units, strict=True)
+    ]
+    notes = [
+        f"{each}: {result.quantity(name).plain}"
+        for each, name in shown.items()
+        if name.startswith("early_torque")
+    ]
+    if "mean error" in shown:
+        of = [", and the distance ‖p − p_d‖"] * ("final_position_error" in result.headlines)
+        notes.append(f"error: the angle of the attitude error{''.join(of)}")
+    settled = "settled" if all("settled" in row for row in result.headline()) else "runs"
+    spare = (header[-1], *reversed(header[1:-1]))
+    return output.laid_out(
+        TextTable("headline", "", ["law", settled, *header], blocks, notes, spare)
+    )
 
 
-def _block(result: Result, part: str) -> Block:
-    """Return the lines of a part, given by its suffix, ``_rotation``; of the whole if empty."""
-    names = [name + part * (name + part in result.metrics) for name in HEADLINE]
+def _base(name: str) -> str:
+    return next(base for base in HEADLINE if name.startswith(base))
+
+
+def _columns(result: Result, part: str) -> dict[str, str]:
+    """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
+    found = dict[str, str]()
+    for base in HEADLINE:
+        name = base + part if base + part in result.headlines else base
+        if name in result.headlines and ("position" not in name or part in ("", "_translation")):
+            plain = result.quantity(base).plain.removeprefix("energy ")
+            short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)
+            found.setdefault(_ERRORS.get(base, short), name)
+    return found
+
+
+def _block(result: Result, part: str, names: Sequence[str]) -> Block:
+    """Return the lines of a part; of the whole if its suffix is empty."""
     rows = []
     for row in result.headline():
-        *means, residual = (row[name] for name in names)
+        *means, residual = (row.get(name, np.nan) for name in names)
         of = f"/{row['runs'] - row['by_rounding']}" * ("settled" in row)
         ended = f"{row.get('settled', row['runs'] - row['failed'])}{of}"
         title = result.title_of[row["controller"]]
         rows.append([title, ended, *map(significant, means), significant(residual, 1)])
-    units = listed([u for u in dict.fromkeys(result.units(name) for name in names) if u != "1"])
-    return Block(f"{part[1:].replace('_', ' ')}, in {units}" if part else "", rows)
+    units = [u for u in dict.fromkeys(result.units(name) for name in names if name) if u != "1"]
+    return Block(f"{part[1:].replace('_', ' ')}, in {listed(units)}" if part else "", rows)
 
 
 def _shares(result: Result) -> Iterator[str]:
-    """Yield rare unsettled runs, final angles, time at a limit, and errors by sampling."""
+    """Yield rare unsettled runs, time at a limit, and errors by sampling."""
     rows = [(result.title_of[row["controller"]], row) for row in result.headline()]
     if all("settled" in row for _, row in rows):
         counted = {title: row["runs"] - row["by_rounding"] for title, row in rows}
         yield from _rare(result, {title: counted[title] - row["settled"] for title, row in rows})
-    for name in result.attitude_errors if rows else ():
-        unit, factor = result.shown_in("", "deg")
-        turns = np.degrees(turn_of_distance(result.metric(f"final_{name}"))) * factor
-        means = zip(result.titles, mean_over_runs(turns).tolist(), strict=True)
-        part = f" of {name.removeprefix('pose_error_')}" if len(result.attitude_errors) > 1 else ""
-        words = ", ".join(f"{title} {significant(mean)}" for title, mean in means)
-        yield f"final attitude error{part} ({unit}): {words}"
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit: {shares}"
-    shown = [part for name in (*HEADLINE, "saturated_share") for part in result.in_parts(name)]
+    shown = [*result.headlines, *result.in_parts("saturated_share")]
     for quantity in (result.quantity(name) for name in shown if name in result.metrics):
         if quantity.hold(result.described.holds) and len(result.times) > 1:
             number = result.per_run(quantity, quantity.window)

@@ -44,7 +44,7 @@ from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.report import summary
 from eqt_cli.results.quantity import Plain, plain
-from eqt_cli.results.result import HEADLINE, Result
+from eqt_cli.results.result import Result
 
 # Location and rendering of the page templates -----------------------------------------------------
 
@@ -408,7 +408,7 @@ def _adapted(name: str, value: str, key: str) -> str:
 # Report on a result as one HTML page that needs no network and no other file ----------------------
 
 
-RANKS = ("mean_pose_error", "early_torque")
+RANKS = ("position_rms", "mean_pose_error", "early_torque")
 """Metrics by which the median run is animated; the first that is stored is used."""
 
 
@@ -518,12 +518,9 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 
 def _of_experiment(result: Result) -> dict[str, Any]:
     record = TUNE.beside(result)
-    means = [name for name, of in HEADLINE.items() if of is np.mean]
     return {
         "headline": result.headline(),
-        "means": summary.columns(
-            result, [each for name in means for each in result.in_parts(name)]
-        ),
+        "means": summary.columns(result, [x for x in result.headlines if x != "energy_residual"]),
         "picker": summary.curves(result),
         "table": summary.run_table(result),
         **({} if _has_fronts(record) else _compared(result)),

@@ -351,7 +351,11 @@ class Quantity:
             name=f"{self.name}_{name}",
             long_name=f"{self.long_name}, {name} part",
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
-            label=inside if "{}" in self.label else f"{self.label} {words}",
+            label=self.label
+            if self.of_turns
+            else inside
+            if "{}" in self.label
+            else f"{self.label} {words}",
             stored=self.per is ValuePer.TRAJECTORY,
             chosen=partial(self._chosen_of_part, name),
         )

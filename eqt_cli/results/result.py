@@ -410,14 +410,21 @@ def lacks(signals: Sequence[str]) -> str:
     )
 
 
-HEADLINE: dict[str, Callable[[Array], Any]] = {
-    "early_torque": np.mean,
-    "mean_pose_error": np.mean,
-    "final_pose_error": np.mean,
-    "final_velocity_error": np.mean,
-    "energy_residual": np.max,
-}
-"""Metrics of a summary, and how each is combined over runs."""
+HEADLINE = (
+    "mean_attitude_error",
+    "mean_position_error",
+    "position_rms",
+    "final_attitude_error",
+    "final_position_error",
+    "early_torque",
+    "mean_torque",
+    "peak_torque",
+    "mean_pose_error",
+    "final_pose_error",
+    "final_velocity_error",
+    "energy_residual",
+)
+"""Numbers of a summary: means over runs, and the largest energy residual."""
 
 
 FOR_SAMPLING = 20
@@ -526,7 +533,9 @@ class Result(StoredRuns):
         return unit, 1.0
 
     def units(self, name: str) -> str:
-        """Return the unit of a variable, or that in which it is shown."""
+        """Return the unit of a variable or of a computed number, or that in which it is shown."""
+        if not self.has(name) and name in self.comparable:
+            return self.unit_of(self.comparable[name])
         unit = super().units(name)
         return unit if name in self.coordinates else self.shown_in(name, unit)[0]
 
@@ -684,8 +693,25 @@ class Result(StoredRuns):
             quantities.setdefault(name, self.quantity(name))
         return quantities
 
+    @cached_property
+    def headlines(self) -> list[str]:
+        """The names of the numbers of a summary that all runs have, those of parts if units differ.
+
+        The torque is that of the first seconds, as in the paper, if its laws fly the paper's loop;
+        else it is the mean and the largest one.
+        """
+        papers = {"eqt", "gt"} <= set(self.kinds.values()) and not self.described.departures
+        without = {"mean_torque", "peak_torque"} if papers else {"early_torque"}
+        if whole := len(self.stored_runs) == self.runs:
+            without |= {"final_pose_error"} if self.attitude_errors else set()
+        names = list[str]()
+        for name in (each for each in HEADLINE if each not in without):
+            stored = [each for each in self.in_parts(name) if each in self.metrics]
+            names += stored or [each.name for each in self.by_parts(name) if whole]
+        return names
+
     def headline(self) -> list[dict[str, Any]]:
-        """Return the summary of every controller: `HEADLINE` over its good runs.
+        """Return the summary of every controller: `headlines` over its good runs.
 
         Returns
         -------
@@ -694,26 +720,34 @@ class Result(StoredRuns):
             name, or those of their parts if the units differ; NaN if no run is good. Also the
             number of ``settled`` runs and the mean ``saturated_share``, if the result has them.
         """
+        return self._summary
+
+    @cached_property
+    def _summary(self) -> list[dict[str, Any]]:
         summary: list[dict[str, Any]] = []
+        computed = {
+            name: self.per_run(self.comparable[name]).values
+            for name in self.headlines
+            if name not in self.metrics
+        }
         for c, label in enumerate(self.labels):
             good = self.good[..., c, :]
             row: dict[str, Any] = {"controller": label, "runs": good.size}
             row["failed"] = self.failed[label]
             by_rounding = self.status[..., c, :] == Status.BY_ROUNDING
             row["by_rounding"] = int(np.count_nonzero(by_rounding))
-            for name, of in HEADLINE.items():
-                row |= {each: self._over_good(each, c, of) for each in self.in_parts(name)}
+            for name in self.headlines:
+                values = (computed[name][c] if name in computed else self.metric(name, c))[good]
+                of = np.max if name == "energy_residual" else np.mean
+                row[name] = float(of(values)) if values.size else math.nan
             if self.has("settling_time"):
                 times = self.metric("settling_time", c)[good]
                 row["settled"] = int(np.count_nonzero(np.isfinite(times)))
             if self.has("saturated_share"):
-                row["saturated_share"] = self._over_good("saturated_share", c, np.mean)
+                shares = self.metric("saturated_share", c)[good]
+                row["saturated_share"] = float(np.mean(shares)) if shares.size else math.nan
             summary.append(row)
         return summary
-
-    def _over_good(self, name: str, controller: int, of: Callable[[Array], Any]) -> float:
-        values = self.metric(name, controller)[self.good[..., controller, :]]
-        return float(of(values)) if values.size else float("nan")
 
     def by_parts(self, name: str) -> list[Quantity]:
         """Return a number per run, or those of its parts if it has some; empty if it is unknown."""

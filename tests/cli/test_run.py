@@ -45,17 +45,18 @@ def assert_equal_datasets(one, other):
 def test_the_summary(eqt):
     done = eqt("run", "c.yaml")
     header, rule, eqt_row, gt_row, blank, *rest = done.out.splitlines()
-    window, space, attitude, runs, results, last = rest
+    window, angle, space, runs, results, last = rest
     assert (done.code, done.err) == (0, "")
     assert header == (
-        "law  settled   ‖τ‖₅  mean ‖I − Q_E‖  final ‖I − Q_E‖  final ‖V − V_d‖  residual"
+        "law  settled  mean error, deg  final error, deg  ‖τ‖₅, N m  mean ‖I − Q_E‖  "
+        "final ‖V − V_d‖, rad/s  residual"
     )
     assert set(rule) == {"─", " "}
-    assert re.fullmatch(r"EqT +0/3 +(\d\.\d{3} +){4}\de-\d\d", eqt_row)
+    assert re.fullmatch(r"EqT +0/3 +([\d.]{5} +){5}\de-\d\d", eqt_row)
     assert gt_row.split()[:2] == ["GT", "0/3"]
     assert blank == ""
     assert (window, space) == ("‖τ‖₅: mean ‖τ‖, first 5 s", "")
-    assert re.fullmatch(r"final attitude error \(deg\): EqT [\d.]+, GT [\d.]+", attitude)
+    assert angle == "error: the angle of the attitude error"
     assert re.fullmatch(
         r"6 runs, simulation \d+\.\d s, cross-check \d+\.\d s, writing \d+\.\d s", runs
     )
@@ -93,7 +94,7 @@ def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt
         shares = results["saturated_share"].mean(axis=1)
     assert 0 < min(shares) and 0 < sum(settled) < 6
     lines = done.out.splitlines()
-    assert [lines[2].split()[1], lines[3].split()[1], lines[8]] == [
+    assert [lines[2].split()[1], lines[3].split()[1], lines[7]] == [
         *(f"{count}/3" for count in settled),
         f"time at a limit: EqT {shares[0]:.2%}, GT {shares[1]:.2%}",
     ]
@@ -239,7 +240,7 @@ def test_a_result_with_plugins_must_be_trusted(eqt, refused, plugins):
 def test_failed_runs_end_with_3(eqt, plugins):
     done = eqt("run", "c.yaml", *FAILING)
     assert done.code == 3
-    assert re.search(r"^Escape +0/2( +-){5}$", done.out, re.M)
+    assert re.search(r"^Escape +0/2( +-){7}$", done.out, re.M)
     assert re.search(r"^EqT +0/2 ", done.out, re.M)
     title, *rows = done.err.strip().splitlines()
     assert title == "2 runs failed: 2 solver failed"
@@ -300,7 +301,7 @@ def test_json_lists_every_cause_and_the_lower_code_wins(eqt, plugins):
     document = json.loads(done.out)
     assert document["causes"] == ["some runs failed", "the cross-check does not hold"]
     assert document["failed"] == 1
-    assert document["controllers"][0]["early_torque"] is None
+    assert document["controllers"][0]["peak_torque"] is None
     assert document["cross_check"]["holds"] is False
 
 

@@ -18,6 +18,7 @@ EXACT = {
     # ∫t dt/T, exact for straight lines by the trapezoidal rule.
     "mean_torque": ({"torque_norm": RAMP}, T / 2),
     "mean_pose_error": ({"pose_error": RAMP}, T / 2),
+    "mean_position_error": ({"position_error": RAMP}, T / 2),
     "position_rms": ({"position_error": RAMP}, np.sqrt(T**2 / 3 + H**2 / 6)),
     "peak_position_error": ({"position_error": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
     "final_position_error": ({"position_error": T + 1 - RAMP}, 1.0),

@@ -115,7 +115,7 @@ def test_headline_has_no_means_where_no_run_is_good(make_result):
     names = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
     values = np.arange(8.0).reshape(2, 4)
     metrics = dict.fromkeys((*names, "energy_residual"), values)
-    result = make_result(["a", "b"], metrics=metrics, status=[[0, 0, 1, 0], [1] * 4])
+    result = make_result(["eqt", "gt"], metrics=metrics, status=[[0, 0, 1, 0], [1] * 4])
     first, second = result.headline()
     assert (first["runs"], first["failed"], first["early_torque"]) == (4, 1, 4 / 3)
     assert first["energy_residual"] == 3.0
