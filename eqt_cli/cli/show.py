@@ -221,7 +221,7 @@ def results(
 def _listed(path: Path) -> dict[str, Any]:
     """Return a line about a result, also about one that cannot be read."""
     from eqt_cli.base.reporting import significant
-    from eqt_cli.results.result import HEADLINE, open_result
+    from eqt_cli.results.result import open_result
 
     record = {"result": str(path.parent), "begun": "", "laws": "", "runs": "", "headline": ""}
     try:
@@ -231,8 +231,8 @@ def _listed(path: Path) -> dict[str, Any]:
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
             if not result.is_sweep:
-                parts = [each for name in HEADLINE for each in result.in_parts(name)]
-                name = next(each for each in parts if "error" in each)
+                names = ["position_rms", *(each for each in result.headlines if "error" in each)]
+                name = names["position_rms" not in result.headlines]
                 means = ", ".join(significant(row[name]) for row in result.headline())
                 words = f"{result.quantity(name).plain} {means} {result.unit_in_words(name)}"
                 record["headline"] = words.rstrip()

@@ -6,9 +6,11 @@ import json
 import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from said import said_of
+from scipy.stats import ttest_rel
 
 from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
@@ -385,3 +387,34 @@ def test_how_far_laws_carry_is_asked_of_a_sweep(eqt, folder):
 def test_a_result_of_two_samples_is_compared(eqt):
     eqt("run", "c.yaml", "--set", "time.samples=2", "--out", "two", "--quiet")
     assert eqt("compare", "two").code == 0
+
+
+@pytest.mark.slow("flies a quadrotor at two speeds")
+def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path):
+    """At each speed: the paired t-interval of rms ‖p − p_d‖, from the poses of the file alone."""
+    config = Path(__file__).parents[2] / "configs" / "quadrotor_speeds.yaml"
+    brief = [
+        "--set",
+        "time.duration=3",
+        "--set",
+        "time.samples=151",
+        "--set",
+        "solver.cross_check=0",
+    ]
+    invoke("sweep", config, *brief, "--out", tmp_path / "s", "--quiet")
+    with h5py.File(tmp_path / "s" / "results.h5") as file:
+        poses, desired = file["pose"][:], file["desired_pose"][:]
+    for point in (0, 1):
+        off = poses[point, ..., :3, 3] - desired[point][..., :3, 3]
+        rms = np.sqrt(np.trapezoid((off**2).sum(axis=-1), dx=1 / 150, axis=-1))
+        interval = ttest_rel(rms[1], rms[0]).confidence_interval()
+        found = json.loads(invoke("compare", tmp_path / "s", "--point", point, "--json").stdout)
+        [said] = [row for row in found["verdict"] if row["metric"] == "position_rms"]
+        assert (said["controller"], said["against"]) == ("lqr", "cascade")
+        assert (said["word"], said["decided"]) == ("better", True) and interval.high < 0
+        [pair] = [row for row in found["pairs"] if row["metric"] == "position_rms"]
+        assert pair["difference"] == pytest.approx((rms[1] - rms[0]).mean(), rel=1e-3)
+        # The bootstrap's ends are those of t up to the skewness of 20 runs.
+        half = (interval.high - interval.low) / 2
+        assert pair["low"] == pytest.approx(interval.low, abs=0.3 * half)
+        assert pair["high"] == pytest.approx(interval.high, abs=0.3 * half)

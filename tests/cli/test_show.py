@@ -265,7 +265,10 @@ def test_the_results_in_a_folder(eqt, folder):
     assert (listed["c"]["laws"], listed["c"]["runs"]) == ("EqT, GT", "3")
     assert listed["gains"]["runs"] == "2 points × 3"
     with open_results(folder / "results" / "c", "arrays") as result:
-        means = [result.read("mean_pose_error", controller=c).mean() for c in range(2)]
+        errors = [result.read("pose_error", controller=c) for c in range(2)]
+        turns = np.degrees(2 * np.arcsin(np.array(errors) / np.sqrt(8)))
+        times = result.times
+    means = np.trapezoid(turns, times).mean(axis=-1) / (times[-1] - times[0])
     assert [float(each) for each in re.findall(r"[\d.]+", listed["c"]["headline"])] == (
         pytest.approx(means, rel=1e-3)
     )

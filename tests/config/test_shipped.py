@@ -27,14 +27,15 @@ UNCLAIMED = {
     ("satellite_panels", "decrease of L", "without"),
     *(("crazyflie", "energy balance", label) for label in ("cascade", "without rates")),
     ("sweep_lqr", "energy balance", "lqr"),
+    *(("quadrotor_speeds", "energy balance", label) for label in ("cascade", "lqr")),
     *(("planar_vtol", "energy balance", label) for label in ("model", "none")),
     *(("quadrotor_lee", "energy balance", label) for label in ("filter", "none")),
     *((name, "decrease of L", "goodarzi2013") for name in ("reviewers", "reviewers_se3")),
 }
 
 AS_IT_FLIES = (
-    "cubesat crazyflie planar_vtol quadrotor_lee quadrotor_lee_upside_down tune_flies "
-    "satellite_breaks satellite_estimated satellite_wheels se3_bluerov2_estimated "
+    "cubesat crazyflie planar_vtol quadrotor_lee quadrotor_lee_upside_down quadrotor_speeds "
+    "tune_flies satellite_breaks satellite_estimated satellite_wheels se3_bluerov2_estimated "
     "se3_bluerov2_flies se3_bluerov2_thrusters sweep_lag sweep_lqr sweep_region"
 ).split()
 """Of loops that the theorems do not cover."""
