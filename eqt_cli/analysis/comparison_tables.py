@@ -264,7 +264,7 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         levels = list(group)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
-        rows.append([_measure(here, write, whole), *(_value(level, write) for level in levels)])
+        rows.append([_measure(here, write, whole), *_values(levels, write)])
         if censored := counted({level.controller: level.censored for level in levels}):
             notes.append(
                 f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
@@ -298,9 +298,15 @@ def _with_laws_as_rows(table: TextTable) -> TextTable:
     return replace(table, header=["controller", *measures[1:]], blocks=[Block("", laws)])
 
 
-def _value(level: Level, write: Plain) -> str:
-    written = write.interval if level.measured.quantity.counts else write.spread
-    return written(level.mean, level.low, level.high)
+def _values(levels: Sequence[Level], write: Plain) -> Iterator[str]:
+    """Yield the means, the best of them marked."""
+    quantity = levels[0].measured.quantity
+    written = write.interval if quantity.counts else write.spread
+    best = min((quantity.cost(level.mean) for level in levels), default=0.0)
+    for level in levels:
+        cell = written(level.mean, level.low, level.high)
+        ranked = quantity.better != "neither" and quantity.cost(level.mean) == best
+        yield write.best(cell) if ranked and len(levels) > 1 else cell
 
 
 def _functions(comparison: Comparison) -> list[str]:

@@ -168,7 +168,7 @@ def _troubles(comparison: Comparison) -> Iterator[str]:
         yield f"not settled at the end: {', '.join(late)}"
     if comparison.not_matched:
         laws = ", ".join(titles[label] for label in comparison.not_matched)
-        yield f"gains are not tuned alike: {laws}; eqt tune does that"
+        yield f"gains are not tuned alike: {laws}; `eqt tune CONFIG` tunes all laws for one cost"
 
 
 def _claimed(comparison: Comparison) -> Iterator[str]:

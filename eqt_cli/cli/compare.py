@@ -80,6 +80,7 @@ def compare(
     against: Annotated[
         list[str] | None, options.option("--against", autocompletion=completion.laws)
     ] = None,
+    columns: Annotated[int, options.option("--columns", min=1, max=2)] = 2,
     table: Annotated[TableName | None, options.option("--table")] = None,
     format: Annotated[TableFormat, options.option("--format")] = TableFormat.TEXT,
     point: options.Point = None,
@@ -126,7 +127,8 @@ def compare(
         --list  List the metrics of this result.
     Output
         --rows NAME  Rows of the table of means: measures or controllers. Default: controllers in
-            LaTeX.
+            LaTeX that spans two columns of text.
+        --columns N  Columns of text that a table in LaTeX spans: 1 or 2.
         --format NAME  text, csv or latex.
     Statistics
         --confidence P  Confidence level of each interval.
@@ -198,7 +200,9 @@ def compare(
         )
         comparison = replace(comparison, negligible=negligible)
         against = _labels(comparison, against or ())
-        as_rows = rows is Rows.CONTROLLERS or (rows is None and format is TableFormat.LATEX)
+        as_rows = rows is Rows.CONTROLLERS or (
+            rows is None and format is TableFormat.LATEX and columns > 1
+        )
         shown = _of_experiment(
             comparison,
             table,
@@ -208,16 +212,16 @@ def compare(
             chosen=bool(metric or window),
             laws_as_rows=as_rows,
         )
-    _print(shown, result, format, json)
+    _print(shown, result, format, json, columns)
 
 
-def _print(shown: _Findings, result: Path, format: TableFormat, json: bool) -> None:
+def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, columns: int) -> None:
     if json:
         output.print_json({"path": str(result), **shown.document})
     elif format is TableFormat.CSV:
         output.print_verbatim(as_csv(shown.records))
     elif format is TableFormat.LATEX:
-        output.print_verbatim("\n\n".join(map(as_latex, shown.tables)))
+        output.print_verbatim("\n\n".join(as_latex(each, columns) for each in shown.tables))
     else:
         if shown.answer:
             output.print_text(*shown.answer)

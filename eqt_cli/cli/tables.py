@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import zip_longest
 from typing import Any
@@ -26,13 +26,23 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _PLAIN_NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 
 
-MOST_COLUMNS = 7
-"""Maximum number of columns of a LaTeX table that fits a page."""
+MOST_COLUMNS = {1: 3, 2: 7}
+"""Maximum number of columns of a LaTeX table by the columns of text that it spans."""
 
 
-def as_latex(table: TextTable) -> str:
-    """Return booktabs tables, with the caption and the notes as comments."""
-    return "\n\n".join(map(_tabular, table.narrow(MOST_COLUMNS)))
+def as_latex(table: TextTable, text_columns: int = 2) -> str:
+    """Return booktabs tables, with the caption and the notes as comments.
+
+    A column with equal cells is left out, and the caption says what they are.
+    """
+    across = list(zip(table.header, *table.rows, strict=True))[table.keys :]
+    same = [column[:2] for column in across if len(column) > 2 and len({*column[1:]}) == 1]
+    said = "".join(f"; {heading}: {cell}" for heading, cell in same if cell not in ("", "-"))
+    table = replace(table.without([heading for heading, _ in same]), caption=table.caption + said)
+    made = map(_tabular, table.narrow(MOST_COLUMNS[text_columns]))
+    # Names of measures wrap in one column of text.
+    first = r"{p{0.3\columnwidth}" if text_columns == 1 else "{l"
+    return "\n\n".join(each.replace("{l", first, 1) for each in made)
 
 
 def _tabular(table: TextTable) -> str:
@@ -53,7 +63,7 @@ def _tabular(table: TextTable) -> str:
 def _heading(text: str) -> str:
     r"""Return a heading, with its window and its unit in lines of their own."""
     lines = r" \\ ".join(text.split(", "))
-    return rf"\shortstack[l]{{{lines}}}" if ", " in text else "$d$" if text == "d" else text
+    return rf"\shortstack[l]{{{lines}}}" if ", " in text else text
 
 
 def as_csv(records: Sequence[Mapping[str, Any]]) -> str:

@@ -455,6 +455,10 @@ class Plain:
         """Return a number that is already formatted."""
         return text
 
+    def best(self, text: str) -> str:
+        """Return the best number of several."""
+        return text
+
     def interval(self, mean: float, low: float, high: float) -> str:
         """Return a mean with its interval, to two digits of the half width."""
         centre, *ends = map(self.number, in_one_form((high - low) / 2, mean, low, high))
@@ -489,6 +493,9 @@ class Latex(Plain):
 
     def window(self, window: Window) -> str:
         return rf"{window.start:g}--{window.stop:g}\,s"
+
+    def best(self, text: str) -> str:
+        return rf"\textbf{{{text}}}"
 
     def number(self, text: str) -> str:
         powers = re.sub(r"e([+-])0*(\d+)", r"$\\cdot10^{\1\2}$", text).replace("{+", "{")

@@ -215,11 +215,20 @@ def test_latex_is_a_booktabs_table(invoke, paper_result):
     assert "−" not in out.partition(r"\bottomrule")[0]
 
 
+LATEX = ("--format", "latex", "--table", "controllers", "--columns", 1)
+
+
 def test_latex_has_a_row_for_each_chosen_law_and_seven_columns(invoke, paper_result):
     laws = ["--controller", "GT", "--controller", "eqt", "--resamples", 9]
     out = invoke("compare", paper_result, *laws, "--format", "latex", "--table", "controllers")
     tables = [each.splitlines() for each in out.stdout.split("\n\n")]
     assert len(tables) == 3
+    one = invoke(
+        *("compare", paper_result, *laws, "-m", "effort", "-m", "peak_torque"), *LATEX
+    ).stdout
+    assert r"\begin{tabular}{p{0.3\columnwidth}ll}" in one
+    [effort] = [line for line in one.splitlines() if line.startswith("effort")]
+    assert effort.count(r"\textbf{") == 1 and r"& \textbf{" in effort.partition(" $\\pm$ ")[0]
     for table in tables:
         header, rows = table[3], [line for line in table if line.startswith(("EqT &", "GT &"))]
         assert header.startswith(r"controller & \shortstack[l]{") and header.count(" & ") <= 6

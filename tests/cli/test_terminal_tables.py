@@ -8,7 +8,7 @@ from rich.cells import cell_len
 
 from eqt_cli.base.reporting import Block, TextTable
 from eqt_cli.cli.output import folded, room, table
-from eqt_cli.cli.tables import table_text
+from eqt_cli.cli.tables import as_latex, table_text
 
 ROWS = [
     ["eqt", "1.830", "holds", "-0.283 [-0.346, -0.219]"],
@@ -126,3 +126,10 @@ def test_terminals_have_a_width_and_tables_obey_columns(monkeypatch, terminal, e
     assert room() == expected
     lines = table(TABLE.header, ROWS).plain.splitlines()
     assert (max(map(cell_len, lines)) > 50) is (not terminal and not columns)
+
+
+def test_latex_leaves_equal_columns_out_and_says_so():
+    rows = [["a", "1.0", "20 s"], ["b", "2.0", "20 s"]]
+    made = as_latex(TextTable("t", "Means", ["law", "mean", "window"], [Block("", rows)]))
+    assert made.splitlines()[0] == "% Means; window: 20 s"
+    assert "law & mean \\\\" in made and "20 s \\\\" not in made
