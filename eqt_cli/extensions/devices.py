@@ -217,7 +217,7 @@ class Kernel:
         self._queue = cl.CommandQueue(self._context)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", cl.CompilerWarning)
-            built = cl.Program(self._context, code).build("-cl-std=CL1.2")
+            built = cl.Program(self._context, code).build("-cl-std=CL1.2 -w")
         self._runs = cl.Kernel(built, "eqt_runs")
 
     def __call__(self, measuring: Measuring | None, **values: Any) -> None:

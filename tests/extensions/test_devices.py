@@ -230,3 +230,12 @@ def test_another_engine_has_no_device(invoke: Callable[..., Any]) -> None:
 def test_devices_are_listed(invoke: Callable[..., Any]) -> None:
     first = devices.devices()[0]
     assert f"opencl:0  {first.name}, {first.driver}" in invoke("list", "devices").stdout
+
+
+@needs_device
+@pytest.mark.slow("a driver compiles for 1 to 3 s")
+def test_warnings_of_the_compiler_of_a_driver_are_not_shown(capfd: Any, tmp_path: Path) -> None:
+    """PoCL's clang counts them on stderr."""
+    warned = f"int *f(long x) {{ return x + {tmp_path.stat().st_ctime_ns}; }}"
+    devices.Kernel(devices.chosen("opencl"), f"{warned}\n__kernel void eqt_runs(void) {{ }}\n")
+    assert capfd.readouterr().err == ""
