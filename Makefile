@@ -8,12 +8,15 @@ PIP := python -m pip --quiet --disable-pip-version-check
 # The interpreter a new environment is built from: PYTHON, or else the first new enough of these.
 PYTHON ?=
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
+# Set, as in the jobs of continuous integration: installs what .ci/lock*.txt name, by version and hash.
+LOCKED ?=
+HASHED := install --no-deps --require-hashes --requirement .ci/lock
 # Extra arguments for pytest: make test ARGS='-k groups'
 ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -52,8 +55,8 @@ fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results 
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
 oracles: $(VENV)/.stamp-dev ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
-	$(BIN)/$(PIP) install --group oracles
-	$(BIN)/$(PIP) install --no-deps --group basilisk
+	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-oracles.txt,install --group oracles)
+	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-basilisk.txt,install --no-deps --group basilisk)
 	$(BIN)/python -m pytest tests/components/test_oracles.py tests/components/test_rotors.py tests/components/test_basilisk.py \
 		tests/components/test_lqr.py $(ARGS)
 
@@ -75,6 +78,15 @@ check: $(VENV)/.stamp-dev ## format, lint, types, import layering, subjects of c
 	$(BIN)/lint-imports --no-logo
 	.ci/subjects
 
+COMPILE = $(BIN)/python -m uv pip compile --quiet --no-header --no-annotate --upgrade --universal \
+	--python-version 3.11 --generate-hashes pyproject.toml
+lock: $(VENV)/.stamp-base ## write the versions and hashes that continuous integration installs, in .ci
+	$(BIN)/$(PIP) install uv
+	$(COMPILE) --all-extras --group dev --group docs --group release --output-file .ci/lock.txt
+	$(COMPILE) --group oracles --constraint .ci/lock.txt --output-file .ci/lock-oracles.txt
+	$(subst pyproject.toml,,$(COMPILE)) --no-deps --group basilisk --output-file .ci/lock-basilisk.txt
+	$(COMPILE) --extra all --group test --constraint tests/lowest.txt --output-file .ci/lock-lowest.txt
+
 hooks: ## check the subject of each of your commits before it is made
 	mkdir -p "$$(git rev-parse --git-path hooks)"
 	printf '#!/bin/sh\nexec .ci/subjects "$$1"\n' > "$$(git rev-parse --git-path hooks)/commit-msg"
@@ -95,9 +107,9 @@ docs: $(VENV)/.stamp-docs ## build the documentation, in build/docs
 
 # ARGS='--constraint tests/lowest.txt' tries the oldest supported versions.
 wheel: $(VENV)/.stamp-base ## build dist/ and run the commands from the wheel alone, without extras and network
-	$(BIN)/$(PIP) install --group release
+	$(if $(LOCKED),,$(BIN)/$(PIP) install --group release)
 	rm -rf dist
-	$(BIN)/python -m build --quiet --outdir dist
+	$(BIN)/python -m build --quiet $(if $(LOCKED),--no-isolation) --outdir dist
 	$(BIN)/python -m twine check --strict dist/*
 	PYTHON=$(BIN)/python tests/from_the_wheel.sh dist/*.whl $(ARGS)
 
@@ -133,27 +145,29 @@ if ! $(1)/bin/python -m pip --version >/dev/null 2>&1; then \
 	$$found -m venv --clear $(1); \
 	echo '*' > $(1)/.gitignore; \
 fi
-@$(1)/bin/$(PIP) install 'pip>=25.1'
+@$(if $(LOCKED),,$(1)/bin/$(PIP) install 'pip>=25.1')
 endef
 
 $(VENV)/.stamp-base: pyproject.toml
 	$(call venv,$(VENV),$(PYTHONS))
 	@echo "Installing eqt into $(VENV)"
-	@$(BIN)/$(PIP) install --editable '.[xarray]'
+	@$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED).txt,install --editable '.[xarray]')
+	@$(if $(LOCKED),$(BIN)/$(PIP) install --no-deps --no-build-isolation --editable .)
 	@touch $@
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(BIN)/$(PIP) install --group dev --editable '.[dask,logs,native,opencl]'
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group dev --editable '.[dask,logs,native,opencl]')
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base
 	@echo "Installing what builds the documentation into $(VENV)"
-	@$(BIN)/$(PIP) install --group docs
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group docs)
 	@touch $@
 
 $(LOWEST)/.stamp: pyproject.toml tests/lowest.txt
 	$(call venv,$(LOWEST),$(or $(PYTHON),python3.11))
 	@echo "Installing the oldest supported versions into $(LOWEST)"
-	@$(LOWEST)/bin/$(PIP) install --constraint tests/lowest.txt --group test --editable '.[all]'
+	@$(LOWEST)/bin/$(PIP) $(if $(LOCKED),$(HASHED)-lowest.txt,install --constraint tests/lowest.txt --group test --editable '.[all]')
+	@$(if $(LOCKED),$(LOWEST)/bin/$(PIP) install --no-deps --no-build-isolation --editable .)
 	@touch $@

@@ -13,6 +13,7 @@ from zipfile import ZipFile
 import pytest
 import yaml
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 import eqt_cli
@@ -105,6 +106,32 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
     lines = (ROOT / "tests" / "lowest.txt").read_text(encoding="utf-8").splitlines()
     tested = {_bound(line, "==") for line in lines if "==" in line}
     assert tested == stated
+
+
+LOCKS = {"lock": "dev docs release", "lock-oracles": "oracles", "lock-basilisk": "basilisk"}
+
+
+@pytest.mark.parametrize("name", [*LOCKS, "lock-lowest"])
+def test_continuous_integration_installs_by_hash_what_the_project_needs(name):
+    """`make lock` writes these files."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    groups, extras = project["dependency-groups"], project["project"]["optional-dependencies"]
+    needed = [] if name == "lock-basilisk" else [*project["project"]["dependencies"]]
+    if name in ("lock", "lock-lowest"):
+        needed += [each for extra in extras for each in extras[extra] if "eqt-cli" not in each]
+    for group in LOCKS.get(name, "test").split():
+        needed += groups["test"] + groups["lint"] if group == "dev" else groups[group]
+    entries = (ROOT / ".ci" / f"{name}.txt").read_text(encoding="utf-8").replace("\\\n", "")
+    found = [line.partition(" --hash=sha256:") for line in entries.splitlines()]
+    assert all(hashes for _, _, hashes in found)
+    pinned = {}
+    for parsed in (Requirement(entry) for entry, _, _ in found):
+        pinned.setdefault(canonicalize_name(parsed.name), []).append(_bound(f"{parsed}", "==")[1])
+    for wanted in map(Requirement, needed):
+        if name == "lock-lowest" and wanted.name == "pyopencl":  # not in the extra `all`
+            continue
+        versions = pinned[canonicalize_name(wanted.name)]
+        assert all(version in wanted.specifier for version in versions), wanted
 
 
 def _bound(requirement, operator):
