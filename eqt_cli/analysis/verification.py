@@ -30,6 +30,7 @@ from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
 from eqt_cli.runs.batches import Batch, batches
 from eqt_cli.runs.compute_part import Desired, measured, shared_reference
+from eqt_cli.runs.preflight import check_laws
 
 RUNS = 20
 """Number of runs per law that check a configuration, unless it has fewer."""
@@ -147,7 +148,9 @@ class _Verifier:
     @cached_property
     def study(self) -> Study:
         """The first runs of the experiment."""
-        return Study(None, self.experiment.of_runs(self.runs))
+        first = Study(None, self.experiment.of_runs(self.runs))
+        check_laws(first)
+        return first
 
     def of_new_runs(self, label: str, reference: Desired) -> certificates.Runs:
         """The runs of the study."""

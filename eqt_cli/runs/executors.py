@@ -18,7 +18,7 @@ from contextvars import copy_context
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
-from itertools import islice
+from itertools import count, islice
 from multiprocessing import connection, get_context, parent_process
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -562,8 +562,7 @@ class Dask(Executor):
         from distributed import LocalCluster, Security
 
         security = Security.temporary()
-        tries = 0
-        while True:
+        for tries in count(1):
             try:
                 return LocalCluster(
                     n_workers=self.workers,
@@ -575,12 +574,10 @@ class Dask(Executor):
                     silence_logs=logging.CRITICAL,
                 )
             except RuntimeError as error:
-                tries += 1
                 if tries == MOST_TRIES:
                     cause = getattr(error.__cause__, "__context__", None) or error
-                    message = f"executor dask: no cluster can be started: {cause}"
                     other = Remedy("use the executor local, which needs no semaphores in /dev/shm")
-                    raise EqtError(message, other) from error
+                    raise EqtError(f"executor dask: no cluster starts: {cause}", other) from error
 
 
 def _do(payload: bytes, item: int) -> int:

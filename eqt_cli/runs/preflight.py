@@ -18,7 +18,6 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import ConfigError, InputError, InputProblem, Problems
-from eqt_cli.base.registry import is_foreign
 from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
@@ -42,14 +41,14 @@ root near 0: they may also change as by such a change of all states."""
 
 
 def check_laws(study: Study) -> None:
-    """Refuse laws of plugins that mix runs, as `rehearse` does, before a run is computed.
+    """Refuse parts of plugins that mix runs, as `rehearse` does, before a run is computed.
 
     Raises
     ------
     ConfigError
         If there is one.
     """
-    if any(is_foreign(type(loop.controller).__module__) for loop in study.base.loops.values()):
+    if any(each.is_foreign for loop in study.base.loops.values() for each in parts_of(loop)):
         problems = Problems(study.base.source.place)
         rehearse(study, problems, solves=False)
         problems.raise_if_any()

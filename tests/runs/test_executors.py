@@ -341,7 +341,7 @@ def test_a_cluster_that_cannot_start_says_why(task, monkeypatch):
 
     monkeypatch.setattr(distributed, "LocalCluster", fails)
     assert error_of(list, executors.get("dask")(1).outcomes(task, [2])) == (
-        "executor dask: no cluster can be started: [Errno 30] Read-only file system; use the "
+        "executor dask: no cluster starts: [Errno 30] Read-only file system; use the "
         "executor local, which needs no semaphores in /dev/shm"
     )
 

@@ -18,6 +18,7 @@ own(eqt_cli.extend.Controller):
         return BODY
 """)
 FORCE = component("""
+import numpy as np
 push(eqt_cli.extend.Force):
     departs: ClassVar[str] = "a push"
 
@@ -91,9 +92,17 @@ def test_rounding_that_a_root_enlarges_mixes_no_runs(check):
     check("", *still, text=NET, controllers="own", more=ROTORS, code=0)
 
 
-def test_a_law_that_mixes_runs_does_not_run_either(check):
-    said = check("-s.V / np.max(np.abs(s.V))", command="run")
+@pytest.mark.parametrize("command", ["run", "verify"])
+def test_a_law_that_mixes_runs_does_not_run_either(check, command):
+    said = check("-s.V / np.max(np.abs(s.V))", command=command)
     assert "controller 'own' mixes runs: the rates of a run change by " in said
+
+
+def test_nor_does_a_force(check):
+    push = {"text": FORCE, "controllers": "gt", "more": "plant: {forces: [{kind: push}]}\n"}
+    assert "mixes runs: the rates of a run" in check(
+        "-V / np.max(np.abs(V))", command="run", **push
+    )
 
 
 LYAPUNOV = (
@@ -151,7 +160,7 @@ def test_a_force(check):
     )
     assert said == (
         "1 error in c.yaml\nc.yaml:10:18: plant.forces[0]: force 'push' fails at the start of run "
-        "0: AttributeError: 'numpy.ndarray' object has no attribute 'nothing' at own.py:11: return "
+        "0: AttributeError: 'numpy.ndarray' object has no attribute 'nothing' at own.py:12: return "
         "V.nothing\n"
     )
 
