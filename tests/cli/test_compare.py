@@ -131,14 +131,12 @@ def test_two_results_are_compared_law_by_law(invoke, changed):
     with open_result(two[0]) as soft, open_result(two[1]) as stiff:
         for number, law in enumerate(soft.labels):
             [row] = [
-                row
-                for row in rows
-                if (row["metric"], row["first"]) == ("mean_torque", f"stiff/{law}")
+                row for row in rows if (row["metric"], row["first"]) == ("effort", f"stiff/{law}")
             ]
-            torques = [each.metric("mean_torque", number) for each in (soft, stiff)]
+            efforts = [each.metric("effort", number) for each in (soft, stiff)]
             assert row["second"] == f"soft/{law}"
-            assert row["relative"] == pytest.approx(torques[1].mean() / torques[0].mean() - 1)
-            assert row["first_better"] == np.mean(torques[1] < torques[0])
+            assert row["relative"] == pytest.approx(efforts[1].mean() / efforts[0].mean() - 1)
+            assert row["first_better"] == np.mean(efforts[1] < efforts[0])
     assert not [row for row in rows if "lyapunov" in row["metric"]]
 
 
