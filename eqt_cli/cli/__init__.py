@@ -110,7 +110,7 @@ def _say(message: str) -> None:
     from eqt_cli.cli.output import complain
 
     _said.append(message)
-    complain(message)
+    complain(message, "error")
 
 
 def _interrupted_again() -> None:

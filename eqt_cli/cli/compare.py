@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from eqt_cli.results.quantity import Plain
     from eqt_cli.results.result import Result
 
-PIPED = 100
-"""Width of a line of text if the output is not a terminal."""
-
-
 _OF_ONE = "--controller, --without-start, --robust, --measured and --against"
 
 
@@ -341,7 +337,7 @@ def _of_experiment(
         "claims": rows[TableName.CLAIMS],
         "missing": comparison.missing,
     }
-    remarks = [output.folded(sentence, PIPED) for sentence in comparison.missing]
+    remarks = [output.folded(sentence, output.PIPED) for sentence in comparison.missing]
     answer = list[str]()
     if format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
@@ -356,7 +352,7 @@ def _of_experiment(
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these controllers"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
-    room = output.room_of_tables() or PIPED
+    room = output.room_of_tables() or output.PIPED
     answer = [output.folded(line, room, "    ") for line in answer]
     return _Findings(document, rows[_rows_of(table)], shown, remarks, answer)
 

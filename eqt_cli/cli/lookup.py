@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -377,6 +378,13 @@ def keys(
         return
     if key is not None:
         listed = within(listed, key)
+    if key is None and not json:
+        sections = [each.key for each in listed if not re.search(r"[.\[]", each.key)]
+        output.print_text(
+            f"{len(listed)} keys in {len(sections)} sections; `eqt config keys gains` shows one "
+            f"section: {', '.join(sections)}",
+            "",
+        )
     rows = [[text.replace("`", "") for text in asdict(each).values()] for each in listed]
     output.print_records(["key", "value", "default", "meaning"], rows, json=json)
 

@@ -39,6 +39,9 @@ _LINES = "\n\t"
 """Control characters allowed in texts of several lines, such as the source of a plugin."""
 
 
+PIPED = 100
+"""Width of a line of text if the output is not a terminal."""
+
 _silent = False
 """Whether the command prints errors only."""
 
@@ -51,12 +54,13 @@ def be_quiet(quiet: bool) -> bool:
 
 
 def print_text(*pieces: str | Text) -> None:
-    """Print a result on stdout; on a terminal, wrap lines between words and colour tables."""
+    """Print a result on stdout, with lines wrapped between words; on a terminal, colour tables."""
     if _silent:
         return
     for piece in pieces or ("",):
         if isinstance(piece, str):
-            print(_folded(printable(piece, _LINES), sys.stdout))
+            text = printable(piece, _LINES)
+            print("\n".join(_fold(line, room_of_tables() or PIPED) for line in text.split("\n")))
         else:
             from rich.console import Console
 
@@ -77,15 +81,24 @@ def say(message: str) -> None:
         complain(message)
 
 
-def complain(message: str) -> None:
-    """Print an error on stderr, also if the command is quiet."""
-    print(_folded(printable(message, _LINES), sys.stderr), file=sys.stderr, flush=True)
+def complain(message: str, label: str = "") -> None:
+    """Print an error on stderr, also if the command is quiet.
+
+    In colour, a label such as ``error`` stands in the place of the name of the program.
+    """
+    text = _folded(printable(message, _LINES), sys.stderr)
+    if label and sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
+        colour = f"\033[1;{31 if label == 'error' else 33}m"
+        heading = text.partition("\n")[0]  # of several errors
+        start, shown = ("eqt:", f"{label}:") if text.startswith("eqt:") else (heading, heading)
+        text = f"{colour}{shown}\033[0m{text.removeprefix(start)}"
+    print(text, file=sys.stderr, flush=True)
 
 
 def warn(remark: EqtWarning) -> None:
     """Print a warning about a result on stderr."""
-    show = complain if isinstance(remark, HarmWarning) else say
-    show(f"eqt: {remark.with_advice(option)}")
+    if isinstance(remark, HarmWarning) or not _silent:
+        complain(f"eqt: {remark.with_advice(option)}", "warning")
 
 
 def option(argument: str) -> str:

@@ -446,15 +446,17 @@ def _print_summary(done: StoredResult, results: Result) -> None:
     print_outcome(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
     over = "" if points is None else f"{output.count_of(points, 'point')}, "
-    output.print_text(f"{over}{output.count_of(done.runs, 'run')}{took}", f"results  {done.file}")
-    output.print_text(f"next     eqt {_next(done, len(results.labels))}")
+    tick = "✓ " * (not done.failed and output.room() is not None)
+    output.print_text(f"{tick}{over}{output.count_of(done.runs, 'run')}{took}")
+    output.print_text(f"results  {done.file}", f"next     {_next(done, len(results.labels))}")
 
 
 def _next(done: StoredResult, laws: int) -> str:
-    """Return the next command: the failures if all runs failed, else a comparison or a figure."""
+    """Return the next commands: the failures if all runs failed, else what tells and draws more."""
     if done.failed == done.runs:
-        return f"show {done.path} --failed"
-    return f"{'compare' if laws > 1 else 'plot'} {done.path}"
+        return f"eqt show {done.path} --failed"
+    commands = [*["compare"] * (laws > 1), "plot", "report"]
+    return "\n         ".join(f"eqt {command} {done.path}" for command in commands)
 
 
 def time_line(seconds: float | None, workers: int) -> str:

@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from eqt_cli.base.errors import EqtError, suggestion
 
 LONGEST = 120
@@ -46,6 +44,8 @@ def using(kind: str) -> tuple[str, Any]:
 
     The part is a mapping as in the configuration, without other keys beside the component.
     """
+    import yaml  # loaded by no help page
+
     found = [
         (name, {key: part})
         for name in names()

@@ -107,7 +107,8 @@ def test_an_unknown_kind(refused, kind, hint):
 
 def test_one_component(eqt):
     """Its options with those in them, and a part of a shipped configuration."""
-    first, _, *lines = eqt("list", "cascade").out.splitlines()
+    first, *lines = eqt("list", "cascade").out.splitlines()
+    lines = lines[lines.index("") + 1 :]
     assert first.startswith("cascade, of controllers: A position loop around an attitude law")
     assert lines[0].split() == ["option", "value", "default", "meaning"]
     named = [line.split()[0] for line in lines if line.strip()]
@@ -127,7 +128,7 @@ def test_components_of_one_name_are_all_explained(eqt):
 
 def test_every_configuration_says_what_it_is(eqt):
     lines = eqt("list", "configs").out.splitlines()[1:]
-    assert [line.split()[0] for line in lines] == shipped.names()
+    assert [line.split()[0] for line in lines if line[2] != " "] == shipped.names()
     assert all(15 < len(shipped.summary(name)) <= shipped.LONGEST for name in shipped.names())
 
 

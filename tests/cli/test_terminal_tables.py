@@ -7,6 +7,7 @@ import pytest
 from rich.cells import cell_len
 
 from eqt_cli.base.reporting import Block, TextTable
+from eqt_cli.cli import output
 from eqt_cli.cli.output import folded, room, table
 from eqt_cli.cli.tables import as_latex, table_text
 
@@ -133,3 +134,32 @@ def test_latex_leaves_equal_columns_out_and_says_so():
     made = as_latex(TextTable("t", "Means", ["law", "mean", "window"], [Block("", rows)]))
     assert made.splitlines()[0] == "% Means; window: 20 s"
     assert "law & mean \\\\" in made and "20 s \\\\" not in made
+
+
+@pytest.mark.parametrize(
+    ("message", "label", "shown"),
+    [
+        ("eqt: no file", "error", "\033[1;31merror:\033[0m no file\n"),
+        ("eqt: no air", "warning", "\033[1;33mwarning:\033[0m no air\n"),
+        (
+            "2 errors in c.yaml\nc.yaml:1",
+            "error",
+            "\033[1;31m2 errors in c.yaml\033[0m\nc.yaml:1\n",
+        ),
+        ("a remark", "", "a remark\n"),
+    ],
+)
+def test_errors_are_in_colour_on_a_terminal_only(monkeypatch, capsys, message, label, shown):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    output.complain(message, label)
+    assert capsys.readouterr().err == f"{message}\n"  # NO_COLOR
+    monkeypatch.delenv("NO_COLOR")
+    output.complain(message, label)
+    assert capsys.readouterr().err == shown
+
+
+def test_lines_in_a_pipe_have_100_columns(monkeypatch, capsys):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    output.print_text("word " * 50)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 3 and max(map(len, lines)) <= 100
