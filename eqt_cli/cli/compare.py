@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eqt_cli.results.quantity import Plain
     from eqt_cli.results.result import Result
 
-_OF_ONE = "--controller, --without-start, --robust, --measured and --against"
+_OF_ONE = "--controller, --without-start, --measured and --against"
 
 
 class TableFormat(StrEnum):
@@ -84,7 +84,6 @@ def compare(
     confidence: Annotated[float, options.option("--confidence")] = 0.95,
     resamples: Annotated[int, options.option("--resamples")] = 9999,
     seed: Annotated[int, options.option("--seed", min=0)] = 0,
-    robust: Annotated[bool, options.option("--robust")] = False,
     share: Annotated[float, options.option("--share")] = 0.9,
     measured: options.Measured = None,
     mapping: options.Mapping = None,
@@ -118,7 +117,6 @@ def compare(
             its run. Repeatable for tables.
         --table NAME  Print only this table: controllers, pairs, claims, fronts, winners, points;
             or all of them.
-        --robust  For a sweep: the range over which the runs of each law settle.
         --run K  Run for --measured, counted from 0.
         --list  List the metrics of this result.
     Output
@@ -131,14 +129,14 @@ def compare(
         --negligible X  Relative difference that counts as none, such as 0.01.
         --resamples N  Number of bootstrap resamples.
         --seed N  Random seed of the bootstrap.
-        --share P  Share of runs that must settle, for --robust. At a point of a sweep, a law that
-            settles in fewer than 1 − P where another one settles in P is not ranked.
+        --share P  At a point of a sweep, a law that settles in fewer than 1 − P of the runs where
+            another one settles in P is not ranked.
     """
     from eqt_cli import api
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.results.quantity import Latex, Plain
 
-    of_one = [controller, without_start, robust, measured, against]
+    of_one = [controller, without_start, measured, against]
     if other and any(of_one):
         raise EqtError(f"{_OF_ONE} are of one result; leave them out with two")
     if json and format is not TableFormat.TEXT:
@@ -152,10 +150,9 @@ def compare(
     shown = None
     if measured is None:
         options.require_measured(mapping, log_format, run)
-    elif metric or window or robust or table not in (None, TableName.ALL):
+    elif metric or window or table not in (None, TableName.ALL):
         raise EqtError(
-            "--measured compares with a recording; leave --metric, --window, --robust and other "
-            "tables out"
+            "--measured compares with a recording; leave --metric, --window and other tables out"
         )
     else:
         explained = of_extension("recordings.api.compare_measured")(
@@ -173,9 +170,7 @@ def compare(
                 explained, measured, write, table is TableName.ALL
             )
         )
-    if shown is None and robust:
-        shown = _robustness(result, share, confidence, write)
-    elif shown is None and point is None and other is None:
+    if shown is None and point is None and other is None:
         narrow = bool(window or against or without_start)
         shown = _of_whole(
             result, metric or (), table, controller or (), narrow, how, write, unit or (), share
@@ -359,18 +354,6 @@ def _of_experiment(
 
 def _rows_of(table: TableName | None) -> TableName:
     return TableName.PAIRS if table in (None, TableName.ALL) else table
-
-
-def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Findings:
-    """Return the range of the swept number over which the runs of each law settle."""
-    from eqt_cli import api
-    from eqt_cli.analysis.maps import robustness_table
-
-    with api.open_results(path, "arrays") as result:
-        if not result.is_sweep:
-            raise EqtError(f"--robust needs a sweep; {path} is a single experiment")
-        table, rows = robustness_table(result, share, confidence, write)
-    return _Findings({"share": share, "tested": rows}, rows, [table])
 
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Findings | None:

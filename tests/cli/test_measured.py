@@ -86,7 +86,7 @@ compare, [--mapping, log.yaml] → --mapping is of a recording; add --measured F
 compare, [--run, "1"] → --run is of a recording; add --measured FILE
 plot, [--log-format, tum] → --log-format is of a recording; add --measured FILE
 compare, [--measured, flight.csv, --metric, effort] →
-    --measured compares with a recording; leave --metric, --window, --robust and other tables out
+    --measured compares with a recording; leave --metric, --window and other tables out
 compare, [--measured, flight.csv, --against, gtt] →
     RESULT/results.h5: holds no controller 'gtt'; did you mean 'gt'?
 plot, [--measured, flight.csv, --figure, torque] →
