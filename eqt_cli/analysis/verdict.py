@@ -97,6 +97,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     for label in comparison.labels:
         of_law = [each for each in found if each.pair.first == label]
         first = [each for names in (ERRORS, COSTS) for each in _headline(of_law, names)]
+        first = first or of_law[:1]
         others = [each for each in of_law if each not in first]
         if of_law:
             made.append(f"{titles[label]} against {titles[of_law[0].pair.second]}")

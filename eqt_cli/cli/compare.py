@@ -13,7 +13,7 @@ import typer
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.registry import of_extension
 from eqt_cli.cli import completion, options, output
-from eqt_cli.cli.tables import as_csv, as_latex
+from eqt_cli.cli.tables import as_csv, as_latex, in_colour
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.compare import Comparison
@@ -215,7 +215,7 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
         output.print_verbatim("\n\n".join(as_latex(each, columns) for each in shown.tables))
     else:
         if shown.answer:
-            output.print_text(*shown.answer)
+            output.print_text(*map(in_colour, shown.answer))
         for number, each in enumerate(shown.tables):
             output.print_text(*([""] * (number > 0 or bool(shown.answer))), output.laid_out(each))
     for remark in () if json else shown.remarks:

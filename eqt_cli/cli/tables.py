@@ -119,8 +119,9 @@ _NUMBER = re.compile(r"[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]
 """A number, perhaps with a percent sign, a spread or an interval."""
 
 _STYLES = {
-    "green": ("holds", "supported", "agrees"),
+    "green": ("holds", "supported", "agrees", "better"),
     "bold red": ("FAILS", "not supported", "differs", "violated"),
+    "red": ("worse",),
     "yellow": ("undecided", "seen, not all settled", "growing", "unknown", "not covered"),
 }
 """Colours of verdicts, by their first words; the text says the same without colour."""
@@ -165,12 +166,12 @@ class _SideBySide:
     def head(self) -> list[Text]:
         """Return the headings, aligned at the bottom, and a rule."""
         folded = [
-            _wrapped(column.heading, width)
+            _wrapped(column.heading, width, "bold")
             for column, width in zip(self.columns, self.widths, strict=True)
         ]
         height = max(map(len, folded))
         raised = [[Text()] * (height - len(lines)) + lines for lines in folded]
-        rule = Text(_GAP.join("─" * width for width in self.widths))
+        rule = Text(_GAP.join("─" * width for width in self.widths), "dim")
         return [*self._lines(raised), rule]
 
     def row(self, index: int) -> list[Text]:
@@ -221,7 +222,7 @@ def table_text(table: TextTable, room: int | None) -> Text:
         lines += [Text(indent) + line for line in grid.head()]
         lines += _body(table.blocks, room, grid.row, indent)
     if notes:
-        lines += [Text(), *(_prose(note, min(room or _NOTES, _NOTES)) for note in notes)]
+        lines += [Text(), *(_prose(note, min(room or _NOTES, _NOTES), "dim") for note in notes)]
     return Text("\n").join(lines)
 
 
@@ -280,7 +281,7 @@ def _body(
     """Return the titles of the blocks and the lines of their rows."""
     lines, index = list[Text](), 0
     for block in blocks:
-        lines += [_prose(block.title, room)] if block.title else []
+        lines += [_prose(block.title, room, "bold")] if block.title else []
         for _ in block.rows:
             lines += [Text(indent) + line for line in row(index)]
             index += 1
@@ -301,10 +302,9 @@ def _record(columns: list[_Column], room: int, index: int) -> list[Text]:
     return lines
 
 
-def _prose(text: str, room: int | None) -> Text:
+def _prose(text: str, room: int | None, style: str = "") -> Text:
     """Wrap text outside the cells to the width."""
-    text = printable(text)
-    return Text(text) if room is None else Text("\n").join(_wrapped(text, room))
+    return Text("\n").join(_wrapped(printable(text), room or len(text) + 1, style))
 
 
 def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
@@ -321,11 +321,20 @@ def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
     return [Text(line, style) for line in lines]
 
 
+def in_colour(line: str) -> Text:
+    """Return a line of an answer: its heading is bold, its verdict in colour, a note dim."""
+    said = re.match(r"  (also )?(\w+( difference)?):", line)
+    if said is None:
+        return Text(line, "bold" if " against " in line.partition("\n")[0] else "dim")
+    return Text.assemble((said[0], _style_of(said[2])), line[said.end() :])
+
+
 def _style(column: _Column, index: int) -> str:
-    if column.heading != _VERDICT:
-        return ""
-    cell = column.cells[index]
-    return next((style for style, starts in _STYLES.items() if cell.startswith(starts)), "")
+    return _style_of(column.cells[index]) if column.heading == _VERDICT else ""
+
+
+def _style_of(verdict: str) -> str:
+    return next((style for style, starts in _STYLES.items() if verdict.startswith(starts)), "")
 
 
 def _total(widths: list[int]) -> int:
