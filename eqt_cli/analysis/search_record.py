@@ -121,6 +121,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             *(record[name] for name in ("generations", "population", "runs")),
         ]
         counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
+        counts += [law["in_profile"] for law in laws]
         names = {coordinate_of(key) for law in laws for key in law["values"]}
         return (
             bool(labels)

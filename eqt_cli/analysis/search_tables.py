@@ -347,7 +347,13 @@ def _worst_notes(record: Record) -> Iterator[str]:
     yield f"{searched(record)} Worse runs may exist: a search is not a proof."
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
-        if not law["failed"] and (None in seen or not _same(law["value"], seen)):
+        if law["in_profile"]:
+            values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
+            yield (
+                f"{law_title(law['label'])}: this run lies on the lines through the worst that the "
+                f"searches found ({values}), and is worse; a larger worst.budget finds more."
+            )
+        elif not law["failed"] and (None in seen or not _same(law["value"], seen)):
             values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
             yield (
                 f"{law_title(law['label'])}: together with other points, the searches found "

@@ -109,6 +109,8 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
         if left and comparison.runs >= FEWEST:
             names = _names(left, comparison.horizon) if len(left) < len(others) else "all else"
             undecided.append(f"{titles[label]}: {names}")
+    if alone := ", ".join(titles[label] for label in comparison.not_matched):
+        made.append(f"gains are not tuned alike: {alone}; `eqt tune CONFIG` tunes all laws alike")
     made += [f"undecided: {'; '.join(undecided)}"] * bool(undecided)
     made += _troubles(comparison)
     made += _claimed(comparison) if claims else ()
@@ -167,9 +169,6 @@ def _troubles(comparison: Comparison) -> Iterator[str]:
         yield f"failed runs, left out: {', '.join(failed)}"
     if late:
         yield f"not settled at the end: {', '.join(late)}"
-    if comparison.not_matched:
-        laws = ", ".join(titles[label] for label in comparison.not_matched)
-        yield f"gains are not tuned alike: {laws}; `eqt tune CONFIG` tunes all laws for one cost"
 
 
 def _claimed(comparison: Comparison) -> Iterator[str]:

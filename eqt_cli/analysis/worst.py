@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any
@@ -24,6 +25,7 @@ from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
+from eqt_cli.runs.run_study import Execution
 
 MOST_ON_A_LINE = 21
 """Default number of values along a key, besides the found point, at which every law is run."""
@@ -136,7 +138,10 @@ class WorstSearch(Searches[WorstSection]):
         return badness(self.objective, result)
 
     def conclude(self, folder: law_search.SearchFolder, executor: Executor) -> Outcome:
-        """Search for the worst run of each law, and run all laws along each key through it."""
+        """Search for the worst run of each law, and run all laws along each key through it.
+
+        The worst of all these runs is computed once more, without other points.
+        """
         by_law: dict[str, dict[int, Population]] = {}
         first: dict[str, list[Scores]] = {law.label: [] for law in self.laws}
         for law in self.laws:
@@ -146,28 +151,48 @@ class WorstSearch(Searches[WorstSection]):
                     first[law.label].append(self.scores(result))
         best = {label: reduce(selected, searches.values()) for label, searches in by_law.items()}
         shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
-        alone = {}
+        lines = self.lines(shares)
+        reporter().note("runs", self.judging)
+        along = compute(self.along(lines), folder.path, executor)
+        at, alone = self._worst_points(best, shares, lines, along), {}
         for law in self.laws:
-            source = law.at(law.values(shares[law.label]))
+            source = law.at(at[law.label])
             compute(source, folder.run_of(law), executor)
             with open_result(folder.run_of(law)) as result:
                 worst_run = alone[law.label] = _worst_run(self, result)
             single = study(source, trust_plugins=True)
             folder.write_configs(law, [single], comment=_comment(self, law, worst_run))
-        lines = self.lines(shares)
-        reporter().note("runs", self.judging)
-        along = compute(self.along(lines), folder.path, executor)
         laws = [
             {
                 "label": law.label,
                 "config": law_search.config_files(WORST, law, 1)[0],
                 **alone[law.label],
-                **_search_record(self, law, by_law[law.label], first[law.label], shares[law.label]),
+                **_search_record(self, law, by_law[law.label], first[law.label], at[law.label]),
+                "in_profile": at[law.label] != law.values(shares[law.label]),
                 "lines": _line_ranges(lines, law.label),
             }
             for law in self.laws
         ]
         return along, {"objective": self.objective, "laws": laws}
+
+    def _worst_points(
+        self,
+        best: Mapping[str, Population],
+        shares: Mapping[str, tuple[float, ...]],
+        lines: Sequence[Line],
+        along: Execution,
+    ) -> dict[str, dict[str, Any]]:
+        """Return where each law has its worst run: as found, or at a point of the lines."""
+        points, at = [point for line in lines for point in line.points], {}
+        with open_result(along.folder.path) as result:
+            costs = costs_of_runs(result, self.objective).max(axis=-1)
+        for number, law in enumerate(self.laws):
+            found = at[law.label] = law.values(shares[law.label])
+            worst, left = int(np.argmax(costs[:, number])), best[law.label]
+            if costs[worst, number] > -left.scores.objectives[left.best, 0]:
+                there = (points[worst][key] for key in law.written)
+                at[law.label] = dict(zip(found, there, strict=True))
+        return at
 
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
@@ -240,7 +265,7 @@ def _search_record(
     law: law_search.LawSearch,
     searches: dict[int, Population],
     first: list[Scores],
-    shares: tuple[float, ...],
+    at: dict[str, Any],
 ) -> dict[str, Any]:
     """Describe where each search found its worst run, and how many runs did not settle."""
     worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
@@ -249,7 +274,7 @@ def _search_record(
     return {
         "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
         "log": [key for key, axis in axes.items() if axis.scale == "log"],
-        "values": dict(zip(law.written, law.values(shares).values(), strict=True)),
+        "values": dict(zip(law.written, at.values(), strict=True)),
         "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in worst.items()],
         "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
         "first": {

@@ -111,6 +111,8 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
+    from eqt_cli.analysis.search_record import TUNE, WORST
+    from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
     from eqt_cli.base.version import OTHERS, VERSIONS, differences
     from eqt_cli.cli.result_tables import print_outcome
 
@@ -130,6 +132,11 @@ def _summary(results: Result, json: bool) -> None:
         f"digest   {str(results.attributes['digest'])[:16]}",
         *([f"loop     {path}", ""] if path else [""]),
     ]
+    for kind, tables in ((TUNE, tuning_tables), (WORST, worst_tables)):
+        if record := kind.beside(results):
+            shown = [output.laid_out(table) for table in tables(results, record)]
+            output.print_text(*heading, *(piece for table in shown for piece in (table, "")))
+            return
     print_outcome(results, heading)
 
 

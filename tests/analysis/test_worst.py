@@ -92,6 +92,22 @@ def test_what_was_found_is_the_worst_of_all_runs_of_all_generations(searched):
         assert law["value"] == pytest.approx(max(seen), rel=1e-9)  # beside other runs
 
 
+def test_a_run_of_the_profile_that_is_worse_is_the_worst(tmp_path):
+    """A search of one generation, and lines that reach the ends of the ranges."""
+    section = WHEEL["worst"] | {"budget": 1, "population": 5, "profile": {"points": 3}}
+    done = api.worst(deepcopy(WHEEL) | {"worst": section}, tmp_path / "w")
+    with open_result(tmp_path / "w") as result:
+        along = result.metric("mean_pose_error")  # point, law, run
+        text = " ".join(worst_tables(result, done.record)[0].notes)
+    for position, law in enumerate(done.record["laws"]):
+        [searched] = law["searches"]
+        most = max(searched["value"], along[:, position].max())
+        assert law["value"] == pytest.approx(most, rel=1e-9)  # beside other runs
+        assert law["in_profile"] == (along[:, position].max() > searched["value"])
+    assert any(law["in_profile"] for law in done.record["laws"])
+    assert "lies on the lines through the worst that the searches found" in text
+
+
 def test_every_law_is_run_along_every_key_through_what_was_found(searched):
     done, folder = searched
     with open_result(folder) as result:

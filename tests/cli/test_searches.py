@@ -145,6 +145,8 @@ def test_worst_prints_what_was_found_and_draws_it(eqt, worst):
         "next     eqt run results/t-worst/worst/eqt.yaml",
     ):
         assert line in done.out
+    shown = eqt("show", "results/t-worst").out  # the same table
+    assert done.out.partition("results  ")[0].strip() in shown
     assert eqt("plot", "results/t-worst", "--format", "json").code == 0
     assert Path("results/t-worst/figures/worst.json").exists()
 
