@@ -112,7 +112,7 @@ def _headline(result: Result) -> Text:
         f"{x}, {u}" if u not in ("", "1") else x for x, u in zip(measures, units, strict=True)
     ]
     notes = [
-        f"{each}: {result.quantity(name).plain}"
+        f"{each}: {result.quantity(_base(name)).plain}"
         for each, name in shown.items()
         if name.startswith("early_torque")
     ]
@@ -135,7 +135,7 @@ def _columns(result: Result, part: str) -> dict[str, str]:
     found = dict[str, str]()
     for base in HEADLINE:
         name = base + part if base + part in result.headlines else base
-        if name in result.headlines and ("position" not in name or part in ("", "_translation")):
+        if name in result.headlines and ("position" not in base or part in ("", "_translation")):
             plain = result.quantity(base).plain.removeprefix("energy ")
             short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)
             found.setdefault(_ERRORS.get(base, short), name)
@@ -152,7 +152,8 @@ def _block(result: Result, part: str, names: Sequence[str]) -> Block:
         title = result.title_of[row["controller"]]
         rows.append([title, ended, *map(significant, means), significant(residual, 1)])
     units = [u for u in dict.fromkeys(result.units(name) for name in names if name) if u != "1"]
-    return Block(f"{part[1:].replace('_', ' ')}, in {listed(units)}" if part else "", rows)
+    of_units = f", in {listed(units)}" if units else ""
+    return Block(part[1:].replace("_", " ") + of_units if part else "", rows)
 
 
 def _shares(result: Result) -> Iterator[str]:

@@ -282,3 +282,14 @@ def test_a_folder_without_results(eqt, refused, folder):
     assert refused("results").startswith("eqt: results: expected a folder")
     (folder / "results").mkdir()
     assert eqt("results").err == "results: no results\n"
+
+
+def test_every_part_of_a_pose_has_its_numbers(eqt):
+    """On SE_2(3), whose position is no translation."""
+    short = ["--set", "ensemble.runs=2", "--set", "time.duration=1", "--set", "time.samples=11"]
+    eqt("run", "se23", *short, "-q")
+    lines = eqt("show", "results/se23").out.splitlines()
+    law = lines[lines.index("position, in N, m and m/s") + 1].split()
+    with open_results(Path("results/se23"), "arrays") as result:
+        mean = result.metric("mean_pose_error_position", 0).mean()
+    assert law[0] == "EqT" and float(law[5]) == pytest.approx(mean, rel=1e-3)
