@@ -105,7 +105,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
         for said in (Word.BETTER, Word.WORSE, Word.ALIKE):
             of_word = [each for each in others if each.decided and each.word is said]
             made += [f"  also {said}: {_names(of_word, comparison.horizon)}"] * bool(of_word)
-        left = [each for each in others if not each.decided]
+        left = [x for x in others if not x.decided and x.pair.ties < x.pair.pairs]
         if left and comparison.runs >= FEWEST:
             names = _names(left, comparison.horizon) if len(left) < len(others) else "all else"
             undecided.append(f"{titles[label]}: {names}")
@@ -114,7 +114,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     made += [f"undecided: {'; '.join(undecided)}"] * bool(undecided)
     made += _troubles(comparison)
     made += _claimed(comparison) if claims else ()
-    return [*made, *comparison.between, *_meaning(comparison, len(found))]
+    return [*comparison.between, *made, *_meaning(comparison, len(found))]
 
 
 def _headline(found: Sequence[Answer], names: Sequence[tuple[str, ...]]) -> list[Answer]:
@@ -168,7 +168,7 @@ def _troubles(comparison: Comparison) -> Iterator[str]:
     if failed:
         yield f"failed runs, left out: {', '.join(failed)}"
     if late:
-        yield f"not settled at the end: {', '.join(late)}"
+        yield f"runs that did not settle, by law: {', '.join(late)}"
 
 
 def _claimed(comparison: Comparison) -> Iterator[str]:
@@ -206,6 +206,6 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     yield (
-        f"{runs_each(comparison)}{starts}; better or worse by intervals of {sure} "
-        f"and sign tests (Holm, {count} numbers); within {none} is no difference"
+        f"{runs_each(comparison)}{starts}; better or worse where {sure} intervals and sign tests "
+        f"(Holm, {count} numbers) agree; within {none} is no difference"
     )

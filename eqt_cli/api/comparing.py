@@ -125,8 +125,8 @@ def _between(first: Result, second: Result) -> list[str]:
     if versions[0] != versions[1]:
         changes.append(f"eqt {' → '.join(versions)}")
     return [
-        "runs are paired by their equal starts" if paired else "runs are not paired: other starts",
         f"what differs: {', '.join(changes) or 'nothing'}",
+        "runs are paired by their equal starts" if paired else "runs are not paired: other starts",
     ]
 
 

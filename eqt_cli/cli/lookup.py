@@ -190,8 +190,10 @@ def new(
     if vehicle is None and of_vehicle:
         raise EqtError(f"{of_vehicle[0]} is of a vehicle; add --vehicle {' | '.join(VEHICLES)}")
     if vehicle is not None:
-        if source is not None or bandwidth is None:
-            raise EqtError("--vehicle: expected --inertia and --bandwidth beside it, and no --from")
+        if source is not None:
+            raise EqtError("--vehicle writes a file of its own; leave --from out")
+        if bandwidth is None:
+            raise EqtError(f"--vehicle {vehicle} needs --bandwidth, in rad/s, such as 5")
         text = first_file(vehicle, mass, _moments(inertia or ""), bandwidth)
     source = vehicle or source or "paper"
     text = text if vehicle else shipped.text(source)

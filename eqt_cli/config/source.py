@@ -353,9 +353,11 @@ def _replaced(data: Any, path: KeyPath, value: Any, depth: int = 0) -> Any:
         if step >= len(data):
             raise InputError(f"no entry {step}; {name} has {len(data)} entries, counted from 0")
         return [*data[:step], _replaced(data[step], path, value, depth + 1), *data[step + 1 :]]
+    if isinstance(step, str) and isinstance(data, list):
+        entry = dotted((*path[:depth], int(step) if step.isdecimal() else 0))
+        raise InputError(f"{name} is a list; write {entry} for an entry of it")
     expected = "a mapping" if isinstance(step, str) else "a list"
-    kinds: dict[type, str] = {dict: "a mapping", list: "a list"}
-    kind = kinds.get(type(data)) or shown(data)
+    kind = "a mapping" if isinstance(data, dict) else shown(data)
     raise InputError(f"{name} is {kind}, not {expected}; set all of {name} instead")
 
 

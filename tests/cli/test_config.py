@@ -83,10 +83,8 @@ def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
     ("arguments", "said"),
     [
         ("--mass 2", "--mass is of a vehicle; add --vehicle quadrotor | satellite | auv | boat"),
-        (
-            "--vehicle boat --mass 2",
-            "--vehicle: expected --inertia and --bandwidth beside it, and no --from",
-        ),
+        ("--vehicle boat --mass 2", "--vehicle boat needs --bandwidth, in rad/s, such as 5"),
+        ("--vehicle boat --from so2", "--vehicle writes a file of its own; leave --from out"),
         (
             "--vehicle boat --inertia 2,1 --mass 2 --bandwidth 1",
             "--inertia: expected 1 positive kg m² of a boat, as 20",

@@ -50,6 +50,10 @@ controllers[5]=gt → controllers[5]: no entry 5; controllers has 2 entries, cou
 controllers[0].label=x →
     controllers[0].label: controllers[0] is 'eqt', not a mapping; set all of controllers[0] instead
 inertia[0][1]=5 → inertia[0][1]: inertia[0] is 2, not a list; set all of inertia[0] instead
+controllers.1.label=x →
+    controllers.1.label: controllers is a list; write controllers[1] for an entry of it
+controllers.label=x →
+    controllers.label: controllers is a list; write controllers[0] for an entry of it
 ensemble[0]=1 → ensemble[0]: ensemble is a mapping, not a list; set all of ensemble instead
 initial.pose.kind=euler →
     initial.pose.kind: initial.pose is 'haar', not a mapping; set all of initial.pose instead
