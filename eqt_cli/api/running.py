@@ -322,4 +322,6 @@ def _searched(
 
     folder = search.folder if out is None else Path(out)
     executor = executor or choose_executor(Study(None, search.base), workers)
+    for known in remarks(search.base):
+        reporter().remark(known)
     return carry_out(search, folder, executor, force=force)

@@ -15,7 +15,7 @@ from eqt_cli.analysis.search_record import WORST, fits_worst
 from eqt_cli.analysis.search_tables import worst_tables
 from eqt_cli.analysis.worst import WorstSearch, _agree, _worst_run, badness
 from eqt_cli.api.loading import source_from
-from eqt_cli.base.errors import ConfigError, EqtError
+from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.figures.search_figures import ShownWorst
 from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
@@ -106,6 +106,13 @@ def test_a_run_of_the_profile_that_is_worse_is_the_worst(tmp_path):
         assert law["in_profile"] == (along[:, position].max() > searched["value"])
     assert any(law["in_profile"] for law in done.record["laws"])
     assert "lies on the lines through the worst that the searches found" in text
+
+
+def test_remarks_on_a_configuration_are_those_of_a_run(tmp_path):
+    far = deepcopy(WHEEL) | {"initial": {"pose": {"kind": "exp_normal", "std": 45}}}
+    far["worst"] = far["worst"] | {"budget": 1, "profile": {"points": 2}}
+    with pytest.warns(EqtWarning, match="initial.pose.std: rotation of 45 rad is 7.2 turns"):
+        api.worst(far, tmp_path / "w")
 
 
 def test_every_law_is_run_along_every_key_through_what_was_found(searched):
