@@ -174,6 +174,7 @@ def test_errors_are_in_colour_on_a_terminal_only(monkeypatch, capsys, message, l
 
 def test_lines_in_a_pipe_have_100_columns(monkeypatch, capsys):
     monkeypatch.delenv("COLUMNS", raising=False)
+    monkeypatch.setattr(output, "_silent", False)  # as a command before may have left it
     output.print_text("word " * 50)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 3 and max(map(len, lines)) <= 100
