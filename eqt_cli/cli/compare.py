@@ -259,13 +259,15 @@ def _of_whole(
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
                 "points"
             )
-        mapped = [name for name in COMPARED if result.has(name)][:1]
+        errors = [each for name in COMPARED if result.has(name) for each in result.in_parts(name)]
+        mapped = errors[: 2 if errors[:1] == ["position_rms"] else 1]  # and the attitude's
         maps = api.compare_sweep(
             path, metrics or mapped, controllers=laws, units=units, share=share, **vars(how)
         )
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS
         made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
+        made.sort(key=lambda each: each.name != TableName.WINNERS)  # the answers first
         shown = [each for each in made if table is None or each.name == table]
         return _Findings({"points": records}, records, shown)
 

@@ -381,6 +381,17 @@ def test_a_sweep_is_compared_point_by_point(eqt, folder):
     assert "are of one experiment; choose a point of the sweep with --point" in done.err
 
 
+def test_a_sweep_with_positions_says_who_is_nearer_and_who_points_better(eqt):
+    """The attitude may be another law's; both answers stand before the points."""
+    short = ["--set", "ensemble.runs=2", "--set", "time.duration=1", "--set", "time.samples=11"]
+    eqt("sweep", "se3", "--grid", "ensemble.seed=1,2", *short, "--out", "s", "-q")
+    lines = [line for line in eqt("compare", "s").out.splitlines() if ", at 2 points" in line]
+    assert [line.partition(", at")[0] for line in lines] == [
+        "Which law has the better rms of ‖p − p_d‖",
+        "Which law has the better mean ‖I − Q_E‖ rotation",
+    ]
+
+
 def test_a_result_of_two_samples_is_compared(eqt):
     eqt("run", "c.yaml", "--set", "time.samples=2", "--out", "two", "--quiet")
     assert eqt("compare", "two").code == 0
