@@ -505,7 +505,7 @@ class Pair:
         if not math.isfinite(values[0]):
             return "-"
         half = (values[2] - values[1]) / 2
-        digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if half > 0 else 0
+        digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if 0 < half < math.inf else 0
         mean, *ends = (fixed(value, digits, signed=True).replace("-", "−") for value in values)
         unit = "points" if self.measured.quantity.is_share else "%"
         return f"{mean} {unit} [{', '.join(ends)}]" if math.isfinite(half) else f"{mean} {unit}"

@@ -165,8 +165,9 @@ def _shares(result: Result) -> Iterator[str]:
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit: {shares}"
+    known = result.comparable
     shown = [*result.headlines, *result.in_parts("saturated_share")]
-    for quantity in (result.quantity(name) for name in shown if name in result.metrics):
+    for quantity in (known[name] for name in shown if name in known):
         if quantity.hold(result.described.holds) and len(result.times) > 1:
             number = result.per_run(quantity, quantity.window)
             least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())

@@ -702,7 +702,7 @@ class Result(StoredRuns):
         """
         papers = {"eqt", "gt"} <= set(self.kinds.values()) and not self.described.departures
         without = {"mean_torque", "peak_torque"} if papers else {"early_torque"}
-        if whole := len(self.stored_runs) == self.runs:
+        if whole := len(self.stored_runs) == self.runs and len(self.times) > 1:
             without |= {"final_pose_error"} if self.attitude_errors else set()
         names = list[str]()
         for name in (each for each in HEADLINE if each not in without):

@@ -620,6 +620,14 @@ def test_shares_are_compared_in_points(make_result):
     assert (pair.percent, pair.word()) == ("+5 points [+5, +5]", "worse")
 
 
+def test_an_unbounded_ratio_has_no_interval(make_result):
+    """Fieller's, where the mean of the second law may be 0."""
+    results = make_result(["a", "b"], metrics={"effort": [LEVELS, LEVELS + 1]})
+    [pair] = compare(results, metrics=["effort"]).against()
+    unbounded = replace(pair, relative=0.4, relative_low=-1.0, relative_high=math.inf)
+    assert (unbounded.percent, unbounded.word()) == ("+40 %", "undecided")
+
+
 def test_the_closing_window_is_named_as_it_is(make_result):
     results = make_result(["a", "b"], metrics={"closing_pose_error": [LEVELS, LEVELS]})
     comparison = compare(results, metrics=["closing_pose_error"])
