@@ -400,12 +400,7 @@ def compare(
     EqtError
         If a metric or window does not exist, data is missing, or the result is a sweep.
     """
-    if not 0 < how.confidence < 1:
-        expected = "expected a number between 0 and 1, as 0.95"
-        raise EqtError(f"confidence {how.confidence:g}: {expected}")
-    if how.resamples < 1:
-        raise EqtError(f"resamples {how.resamples}: expected at least 1")
-    result.single("controllers are compared within one experiment")
+    _check(result, how)
     chosen = _chosen(result, metrics, windows)
     labels = [label for label in result.labels if not labels or label in labels]
     kinds = _by_kind(result, labels)
@@ -453,6 +448,16 @@ def compare(
     )
 
 
+def _check(result: Result, how: Resampling) -> None:
+    """Refuse settings of the bootstrap that are none, and a whole sweep."""
+    if not 0 < how.confidence < 1:
+        expected = "expected a number between 0 and 1, as 0.95"
+        raise EqtError(f"confidence {how.confidence:g}: {expected}")
+    if how.resamples < 1:
+        raise EqtError(f"resamples {how.resamples}: expected at least 1")
+    result.single("controllers are compared within one experiment")
+
+
 def compare_two(
     first: Result,
     second: Result,
@@ -478,6 +483,8 @@ def compare_two(
         As `compare`, or if the results are of different groups.
     """
     both = first, second
+    for each in both:
+        _check(each, how)
     if first.group_name != second.group_name:
         raise second.error(f"is of {second.group_name}, and the other result of {first.group_name}")
     names = [each.path.parent.name for each in both]
@@ -489,9 +496,10 @@ def compare_two(
     }
     runs = min(each.runs for each in both)
     good = np.vstack([each.good[:, :runs] for each in both])
-    measured = []
-    for quantity, window in _chosen(first, metrics, windows):
-        other = second.comparable.get(quantity.name)
+    chosen, measured = _chosen(first, metrics, windows), []
+    for quantity, window in chosen:
+        wanted = second.comparable_named if metrics else second.comparable.get  # raises, or None
+        other = wanted(quantity.name)
         if other is None or not second.covers(other, window) or "lyapunov" in quantity.signals:
             continue
         one = first.per_run(quantity, window.within(first.times))
@@ -516,7 +524,11 @@ def compare_two(
         departures="",
         lyapunov_functions={},
         not_matched=[],
-        missing=[sentence for each in both for sentence in _missing(each)],
+        missing=[
+            *_clipped(first, windows),
+            *_uncut(chosen, windows),
+            *(sentence for each in both for sentence in _missing(each)),
+        ],
         confidence=how.confidence,
         resamples=resamples,
         seed=how.seed,

@@ -333,6 +333,7 @@ def _of_experiment(
         "pairs": rows[TableName.PAIRS],
         "claims": rows[TableName.CLAIMS],
         "missing": comparison.missing,
+        **({"between": comparison.between} if comparison.between else {}),
     }
     remarks = [output.folded(sentence, output.PIPED) for sentence in comparison.missing]
     answer = list[str]()

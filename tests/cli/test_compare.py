@@ -162,6 +162,16 @@ def test_two_results_refuse_what_is_of_one(invoke, changed):
     invoke("run", "so2", *SMALL, "--out", changed / "so2")
     done = invoke("compare", two[0], changed / "so2", code=2)
     assert done.stderr.endswith("is of SO2, and the other result of SO3\n")
+    wrong = {
+        ("--confidence", "2"): "eqt: confidence 2: expected a number between 0 and 1, as 0.95\n",
+        ("--resamples", "0"): "eqt: resamples 0: expected at least 1\n",
+    }
+    for words, said in wrong.items():
+        assert invoke("compare", *two, *words, code=2).stderr == said
+    done = invoke("compare", *two, "--window", "0:99", "--resamples", 9)
+    assert "Window 0:99 is cut to 0:20, since" in done.stderr
+    document = json.loads(invoke("compare", *two, "--json", "--resamples", 9).stdout)
+    assert document["between"][0] == "what differs: gains.kp 1.0 → 2.0"
     done = invoke("report", "a", "b", "c", code=2)
     assert done.stderr == (
         "eqt: report takes one result; `eqt compare` compares two, and `eqt plot a b c` draws all "
