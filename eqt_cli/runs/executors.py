@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import multiprocessing
 import os
 import pickle
 import signal
@@ -20,6 +21,7 @@ from functools import lru_cache
 from importlib.util import find_spec
 from itertools import count, islice
 from multiprocessing import connection, get_context, parent_process
+from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -466,6 +468,9 @@ CONNECT_WITHIN = 20.0
 NEEDED = {"distributed": "2026.7", "cryptography": "50.0"}
 """The packages of the extra dask, and their oldest versions."""
 
+SHARED, NAMED = Path("/dev/shm"), "eqt"
+"""Where Linux shows semaphores, and how the names of those begin that Dask makes here."""
+
 OF_WORKER = "from eqt_cli.base import process\nprocess.of_worker()\n"
 """Code that each worker of a local cluster runs first."""
 
@@ -561,6 +566,12 @@ class Dask(Executor):
         """
         from distributed import LocalCluster, Security
 
+        for left in SHARED.glob(f"sem.{NAMED}-*"):
+            if not Path("/proc", left.name.split("-")[1]).exists():
+                with suppress(OSError):
+                    left.unlink()
+        # Semaphores of a process that is killed remain; by their names the next one removes them.
+        vars(multiprocessing.current_process())["_config"]["semprefix"] = f"/{NAMED}-{os.getpid()}"
         security = Security.temporary()
         for tries in count(1):
             try:

@@ -86,6 +86,22 @@ def task(tmp_path, monkeypatch):
     return __import__(name).Task(str(done))
 
 
+@pytest.fixture(autouse=True)
+def ends():
+    """A test that waits for ever fails, and again while it cleans up."""
+
+    def fails(*_):
+        raise TimeoutError("no end within two minutes")
+
+    if hasattr(signal, "SIGALRM"):
+        before = signal.signal(signal.SIGALRM, fails)
+        signal.setitimer(signal.ITIMER_REAL, 120, 20)
+    yield
+    if hasattr(signal, "SIGALRM"):
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
@@ -318,12 +334,19 @@ def test_nobody_else_gives_orders_to_a_local_cluster(monkeypatch, certificate):
 @NEEDS_DASK
 def test_a_cluster_removes_what_a_killed_one_has_left(task, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    ours, of_a_dead_one = (f"sem.eqt-{pid}-test" for pid in (os.getpid(), ended.pid))
+    monkeypatch.setattr(auto, "SHARED", tmp_path)
+    for name in (ours, of_a_dead_one, "sem.mp-other"):
+        (tmp_path / name).touch()
     there = tmp_path / "eqt" / "dask-scratch-space"
     (there / "worker-left").mkdir(parents=True)
     (there / "worker-left.dirlock").touch()
     tmp_path.chmod(0o700)
     assert list(executors.get("dask")(1).outcomes(task, [2])) == [Outcome(2, 0)]
     assert not [path for path in there.iterdir() if "lock" not in path.suffix]
+    assert {path.name for path in tmp_path.glob("sem.*")} == {ours, "sem.mp-other"}
 
 
 @NEEDS_DASK
