@@ -15,6 +15,7 @@ from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Kind, Real, Scale, 
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.groups import MatrixLieGroup, Part, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
+from eqt_cli.components.pose_notation import check_sizes
 
 # Random streams, and the base class of distributions ----------------------------------------------
 #
@@ -91,6 +92,8 @@ class Spread:
             problems.add(f"expected a number or a list of {length}, got a list of {got}")
         elif np.min(self.std) < 0:
             problems.add(f"expected a standard deviation of at least 0, got {np.min(self.std):g}")
+        with problems.catching():
+            check_sizes(self.std)
 
 
 @dataclass(frozen=True)
@@ -127,6 +130,8 @@ def check_coordinates(values: list[Real] | None, G: MatrixLieGroup, problems: Pr
     """Note a wrong number of algebra coordinates."""
     if values is not None and len(values) != G.dimension:
         problems.add(f"expected {G.dimension} numbers for {G.name}, got {len(values)}")
+    with problems.catching():
+        check_sizes(values or ())
 
 
 # Vectors by size and axis -------------------------------------------------------------------------
@@ -148,6 +153,8 @@ def check_size(size: float | list[float], problems: Problems) -> None:
         problems.add(f"expected a number, or a list of the smallest and the largest, got {size}")
     elif np.min(size) < 0:
         problems.add(f"expected a number of at least 0, got {np.min(size):g}")
+    with problems.catching():
+        check_sizes(size)
 
 
 def check_axis(axis: Axis, length: int, problems: Problems) -> None:

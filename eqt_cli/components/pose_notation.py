@@ -58,11 +58,11 @@ def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
     if isinstance(value, list) and len(value) != n:
         raise InputError(f"expected {n} entries for {group.name}, got {len(value)}")
     numbers = np.full(n, value, dtype=float)
-    _check_sizes(numbers)
+    check_sizes(numbers)
     return numbers
 
 
-def _check_sizes(numbers: Array) -> None:
+def check_sizes(numbers: Any) -> None:
     """Raise an `InputError` if a number is so large that no motion has it."""
     if not (size := np.abs(numbers).max(initial=0.0)) <= GREATEST:
         raise InputError(f"expected numbers of at most {GREATEST:g}, got {size:g}")
@@ -103,7 +103,7 @@ def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None
 
 def _require_near(G: MatrixLieGroup, Q: Array, expected: str, advice: str = "") -> None:
     """Raise an `InputError` for a matrix that is no element of a group but for rounding."""
-    _check_sizes(Q)
+    check_sizes(Q)
     if not (violation := G.violation(Q)) <= GROUP_TOLERANCE:
         raise InputError(
             f"expected {expected}, got a matrix that is {violation:.2g} away from one "

@@ -14,7 +14,7 @@ from eqt_cli.base.option_types import Real, has_unit, one_of, seconds
 from eqt_cli.base.registry import Component
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.pose_notation import GREATEST, square, vector
+from eqt_cli.components.pose_notation import GREATEST, check_sizes, square, vector
 from eqt_cli.numbers.leaves import with_fields
 
 # The base class of all parts of a vehicle, whose numbers may differ from run to run ---------------
@@ -217,14 +217,20 @@ LEAST = 1e-15
 
 
 def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:
-    """Note invalid distributions, and numbers that are not positive where they must be."""
+    """Note invalid distributions, absurd numbers, and such that are not positive but must be."""
     if isinstance(value, list):
         for index, entry in enumerate(value):
             check_numbers(entry, problems.at(index), positive)
     elif isinstance(value, Distribution):
         value.check(problems, positive)
+        for name, numbers in vars(value).items():
+            with problems.at(name).catching():
+                check_sizes(() if problems else numbers)
     elif positive:
         _check_positive("a number", [value], problems)
+    else:
+        with problems.catching():
+            check_sizes(value)
 
 
 def _check_positive(expected: str, values: list[float], problems: Problems) -> None:

@@ -67,6 +67,21 @@ sensors: {pose: [{kind: noise, std: {normal: [-0.1, 0.01]}}]}
 control: {period: 0.1}
 sensors: {pose: [{kind: bias, walk: [0, 0, {uniform: [-1, 1]}]}]}
     sensors.pose[0].walk: expected a standard deviation of at least 0, got -1
+# Numbers that no motion has.
+control: {period: 0.1}
+sensors: {velocity: [{kind: noise, std: 1.0e+300}]}
+    sensors.velocity[0].std: expected numbers of at most 1e+15, got 1e+300
+control: {period: 0.1}
+sensors: {pose: [{kind: bias, value: {normal: [0, 1.0e+300]}}]}
+    sensors.pose[0].value.normal: expected numbers of at most 1e+15, got 1e+300
+initial: {pose: {kind: exp_normal, std: [1, 1.0e+300, 1]}}
+    initial.pose.std: expected numbers of at most 1e+15, got 1e+300
+initial: {velocity: {kind: speed, speed: 1.0e+300}}
+    initial.velocity.speed: expected numbers of at most 1e+15, got 1e+300
+initial: {velocity: {kind: fixed, coordinates: [0, 0, 1.0e+300]}}
+    initial.velocity.coordinates: expected numbers of at most 1e+15, got 1e+300
+plant: {forces: [{kind: drag, linear: 1.0e+300}]}
+    plant.forces[0].linear: expected numbers of at most 1e+15, got 1e+300
 control: {period: 1.0e-7}
     control.period: expected at least 1e-06 s, which makes 1,000,000 control instants in 1 s, got
     1e-07
