@@ -379,6 +379,9 @@ INDEFINITE = (
 MOST_TURNS = 100.0
 """Turns of a body within a control period beyond which no law can act on it."""
 
+AHEAD = 100.0
+"""How many times more it must turn after the first period, of which nothing was integrated yet."""
+
 GROWN = 100.0
 """How many times as fast it must turn as it did at the start, and as the reference does."""
 
@@ -495,16 +498,18 @@ def _at_instant(
     states = integrator.at_instant(span.start, states, errors)
     gone = ~np.isfinite(states).all(axis=1)
     lost = dict.fromkeys(np.flatnonzero(gone).tolist(), (Status.NON_FINITE, NOT_FINITE))
-    if np.max(steps) > SUSPECT:
-        lost |= dict.fromkeys(
-            np.flatnonzero(_diverged(integrator, span, states)).tolist(), DIVERGED
-        )
+    if np.max(steps) > SUSPECT or not span.tick:
+        gone = _diverged(integrator, span, states)
+        lost |= dict.fromkeys(np.flatnonzero(gone).tolist(), DIVERGED)
     lost |= dict.fromkeys(np.flatnonzero(problem.loop.estimate_lost(states)).tolist(), INDEFINITE)
     return states, {place: Failure(*why, span.start) for place, why in lost.items()}
 
 
 def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
-    """Return which of the current runs turn too fast for their law, at a control instant."""
+    """Return which of the current runs turn too fast for their law, at a control instant.
+
+    At the first one, those that its command will have accelerated to a hundred times that.
+    """
     problem = integrator.problem.select(integrator.runs)
     loop = problem.batched_loop()
     now = loop.tracking(span.start, states)
@@ -512,9 +517,13 @@ def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
     turning = np.zeros(loop.group.dimension)
     for part in loop.group.parts:
         turning[part.axes] = part.turns
-    rate, first, desired = (norm(turning * V) for V in (now.V, start.V, now.Vd))
     assert loop.vehicle.control is not None
-    turns = loop.vehicle.control.period * rate / (2 * np.pi)
+    period, V = loop.vehicle.control.period, now.V
+    if not span.tick:
+        change = loop.layout.split(loop.vector_field(span.start, states))["momentum"]
+        V = now.inertia.velocity(now.P + period * change) / AHEAD
+    rate, first, desired = (norm(turning * V) for V in (V, start.V, now.Vd))
+    turns = period * rate / (2 * np.pi)
     return (turns > MOST_TURNS) & (rate > GROWN * np.maximum(first, desired))
 
 

@@ -519,6 +519,30 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
     assert stored.steps.values[0, 0] < 50_000  # of 1,000,000
 
 
+@pytest.mark.filterwarnings("ignore:.*unstable where the reference begins")
+@pytest.mark.parametrize(("kp", "turns"), [(3.7e4, "integrated"), (3.8e4, "diverged")])
+def test_a_command_that_turns_a_body_ten_thousand_times_ends_its_run(tmp_path, kp, turns):
+    """About one axis, the torque is 2 kp sin(1), and after a period V = 2 kp sin(1) rad/s."""
+    found = eqt_cli.run(
+        mapping(
+            name="ahead",
+            inertia=1.0,
+            gains={"kp": kp, "kd": 1.0},
+            reference={"kind": "constant"},
+            controllers=["eqt"],
+            control={"period": 1.0},
+            initial={"pose": {"kind": "angle", "angle": 1.0, "axis": [0, 0, 1]}},
+            ensemble={"runs": 1},
+            time={"duration": 2.0, "samples": 3},
+            solver={"rtol": 1e-6, "engine": "solve_ivp", "cross_check": 0, "max_steps": 100},
+        ),
+        tmp_path / "r",
+    )
+    stored = eqt_cli.open_results(found)
+    [[status]] = stored.status.values
+    assert status == (Status.DIVERGED if turns == "diverged" else Status.STEP_LIMIT)
+
+
 # x ------------------------------------------------------------------------------------------------
 
 
