@@ -18,6 +18,7 @@ from eqt_cli.config.preflight import along_reference, check_reference, reference
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     DERIVATIVE,
+    MOST_STATES,
     Along,
     Growth,
     Linearised,
@@ -177,9 +178,6 @@ LARGEST_FACTOR = 128.0
 
 FACTOR_STEP = 2.0
 """Ratio of successive factors at which stability is tested."""
-
-MOST_STATES = 300
-"""Largest number of states, with the commands that wait, of a loop whose delays are tried."""
 
 GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd"), "position": ("position",)}
 """Gains that are multiplied together, by the name of the margin. Of a cascade, kp and kd are those

@@ -298,6 +298,7 @@ def verify(
     []
     """
     from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_stored
+    from eqt_cli.config.preflight import remark_on
 
     if isinstance(target, str | os.PathLike):
         path = Path(target)
@@ -309,6 +310,7 @@ def verify(
                     opened, trust_plugins=trust_plugins, workers=workers, exact=exact
                 )
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    remark_on(experiment)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
     return verify_experiment(experiment, count, workers, exact)
 
@@ -362,5 +364,8 @@ def margins(
     (True, 0.3043)
     """
     from eqt_cli.analysis.margins import margins_of
+    from eqt_cli.config.preflight import remark_on
 
-    return margins_of(experiment_at(target, point, trust_plugins=trust_plugins))
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    remark_on(experiment)
+    return margins_of(experiment)

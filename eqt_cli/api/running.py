@@ -18,8 +18,7 @@ from eqt_cli.api.loading import (
 )
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
-from eqt_cli.base.reporting import reporter
-from eqt_cli.config.preflight import remarks
+from eqt_cli.config.preflight import remark_on
 from eqt_cli.config.source import config_in
 from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors
@@ -112,8 +111,7 @@ def run(
     0
     """
     loaded = experiment if isinstance(experiment, Study) else load_experiment(experiment)
-    for known in remarks(loaded.base):
-        reporter().remark(known)
+    remark_on(loaded.base)
     done = execute(
         loaded,
         Path("results") / loaded.name if out is None else Path(out),
@@ -322,6 +320,5 @@ def _searched(
 
     folder = search.folder if out is None else Path(out)
     executor = executor or choose_executor(Study(None, search.base), workers)
-    for known in remarks(search.base):
-        reporter().remark(known)
+    remark_on(search.base)
     return carry_out(search, folder, executor, force=force)

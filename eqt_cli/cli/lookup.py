@@ -244,6 +244,7 @@ def check(
     from eqt_cli.base.yaml_source import dump
     from eqt_cli.config.preflight import (
         check_reference,
+        check_steps,
         reference_over_horizon,
         remarks,
         wheels_needed,
@@ -258,6 +259,8 @@ def check(
         problems = Problems(source.place)
         shown = reference_over_horizon(checked.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
+        problems.raise_if_any()
+        check_steps(checked.base, problems)
         problems.raise_if_any()
         untried = rehearse(checked, problems)
         problems.raise_if_any()

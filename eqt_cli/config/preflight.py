@@ -50,6 +50,7 @@ from eqt_cli.base.errors import (
     parse_key,
 )
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
+from eqt_cli.base.reporting import reporter
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
@@ -521,6 +522,12 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     ]
 
 
+def remark_on(experiment: Experiment) -> None:
+    """Tell the reporter the remarks on an experiment of which runs or loops are computed."""
+    for known in remarks(experiment):
+        reporter().remark(known)
+
+
 Placed = Iterator[tuple[KeyPath, str]]
 """Remarks, each with the key that it is about."""
 
@@ -596,8 +603,7 @@ def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     try:
         with blamed(), threadpool_limits(1):  # threads slow down small matrices
             texts.append(("gains", stiff(experiment, along)))
-            if len(along.times) > 1:
-                texts += [("controllers", text) for text in unstable_or_slow(experiment, along)]
+            texts += [("controllers", text) for text in unstable_or_slow(experiment, along)]
     except ComponentError as error:
         texts.append(("controllers", f"loops cannot be linearised: {error}"))
     yield from (((section,), text) for section, text in texts if text)
@@ -611,6 +617,9 @@ EPSILON = float(np.finfo(float).eps)
 ORDINARY = 20_000
 """Largest number of evaluations of the vector field, or of steps, without a remark: two seconds for
 a single run. For stability, most shipped experiments need some hundreds, `se3_survey` 14,000."""
+
+CERTAINLY = 3.0
+"""Ratio of estimated to allowed work beyond which no run ends, with a margin for the estimate."""
 
 TRIAL = 1_500
 """Number of evaluations of a trial with an implicit method: half a second."""
@@ -657,19 +666,10 @@ def stiff(experiment: Experiment, along: Along) -> str:
     along
         Points of the reference at which loops are linearised.
     """
-    candidates, chosen = [], experiment.engine
-    duration = experiment.config.time.duration
-    for label, loop in small_loops(experiment, along).items():
-        matrices = flow(loop, *along)
-        if np.isfinite(matrices).all():
-            rates = np.linalg.eigvals(matrices)
-            candidates.append((chosen.work_for_stability(rates, duration), label, rates))
-    if not candidates:
-        return ""
-    work, label, rates = max(candidates, key=lambda each: each[0])
+    chosen, (work, label, rates) = experiment.engine, _most_work(experiment, along)
     if work <= ORDINARY:
         return ""
-    explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, duration)
+    explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, experiment.config.time.duration)
     implicit, reached = _radau_evaluations(experiment, experiment.loops[label])
     # With fewer evaluations by the explicit method, the horizon is long, but the loop is not stiff.
     if not implicit < min(explicit, work):
@@ -680,6 +680,33 @@ def stiff(experiment: Experiment, along: Along) -> str:
         f"{np.abs(rates).max():.2g} 1/s, for which engine {chosen.name} takes about "
         f"{_rounded(work)} {chosen.counted} a run; `solver.method: Radau` {count}"
     )
+
+
+def _most_work(experiment: Experiment, along: Along) -> tuple[float, str, Array]:
+    """Return the most work that the decay of a loop demands, its label and its eigenvalues."""
+    chosen = experiment.engine
+    worst: tuple[float, str, Array] = (0.0, "", np.zeros(1))
+    for label, loop in small_loops(experiment, along).items():
+        matrices = flow(loop, *along)
+        if np.isfinite(matrices).all():
+            rates = np.linalg.eigvals(matrices)
+            work = chosen.work_for_stability(rates, experiment.config.time.duration)
+            worst = max(worst, (work, label, rates), key=lambda each: each[0])
+    return worst
+
+
+def check_steps(experiment: Experiment, problems: Problems) -> None:
+    """Note a loop that needs many more steps than a run may take, so that no run would end."""
+    most = getattr(experiment.engine, "max_steps", np.inf)
+    with blamed(), threadpool_limits(1):
+        work, label, rates = _most_work(experiment, along_reference(experiment, None))
+    if work > CERTAINLY * most:
+        problems.at("time", "duration").add(
+            f"no run of '{label}' would end: its errors decay at up to {np.abs(rates).max():.2g} "
+            f"1/s, for which {experiment.config.time.duration:g} s take about {_rounded(work)} "
+            f"{experiment.engine.counted}, and solver.max_steps is {most:,}; check gains, inertia "
+            "and time constants, take a shorter duration, or `solver.method: Radau`"
+        )
 
 
 def _rounded(count: float) -> str:
@@ -712,6 +739,9 @@ GOLDEN = (5**0.5 - 1) / 2
 CERTAIN = 1.1
 """Growth in a cycle, at each single time, beyond which a sampled loop that changes is unstable."""
 
+HOPELESS = 100.0
+"""Growth in a cycle at the start of the reference alone, beyond which a run will not recover."""
+
 MOST_ENTRIES = 200_000
 """Largest number of matrix entries over all times; at 9 times, this allows 149 states."""
 
@@ -724,11 +754,13 @@ def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
             linear = linearised(loop, *along)
         if not np.isfinite(linear.closed).all():
             continue
-        if not linear.is_constant:
+        begins = len(along.times) == 1
+        if begins or not linear.is_constant:
             sizes = np.abs(np.linalg.eigvals(linear.closed)).max(axis=-1)
-            if linear.cycle is not None and sizes.min() > CERTAIN:
+            if linear.cycle is not None and sizes.min() > (HOPELESS if begins else CERTAIN):
+                where = "where the reference begins" if begins else "wherever the reference is held"
                 yield (
-                    f"the loop of '{label}' is unstable wherever the reference is held: small "
+                    f"the loop of '{label}' is unstable {where}: small "
                     f"errors grow by {sizes.min():.4g} or more in {linear.cycle:g} s; check the "
                     "sizes of its gains, and the delays; `eqt margins` shows more"
                 )

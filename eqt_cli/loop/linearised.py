@@ -88,6 +88,10 @@ SMOOTH = 0.1
 """Relative: where differences over one step and over two differ by more, the function jumps or is
 not finite, and has no derivative. At a jump they differ by half."""
 
+MOST_STATES = 300
+"""Largest number of states, with the commands that wait, of a loop that is linearised, or whose
+delays are tried: the margins of a law then take 3 s, and more with the cube of the number."""
+
 MOST_ITERATIONS = 20
 """Limit on Newton's iterations for the state where a loop comes to rest; it takes 2 to 5."""
 
@@ -272,6 +276,12 @@ def linearised(
     estimator = loop.vehicle.estimator if with_estimator else None
     loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
     about = _About.reference(loop, times, poses, velocities)
+    if about.dimension > MOST_STATES:
+        raise InputError(
+            f"the linearised loop has {about.dimension:,} states, because what waits for a delay "
+            f"counts, and at most {MOST_STATES} are computed; take fewer ticks of delay, or a "
+            "longer control.period"
+        )
     moves = np.abs(velocities).max() > AT_REST
     held = any(channel.signal == "pose" for channel in loop.vehicle.holding(loop.group))
     # Of a reference that moves, a held pose is an old one: the loop does not stay on it.
@@ -572,6 +582,7 @@ class _About:
         holding = self.loop.vehicle.holding(self.loop.group)
         return tuple(each.clock.is_due(instant) for each in holding)
 
+    @np.errstate(all="ignore")
     def _derivative(
         self, function: Callable[[Array], Array], with_command: bool = True
     ) -> _Derivative:
@@ -579,8 +590,7 @@ class _About:
         count = self.dimension + (self.loop.group.dimension if with_command else 0)
         moved = [number * np.eye(count) for number in STENCIL]
         points = STEP * np.concatenate([np.zeros((1, count)), *moved])
-        with np.errstate(all="ignore"):
-            values = function(points[:, None])
+        values = function(points[:, None])
         around = dict(zip(STENCIL, values[1:].reshape(-1, count, *values.shape[1:]), strict=True))
         slope = sum(weight * around[number] for number, weight in STENCIL.items()) / STEP
         near, far = ((around[k] - around[-k]) / (2 * k * STEP) for k in (1, 2))

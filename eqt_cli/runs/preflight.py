@@ -18,7 +18,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import ConfigError, InputError, InputProblem, Problems
-from eqt_cli.config.preflight import TOGETHER, trial
+from eqt_cli.config.preflight import TOGETHER, check_steps, trial
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import parts_of
@@ -41,15 +41,17 @@ root near 0: they may also change as by such a change of all states."""
 
 
 def check_laws(study: Study) -> None:
-    """Refuse parts of plugins that mix runs, as `rehearse` does, before a run is computed.
+    """Refuse loops of which no run ends, and plugins that mix runs, before a run is computed.
 
     Raises
     ------
     ConfigError
         If there is one.
     """
+    problems = Problems(study.base.source.place)
+    check_steps(study.base, problems)
+    problems.raise_if_any()
     if any(each.is_foreign for loop in study.base.loops.values() for each in parts_of(loop)):
-        problems = Problems(study.base.source.place)
         rehearse(study, problems, solves=False)
         problems.raise_if_any()
 

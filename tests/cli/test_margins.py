@@ -161,6 +161,14 @@ def test_margins_of_a_reference_that_leaves_the_real_numbers(refused):
     )
 
 
+def test_a_loop_with_a_long_delay_is_too_large(refused):
+    """Six states of the motion, and three for every command that waits."""
+    assert refused("margins", "c.yaml", "--set", "control={period: 0.001, delay: 999}") == (
+        "eqt: the linearised loop has 3,006 states, because what waits for a delay counts, and at "
+        "most 300 are computed; take fewer ticks of delay, or a longer control.period\n"
+    )
+
+
 @pytest.mark.parametrize("control", ["null", "{period: 0.5}"])
 def test_a_law_that_jumps_at_its_reference_has_no_margins(eqt, refused, folder, control):
     (folder / "jumps.py").write_text(JUMPS)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from slow_cases import mostly_slow
 
+from eqt_cli.base.errors import Problems
 from eqt_cli.components.initial_states import draw_initial_states
 from eqt_cli.config import preflight, shipped
 from eqt_cli.config.experiment import build
@@ -74,6 +75,35 @@ def test_a_lag_that_is_short_makes_a_loop_stiff(experiment):
     lag = "[{kind: lag, time_constant: 0.0001}]"
     made = experiment("time.duration=20", "controllers=[eqt]", actuators=lag)
     assert "is stiff: its errors decay at up to 1e+04 1/s" in str(remarks(made)[0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "rate", "work"),
+    [
+        (["gains.kp=1e17"], "4.5e+08", "900,000,000"),  # √(2 kp/J)
+        (["time.duration=1e11"], "1.4", "260,000,000,000"),
+        (["time.duration=1e11", "solver.method=RK45"], "1.4", "270,000,000,000"),
+    ],
+)
+def test_a_run_that_cannot_end_is_not_begun(experiment, settings, rate, work):
+    """With the largest rate λ, a step of DOP853 is at most 6/|λ| or so, of 12 evaluations."""
+    made, problems = experiment(*settings, "controllers=[eqt]"), Problems()
+    preflight.check_steps(made, problems)
+    [told] = [str(each.message) for each in problems]
+    assert told == (
+        f"no run of 'eqt' would end: its errors decay at up to {rate} 1/s, for which "
+        f"{made.config.time.duration:g} s take about {work} evaluations, and solver.max_steps is "
+        "1,000,000; check gains, inertia and time constants, take a shorter duration, or "
+        "`solver.method: Radau`"
+    )
+
+
+@pytest.mark.parametrize(
+    "settings", [["gains.kp=1e17", "solver.method=Radau"], ["gains.kd=1e4"], ["control.period=1"]]
+)
+def test_a_run_that_may_end_is_begun(experiment, settings):
+    preflight.check_steps(experiment(*settings), problems := Problems())
+    assert not problems
 
 
 SKEWED = 1e-8

@@ -23,6 +23,7 @@ from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
+from eqt_cli.config.preflight import remark_on
 from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import headers, needed
@@ -504,6 +505,7 @@ def export(
     if real not in ARITHMETICS:
         raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    remark_on(experiment)
     folder = Path(out) if out is not None else Path("exported", experiment.name)
     check_targets([folder / NAME], folder)  # fails before the work, not after it
     labels = [controllers] if isinstance(controllers, str) else controllers

@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError, EqtWarning, Remedy, suggestion
 from eqt_cli.base.registry import description, meanings
-from eqt_cli.base.reporting import reporter
+from eqt_cli.base.reporting import reporter, step
 from eqt_cli.components.estimators import Estimator, Measurement
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, generator, generator_at
@@ -39,6 +39,7 @@ from eqt_cli.loop.law_program import (
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 from eqt_cli.numbers.program import Program, distinct, traced
 from eqt_cli.runs.batches import batches
+from eqt_cli.runs.preflight import check_laws
 
 # The filter of an exported law: its program, and instants at which it is checked ------------------
 #
@@ -352,8 +353,12 @@ def states_of(
     """
     few = experiment.of_runs(RUNS)
     ensemble = few.config.ensemble
-    [batch] = batches(Study(None, few), label, np.arange(ensemble.runs))
-    solution = compiled_if_faster(batch.engine, batch.problem).solve(batch.problem, workers)
+    study = Study(None, few)
+    check_laws(study)
+    [batch] = batches(study, label, np.arange(ensemble.runs))
+    engine = compiled_if_faster(batch.engine, batch.problem)
+    with step(f"runs of '{label}'", ensemble.runs):
+        solution = engine.solve(batch.problem, workers, reporter().advance)
     good = np.flatnonzero(solution.status == 0)
     if not len(good):
         raise EqtError(

@@ -56,6 +56,12 @@ def test_it_writes_the_files_of_every_law_and_says_what_is_known(config, invoke)
     assert re.search(r"\*\*Lee 2010\*\*: L = .* Identities: \d+ hold, 0 fail\.", page)
 
 
+@pytest.mark.parametrize("command", ["export", "run", "verify", "margins"])
+def test_every_command_that_computes_loops_makes_the_remarks(config, invoke, command):
+    degrees = invoke(command, "flight.yaml", "--set", "settling_threshold=30.0")
+    assert "settling_threshold: no rotation is further than 2.83 from another" in degrees.stderr
+
+
 def test_a_label_changes_nothing_but_names(config, invoke):
     label = "$functions */ <b>`|_[c](d)"
     text = CONFIG.replace('lee2010, {kind: eqt, label: "ours, kp=1"}', "LAW")
