@@ -90,6 +90,9 @@ sys.exit(code)
 all that it starts inherit, and ends them all when this process has ended."""
 
 
+_BRINGING = ("-I", "-isystem", "-iquote", "-idirafter", "-include", "-imacros")
+"""Options of a compiler that lead to headers which no result names."""
+
 _PATHS = "CPATH C_INCLUDE_PATH LIBRARY_PATH GCC_EXEC_PREFIX COMPILER_PATH LD_RUN_PATH".split()
 _PATHS += "DEPENDENCIES_OUTPUT SUNPRO_DEPENDENCIES CCC_OVERRIDE_OPTIONS CCC_ADD_ARGS".split()
 """Variables by which a compiler reads or writes other files, which no result would name."""
@@ -488,6 +491,11 @@ def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
 
 def _queried(command: tuple[str, ...]) -> Compiler:
     """Return the compiler of a command, as described by the macros that it defines."""
+    if added := [word for word in command[1:] if word.startswith(_BRINGING)]:
+        raise TraceError(
+            f"the C compiler {shlex.join(command)} reads headers that no result names",
+            Remedy(f"remove {added[0]} from the variable CC"),
+        )
     said = ""
     for flags in ((THIS_MACHINE,), ()):
         answer = run([*command, *flags, "-dM", "-E", "-x", "c", "-"])

@@ -43,7 +43,10 @@ _BEGINS, _OF_SYSTEM = "1", "3"
 """Flags of a marker: here a file begins; it is a header of the compiler or the system."""
 
 
-_BRINGS = re.compile(r"(?:#|%:)\s*(?:embed|include_next|import)\b|\bsystem_header\b")
+_BRINGS = re.compile(
+    r"(?:#|%:)\s*(?:embed|include_next|import)\b|\bsystem_header\b"
+    r"|\b__(?:has_(?:include|embed)\w*|DATE__|TIME__|TIMESTAMP__)"
+)
 """What brings bytes that a result would not keep, or hides where they come from."""
 
 

@@ -1,8 +1,10 @@
 """What is said of C that cannot be used: where, what, and what to do."""
 
+from os.path import normpath
 from pathlib import Path
 
 import pytest
+from said import error_of
 
 import eqt_cli
 from eqt_cli.base import yaml_source
@@ -124,6 +126,8 @@ def test_names_of_its_own_are_its_own(written, config):
         "%: em\\\nbed <x>",
         "#pragma GCC system_header",
         "#define P(x) _Pragma(#x)\nP(GCC system_header)",
+        '#define THERE __has_include("/etc/hosts")',
+        "#define BUILT __TIME__",
     ],
 )
 def test_what_brings_bytes_that_are_not_kept_is_refused(written, config, told, line):
@@ -160,6 +164,55 @@ def test_memory_needs_a_period(written, config, told):
 
 
 # What it includes --------------------------------------------------------------------------------
+
+
+OPENED = {
+    "by a macro": ('#define F "x.h"\n#include F', ["x.h"]),
+    "by a digraph": ('%:include "x.h"', ["x.h"]),
+    "below": ('#include "sub/y.h"', ["sub/y.h", "sub/z.h"]),
+    "of another name": ('#line 1 "/usr/include/math.h"\n#include "x.h"', ["x.h"]),
+    "as if of the system": ('# 1 "/usr/include/math.h" 1 3\n#include "x.h"', ["x.h"]),
+    "hidden by _Pragma": ('_Pragma("GCC system\\x5fheader")\n#include "x.h"', ["x.h"]),
+    "compiled before": ('#include "old.h"', ["old.h"]),
+    "linked": ('#include "link.h"', ["link.h"]),  # with the text that is there
+    "outside": ('#include "../far.h"', None),
+    "outside, by a macro": ('#define F "../far.h"\n#include F', None),
+    "by its path": ('#include "{here}/../far.h"', None),
+}
+
+
+@pytest.mark.parametrize("name", OPENED)
+def test_all_that_the_compiler_opens_is_kept_or_refused(tmp_path, name):
+    """The compiler's own list (-M) says what it opened, but for the system's headers."""
+    (here := tmp_path / "here" / "sub").mkdir(parents=True)
+    line, expected = OPENED[name]
+    law = here.parent / "lee.c"
+    law.write_text(line.replace("{here}", str(law.parent)) + "\ndouble a = FAR;\n")
+    (tmp_path / "far.h").write_text("#define FAR 1\n")
+    (law.parent / "link.h").symlink_to(tmp_path / "far.h")
+    (law.parent / "old.h.gch").write_bytes(b"nothing that was compiled")
+    (here / "y.h").write_text('#include "z.h"\n')
+    for each in (law.parent / "x.h", law.parent / "old.h", here / "z.h"):
+        each.write_text("#define FAR 2\n")
+    listed = compiler.run([*compiler.compiler().command, "-w", "-M", str(law)]).stdout
+    opened = {Path(normpath(each)) for each in listed.replace("\\\n", " ").split()[1:]}
+    ours = {path for path in opened if path.is_relative_to(tmp_path)}
+    if expected is None:
+        assert tmp_path / "far.h" in ours
+        assert "is not in its folder" in error_of(user_code.gathered, law)
+        return
+    kept = user_code.files_in(user_code.gathered(law), "lee.c")
+    assert ours == {law.parent / file for file in kept}
+    assert list(kept) == ["lee.c", *expected]
+
+
+@pytest.mark.parametrize("option", ["-I", "-isystem", "-include"])
+def test_a_compiler_that_brings_headers_is_refused(monkeypatch, tmp_path, option):
+    (tmp_path / "far.h").touch()
+    monkeypatch.setenv("CC", f"cc {option} {tmp_path / 'far.h' if 'clude' in option else tmp_path}")
+    assert f"reads headers that no result names; remove {option} from" in error_of(
+        compiler.compiler
+    )
 
 
 @pytest.mark.parametrize("name", ["CPATH", "C_INCLUDE_PATH"])
