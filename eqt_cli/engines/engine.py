@@ -753,8 +753,8 @@ class SolverChecks:
     max_error
         Runs whose error estimate exceeds it count as failed.
     error_estimate
-        Solve every run a second time at a tenth of the tolerance and compare. Default: where the
-        engine makes that cheap.
+        Solve every run a second time at a tenth of the tolerance, a twentieth of sampled loops,
+        and compare. Default: where the engine makes that cheap.
     cross_check
         How many runs per law are redone by another engine and compared.
     """

@@ -302,9 +302,9 @@ def _solve(
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
         again, motion = replace(batch.problem, halved=True), [first.arrays[MOTION]]
-        second = engine.tightened(0.1).measured(
-            difference, largest_difference, again, motion, (), *how
-        )
+        # Of few steps in a hold the last is cut: a tenth may need no other number of them.
+        tighter = engine.tightened(0.05 if batch.problem.loop.period else 0.1)
+        second = tighter.measured(difference, largest_difference, again, motion, (), *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)

@@ -84,14 +84,14 @@ solver: {{engine: {engine}, rtol: {rtol}, error_estimate: true, cross_check: 0}}
 
 @pytest.mark.parametrize("numbers", [FAST, pytest.param(range(len(LOOPS)), marks=MORE)])
 def test_estimates_of_sampled_loops_are_their_errors(tmp_path, numbers):
-    """To the error of the tighter solve, about 0.3 of the difference at most, and to rounding.
+    """To the error of the tighter solve, 0.05 to 0.13 of the difference, and to rounding.
 
-    Measured 1.00 to 1.32, with a median of 1.03.
+    Measured 1.00 to 1.13, with a median of 1.03.
     """
     assert len(LOOPS) == 40
     pairs = [error_and_estimate(tmp_path, *LOOPS[number]) for number in numbers]
     ratios = np.array([error / estimate for error, estimate in pairs])
-    assert (ratios <= 1.33).all(), ratios
+    assert (ratios <= 1.3).all(), ratios
     assert np.median(ratios) >= 0.5
 
 
