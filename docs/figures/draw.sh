@@ -165,6 +165,12 @@ attitude_manifold() { # near the manifold of half-turns
 	picture attitude_manifold runs
 }
 
+paper_rates() {
+	experiment paper_rates configs/paper_rates.yaml --engine native --set ensemble.runs=2
+	numbers rates
+	picture rates rates
+}
+
 sweep_lag() {
 	sweep sweep_lag configs/sweep_lag.yaml --engine native
 	numbers envelope
@@ -225,7 +231,7 @@ all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
 	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
 		satellite_breaks se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
-		attitude_manifold sweep_lag satellite_wheels sweep_family)
+		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family)
 elif [ $# = 0 ]; then
 	echo "there is no C compiler: the other experiments are left out"
 fi

@@ -198,6 +198,8 @@ class Setting:
         Q_d and V_d at these times.
     rigid
         Whether the inertia is declared to be that of a rigid body.
+    exact
+        Whether proofs are asked for that take long.
     """
 
     loops: dict[str, ClosedLoop]
@@ -205,6 +207,7 @@ class Setting:
     desired_pose: Array
     desired_velocity: Array
     rigid: bool = True
+    exact: bool = False
 
     @property
     def loop(self) -> ClosedLoop:
@@ -561,7 +564,7 @@ _KINDS = {
 _HOLDS, _PROVED, _FAILS = Verdict.HOLDS, Verdict.PROVED, Verdict.FAILS
 _LEGEND = {
     Verdict.PROVED: "both sides are equal as rational functions of the state; p bounds the "
-    "probability that all exact states that were drawn hide a difference",
+    "probability that all exact states that were drawn hide a difference; of a rate: in fractions",
     Verdict.UNDECIDED: "the numbers neither confirm nor refute it",
     Verdict.UNCLAIMED: "the paper does not claim this for the law",
     Verdict.NOT_COVERED: "the theorems do not cover this loop",

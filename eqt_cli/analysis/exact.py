@@ -789,11 +789,17 @@ def _off_zero(squares: Any) -> bool:
     return True
 
 
+def _at_once(x: Any) -> Fraction:
+    """Return a constant without its rate: where two values are equal, both smooth forms hold."""
+    return Exact.of(x)._constant("a comparison", moves=True)
+
+
 register_symbols(
     Exact,
     {
         **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
         "less": lambda a, b: Exact.of(a) < Exact.of(b),
+        "smooth_less": lambda a, b: _at_once(a) < _at_once(b),
         "positive": _off_zero,
         "where": lambda condition, a, b: a if condition else b,
         "inverse": inverse,

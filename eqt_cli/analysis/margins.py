@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from fractions import Fraction
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from eqt_cli.analysis.certified import LawRates, box_of, rates_of
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
@@ -283,6 +285,26 @@ class Margins:
 
 
 @blamed()
+def certified_rates(experiment: Experiment, velocities: Sequence[Fraction] = ()) -> list[LawRates]:
+    """Prove rates of every law for all references with |V_d,i| ≤ v, for each v in rising order.
+
+    Without velocities, the box is that of the experiment's own reference, as sampled.
+    """
+    boxes = [[(-v, v)] * experiment.group.dimension for v in sorted(set(velocities))]
+    boxes = boxes or [box_of(_known_reference(experiment).velocity)]
+    with step("laws", len(experiment.loops)):
+        return [rates_of(label, loop, boxes) for label, loop in experiment.loops.items()]
+
+
+def _known_reference(experiment: Experiment) -> Any:
+    """Return the reference over the horizon, after a check that it is finite."""
+    shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
+    check_reference(shown, None, problems.at("reference"))
+    problems.raise_if_any()
+    return shown
+
+
+@blamed()
 def margins_of(experiment: Experiment) -> Margins:
     """Compute the margins of every law of an experiment.
 
@@ -295,10 +317,7 @@ def margins_of(experiment: Experiment) -> Margins:
     ComponentError
         If a plugin fails.
     """
-    shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
-    check_reference(shown, None, problems.at("reference"))
-    problems.raise_if_any()
-    along = along_reference(experiment, shown)
+    along = along_reference(experiment, _known_reference(experiment))
     laws = []
     # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):

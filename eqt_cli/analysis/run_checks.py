@@ -11,6 +11,7 @@ from eqt_cli.analysis.certificates import (
     ENERGY_PER_RTOL,
     STATES_PER_RTOL,
     Hypothesis,
+    Kind,
     Row,
     Runs,
     Setting,
@@ -20,6 +21,7 @@ from eqt_cli.analysis.certificates import (
     joined,
     largest,
 )
+from eqt_cli.analysis.certified import LawRates, box_of, rates_of
 from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.components.inertia import CriticalSet, Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
@@ -217,6 +219,28 @@ def _over_horizon(values: Array) -> tuple[float, Verdict]:
     first, second = float(values[:middle].max()), float(values[middle:].max(initial=0.0))
     verdict = Verdict.GROWING if second > first * (1 + LEAST_GROWTH) else Verdict.UNKNOWN
     return max(first, second), verdict
+
+
+class CertifiedRate(Hypothesis):
+    """Small errors decay at a proved rate for every V_d(t) in the box of this reference."""
+
+    name: ClassVar[str] = "certified rate of small errors"
+    statement: ClassVar[str] = "Theorem 6.2, to first order"
+    section: ClassVar[float] = 6.3
+    kind: ClassVar[Kind] = "trajectory"
+
+    def check(self, setting: Setting) -> list[Row]:
+        """Compare the proved rate of each law with that of the slowest constant V_d."""
+        box, laws = box_of(setting.desired_velocity), setting.loops.items()
+        return [self._row(rates_of(*law, [box])) for law in laws if setting.exact]
+
+    def _row(self, law: LawRates) -> Row:
+        if law.refused:
+            return self.row(Verdict.NOT_COVERED, remark=law.refused, controller=law.label)
+        [one] = law.rates
+        verdict = Verdict.PROVED if one.rate else Verdict.UNDECIDED
+        remark = f"1/s, in the box of the sampled V_d; overshoot {one.overshoot:.2f}"
+        return self.row(verdict, float(one.rate or 0), one.slowest_rate, remark, law.label)
 
 
 # Checks solutions against the theorems: energy, decrease of L, convergence, tracking --------------

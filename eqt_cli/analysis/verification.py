@@ -287,7 +287,7 @@ class _Verifier:
             *identities_of(self.experiment, exact=self.exact),
             *certificates.trajectory_rows(runs),
             *certificates.hypothesis_rows(
-                certificates.Setting(loops, times, Qd[finite], Vd[finite], rigid)
+                certificates.Setting(loops, times, Qd[finite], Vd[finite], rigid, self.exact)
             ),
             *self._of_code(),
         ]

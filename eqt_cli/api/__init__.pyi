@@ -1,5 +1,6 @@
 """The names of `eqt_cli.api` and the modules that define them."""
 
+from eqt_cli.api.comparing import certified as certified
 from eqt_cli.api.comparing import compare as compare
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.comparing import diff as diff

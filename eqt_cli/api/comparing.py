@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
 
 if TYPE_CHECKING:
+    from eqt_cli.analysis.certified import LawRates
     from eqt_cli.analysis.compare import Comparison
     from eqt_cli.analysis.differences import Differences
     from eqt_cli.analysis.maps import Map
@@ -369,3 +371,48 @@ def margins(
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
     remark_on(experiment)
     return margins_of(experiment)
+
+
+def certified(
+    target: Study | Configuration, velocities: Sequence[float] = (), *, point: int | None = None
+) -> list[LawRates]:
+    """Prove a rate at which small errors decay along every reference whose velocity is bounded.
+
+    About a reference, the errors of the loop obey ẋ = A(V_d) x to first order. One matrix P with
+    AᵀP + PA + 2λP ≺ 0 at the corners of a box proves the rate λ for every V_d(t) in the box. The
+    proof is in fractions. It needs the extra `certify`.
+
+    Parameters
+    ----------
+    target
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
+    velocities
+        Each v stands for the box |V_d,i| ≤ v. Default: the box around the reference's own velocity,
+        as sampled over the horizon.
+    point
+        Point of a sweep, counted from 0. Default: the first.
+
+    Returns
+    -------
+    list
+        For each law its ``label``, and ``rates``, one for each box in rising order, with ``rate``
+        (a fraction, 1/s, or None), ``P``, ``overshoot`` √cond P, ``velocity`` (the box),
+        ``slowest_constant`` and ``slowest_rate``. Of a law without, ``refused`` says why.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration and their places.
+    EqtError
+        If the file does not exist, or Clarabel is not installed.
+
+    Examples
+    --------
+    >>> [eqt, *others] = eqt_cli.certified("configs/paper.yaml", [0.5])
+    >>> [one] = eqt.rates
+    >>> round(float(one.rate), 3), round(one.overshoot, 2)
+    (0.119, 1.65)
+    """
+    from eqt_cli.analysis.margins import certified_rates
+
+    return certified_rates(experiment_at(target, point), [Fraction(str(v)) for v in velocities])

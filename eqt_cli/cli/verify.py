@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from eqt_cli.analysis.certificates import Row
+    from eqt_cli.analysis.certified import Certified, LawRates
     from eqt_cli.analysis.margins import GainMargin, LawMargins, Margins
     from eqt_cli.analysis.verification import Verification
     from eqt_cli.config.study import Study
@@ -182,6 +183,8 @@ VERDICTS = {True: "stable", False: "unstable", None: "undecided"}
 def margins(
     config: options.Config,
     set_: options.Set = None,
+    certified: Annotated[bool, options.option("--certified")] = False,
+    velocity: Annotated[list[float] | None, options.option("--velocity", min=0)] = None,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
@@ -191,13 +194,24 @@ def margins(
 
     The loop is linearised about its reference. Limits, steps and noise are left out and named.
     Nothing is run.
+
+    Options
+    -------
+    Experiment
+        --certified  Instead, prove the rate at which small errors decay along every reference whose
+            velocity stays in a box (extra `certify`).
+        --velocity V  The box: each component of V_d within ±V. Repeatable. Default: the box around
+            the velocity of this reference, as sampled over the horizon.
     """
     from eqt_cli import api
 
     source = options.source_of(config, set_)
-    result = api.margins(
-        options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
-    )
+    study = options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
+    if certified or velocity:
+        titles, rates = study.experiment(0).titles, api.certified(study, velocity or ())
+        print_findings(_rates_document(rates), *_rates_pieces(titles, rates), json=json)
+        return
+    result = api.margins(study)
     causes = [f"the loop of '{law.label}' is unstable" for law in result.laws if law.is_unstable]
     print_findings(_margins_document(result, causes), *_margins_pieces(result), json=json)
     if quiet and not json:
@@ -338,3 +352,40 @@ def _beside(result: Margins, law: LawMargins) -> str:
         for part in result.experiment.group.parts
     ]
     return " and ".join(f"{size:.3g} {unit}" for size, unit in sizes if size > AT_REST)
+
+
+# Certified rates ----------------------------------------------------------------------------------
+
+
+def _rates_document(laws: Sequence[LawRates]) -> dict[str, Any]:
+    refused = [{"label": x.label, "certified": None, "why": x.refused} for x in laws if x.refused]
+    proved: list[dict[str, Any]] = [
+        {"label": law.label, "certified": asdict(one) | {"rate": one.rate and float(one.rate)}}
+        for law in laws
+        for one in law.rates
+    ]
+    return {"laws": proved + refused}
+
+
+def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterator[str | Text]:
+    """Yield the printed text: the proved rates in each box, and what they mean."""
+    header = ["law", "proved rate, 1/s", "overshoot", "slowest constant V_d", "its rate, 1/s"]
+    known, blocks = [law for law in laws if law.rates], []
+    for rates in zip(*(law.rates for law in known), strict=True):
+        sides = [f"{low:g} to {high:g}" for low, high in rates[0].velocity]
+        rows = [[titles[law.label], *_rate(one)] for law, one in zip(known, rates, strict=True)]
+        blocks.append(Block(f"each V_d(t) within {', '.join(sides)}", rows))
+    notes = [
+        "proved: along all references in the box, errors shrink like overshoot · exp(−rate · t)",
+        "slowest constant V_d: no proof in the box can exceed its rate; below 0 it is unstable",
+    ]
+    if known:
+        yield laid_out(TextTable("certified", "", header, blocks, notes))
+    yield from (f"{titles[law.label]} {law.refused}" for law in laws if law.refused)
+
+
+def _rate(one: Certified) -> list[str]:
+    """Return the cells of a proved rate, rounded down."""
+    proved = [f"{int(one.rate * 10**4) / 10**4:.4f}", f"{one.overshoot:.3g}"] if one.rate else []
+    at = ", ".join(f"{v:.3g}" for v in one.slowest_constant)
+    return [*(proved or ["none", "-"]), f"({at})", f"{one.slowest_rate:.4f}"]

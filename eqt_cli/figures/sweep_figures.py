@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,10 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import PercentFormatter
 
+from eqt_cli.analysis.certified import rates_of
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.option_types import Count
 from eqt_cli.figures.cells import (
     Cells,
     key_at,
@@ -27,7 +30,7 @@ from eqt_cli.figures.cells import (
     spans_decade,
 )
 from eqt_cli.figures.curves import BAND, RESAMPLING, draw_points, name_curves, name_points
-from eqt_cli.figures.figure import OfDifferences, OfOneMetric, OfSettled, OfSweep
+from eqt_cli.figures.figure import Extras, Figure, OfDifferences, OfOneMetric, OfSettled, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
     add_legend,
@@ -37,9 +40,9 @@ from eqt_cli.figures.layout import (
     rows_of,
     sheet_of_maps,
 )
-from eqt_cli.figures.shown import ShownSweep
+from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
-from eqt_cli.results.result import SweptKey
+from eqt_cli.results.result import Result, SweptKey
 
 # Figure of a sweep: one metric over one key as curves, over two as a map per law ------------------
 
@@ -528,3 +531,59 @@ def _name_fronts(
         texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
         colours += [look.colour] * len(best)
     name_points(panel, np.concatenate(points), texts, colours)
+
+
+# Figure of certified rates: what is proved for bounded references, over the bound -----------------
+
+
+@dataclass(frozen=True)
+class Rates(Figure[ShownControllers]):
+    """Certified rates of small errors over the bound v of the desired velocity.
+
+    Thick: proved along every reference with |V_d,i| ≤ v. Thin: the slowest constant V_d of these.
+    Laws without a certificate are named.
+
+    Attributes
+    ----------
+    velocity
+        Largest v; by default the largest |V_d,i| of the reference.
+    bounds
+        Number of values of v, from 0.
+    """
+
+    name: ClassVar[str] = "rates"
+
+    velocity: float = 0.0
+    bounds: Count = 13
+
+    def subject(self, results: Sequence[Result], extras: Extras) -> ShownControllers:
+        """Return the controllers of one result."""
+        return ShownControllers([self._only(results, "result")], self.name, self.chosen)
+
+    def compose(self, shown: ShownControllers, width: Width) -> Drawing:
+        """Draw two curves per law, computed here from the loops of the result."""
+        [result] = shown.results
+        fastest = self.velocity or float(np.nanmax(np.abs(result["desired_velocity"])))
+        grid = np.linspace(0, fastest, self.bounds)
+        axes = len(result.coordinate("axis"))
+        boxes = [[(-Fraction(v), Fraction(v))] * axes for v in grid.tolist()]
+        laws = [(e, rates_of(e.label, result.loops[e.law], boxes)) for e in shown.shown]
+        drawing, known = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width])), []
+        panel = drawing.add_subplot()
+        for law, found in laws:
+            if found.refused:
+                shown.remarks.append(f"{law.title} {found.refused}.")
+            else:
+                known.append(law.title)
+                rates = [float(one.rate or np.nan) for one in found.rates]
+                panel.plot(grid, rates, label=f"{law.title}, proved", **line_style(law.look))
+        for law, found in laws:
+            rates, look = [one.slowest_rate for one in found.rates], line_style(law.look)
+            panel.plot(grid[: len(rates)], rates, label=f"{law.title}, constant", lw=0.5, **look)
+        if not known:
+            raise shown.error(f"has nothing to show: {' '.join(shown.remarks)}")
+        panel.set(xlabel="bound of each component of the desired velocity", xlim=(0, fastest))
+        panel.set(ylabel="rate of small errors (1/s)", ylim=(0, None))
+        name_curves(drawing, [panel], panel.lines[: len(known)], known)
+        shown.remarks.append("Thick: proved for all references. Thin: slowest constant velocity.")
+        return drawing

@@ -59,7 +59,8 @@ def test_what_is_not_proved_is_listed_with_the_reason(eqt, law):
     ]
     assert (
         "proved: both sides are equal as rational functions of the state; p bounds the probability "
-        "that all exact states that were drawn hide a difference." in " ".join(done.out.split())
+        "that all exact states that were drawn hide a difference; of a rate: in fractions."
+        in " ".join(done.out.split())
     )
     full = eqt("verify", "c.yaml", *ONE, "--verbose").out
     [rate] = [line for line in full.splitlines() if "  rate of L  " in line]
