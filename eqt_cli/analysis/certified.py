@@ -48,8 +48,7 @@ def affine(loop: ClosedLoop) -> Array:
     if vehicle.forces or vehicle.inertia is not None or varies:
         raise InputError("has forces or an inertia unknown to it, or numbers that change in time")
     # The decimal numbers of a configuration, and not the floats next to them.
-    known = leaves(loop).items()
-    numbers = {path: entrywise(lambda x: _exact(repr(float(x))), values) for path, values in known}
+    numbers = {p: entrywise(lambda x: _exact(repr(float(x))), v) for p, v in leaves(loop).items()}
     numbers[INVERSE] = exact.inverse(numbers[MATRIX])
     refusals, loop = [], with_leaves(loop, numbers)
     for carried in (0, 1):
@@ -298,8 +297,9 @@ def rates_of(label: str, loop: ClosedLoop, boxes: Sequence[Box]) -> LawRates:
             with threadpool_limits(1):  # threads slow down small matrices
                 here = certified(A, box)
             if found and (found[-1].rate or 0) > (here.rate or 0):
-                last = found[-1]
-                here = replace(here, rate=last.rate, P=last.P, overshoot=last.overshoot)
+                here = replace(
+                    here, **{k: getattr(found[-1], k) for k in ("rate", "P", "overshoot")}
+                )
             found.append(here)
     # The others come from code that does not run on fractions, as a law in C.
     except (InputError, TypeError, ValueError, AttributeError, TraceError) as error:

@@ -57,7 +57,8 @@ def verify(
     Experiment
         --runs N  Runs per law of a CONFIG. Default: 20.
         --file  Only test whether the files of a RESULT have the bytes that eqt wrote.
-        --exact  Also prove identities, by exact numbers at random states.
+        --exact  Also prove identities, by exact numbers at random states, and rates of small errors
+            (extra `certify`).
         --code FILE  Judge the control law in this C file instead of the controllers of a CONFIG.
         --as NAME  The control law that the C file claims to be.
     """

@@ -66,7 +66,9 @@ def test_what_is_not_proved_is_listed_with_the_reason(eqt, law):
     [rate] = [line for line in full.splitlines() if "  rate of L  " in line]
     assert rate.endswith("  proved   degree 20, 3 states, p ≤ 1.3e-54")
     proved = sum(bool(re.search("  proved   degree [0-9]+, ", line)) for line in full.splitlines())
-    assert f" hold, {proved} proved, " in done.out
+    [rate] = [line for line in full.splitlines() if "  certified rate of small errors  " in line]
+    assert "  proved  1/s, in the box of the sampled V_d; overshoot 1." in re.sub("  +", "  ", rate)
+    assert f" hold, {proved + 1} proved, " in done.out
 
 
 def test_a_fault_that_floats_do_not_show_ends_with_4(eqt, law):
