@@ -151,13 +151,13 @@ endef
 $(VENV)/.stamp-base: pyproject.toml
 	$(call venv,$(VENV),$(PYTHONS))
 	@echo "Installing eqt into $(VENV)"
-	@$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED).txt,install --editable '.[xarray]')
+	@$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED).txt,install --editable '.[certify,xarray]')
 	@$(if $(LOCKED),$(BIN)/$(PIP) install --no-deps --no-build-isolation --editable .)
 	@touch $@
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group dev --editable '.[certify,dask,logs,native,opencl]')
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group dev --editable '.[dask,logs,native,opencl]')
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base

@@ -140,7 +140,7 @@ def _slowest(A: Array, corners: Array, box: Box) -> tuple[Array, float]:
     low, high = np.array(box, dtype=float).T
     spread = np.random.default_rng(0).uniform(low - high, high - low, (500, len(box))) / 2
     found, best = (low + high) / 2, np.inf
-    tried = found + np.concatenate([k * (corners - found) for k in (0, 0.3, 0.7, 1)] + [spread])
+    tried = found + np.concatenate([k * (corners - found) for k in np.linspace(0, 1, 9)] + [spread])
     for step in range(7):
         rates = -np.linalg.eigvals(A[0] + np.tensordot(tried, A[1:], axes=1)).real.max(axis=-1)
         if rates.min() < best - 1e-9:  # and not by rounding
@@ -235,7 +235,7 @@ def _solved(A: Array, rate: float, S: Array, least: Array) -> Array | None:
     try:
         import clarabel
     except ImportError as error:
-        message = "certified rates need Clarabel; install it: pip install 'eqt-cli[certify]'"
+        message = "certified rates need Clarabel (extra certify): pip install clarabel"
         raise EqtError(message) from error
     rows, columns = np.tril_indices(len(S))  # of the upper triangle, column by column
     weights = np.where(rows == columns, 1.0, np.sqrt(2.0))

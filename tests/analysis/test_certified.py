@@ -294,7 +294,7 @@ def test_without_clarabel_one_line_says_how_to_install_it(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "clarabel", None)
     with pytest.raises(EqtError) as caught:
         eqt_cli.certified(SPIN, [0.5])
-    expected = "certified rates need Clarabel; install it: pip install 'eqt-cli[certify]'"
+    expected = "certified rates need Clarabel (extra certify): pip install clarabel"
     assert str(caught.value) == expected
 
 

@@ -193,3 +193,37 @@ def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt, refused, fol
     place = "--set controllers=[branches]: controllers"
     said = f"eqt: {place}: loops cannot be linearised: {why}c.yaml: valid\n"
     assert (checked.code, checked.err) == (0, said)
+
+
+CERTIFIED = """\
+  law  proved rate, 1/s  overshoot  slowest constant V_d  its rate, 1/s
+  ───  ────────────────  ─────────  ────────────────────  ─────────────
+each V_d(t) within -0.5 to 0.5, -0.5 to 0.5, -0.5 to 0.5
+  EqT            0.1185       1.65  (0, 0, 0)                    0.1409
+  nog            0.0850       1.62  (-0.5, -0.5, -0.5)           0.1035
+
+proved: along all references in the box, errors shrink like overshoot · exp(−rate · t)
+slowest constant V_d: no proof in the box can exceed its rate; below 0 it is unstable
+"""
+
+
+def test_certified_rates_as_text_and_as_json(eqt):
+    pytest.importorskip("clarabel", reason="the extra certify is not installed")
+    few = ("margins", "paper", "--certified", "--velocity", 0.5, "--set", "controllers=[eqt,nog]")
+    done = eqt(*few)
+    assert (done.code, done.out, done.err) == (0, CERTIFIED, "")
+    laws = json.loads(eqt(*few, "--json").out)["laws"]
+    assert [law["label"] for law in laws] == ["eqt", "nog"]
+    certified = laws[0]["certified"]
+    assert 0.1185 < certified["rate"] < certified["slowest_rate"]
+    assert (certified["velocity"], len(certified["P"])) == ([[-0.5, 0.5]] * 3, 6)
+    assert certified["slowest_constant"] == [0, 0, 0]
+
+
+def test_a_law_without_a_certificate_is_named(eqt):
+    distinct = ("--set", "gains.kp=[1,2,3]", "--set", "controllers=[eqt]")
+    done = eqt("margins", "paper", "--velocity", 0.5, *distinct)
+    why = "has a stiffness or damping in space that depends on the desired pose R_d"
+    assert (done.code, " ".join(done.out.split()), done.err) == (0, f"EqT {why}", "")
+    document = json.loads(eqt("margins", "paper", "--velocity", 0.5, *distinct, "--json").out)
+    assert document == {"laws": [{"label": "eqt", "certified": None, "why": why}]}

@@ -15,7 +15,15 @@ from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.curves import name_points
 from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.sweep_figures import _PALE_TINT, Envelope, Pareto, Region, SweepFigure, Winners
+from eqt_cli.figures.sweep_figures import (
+    _PALE_TINT,
+    Envelope,
+    Pareto,
+    Rates,
+    Region,
+    SweepFigure,
+    Winners,
+)
 from eqt_cli.results.result import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -533,3 +541,27 @@ def test_bands_of_a_share_are_its_intervals(swept, picture):
 def test_a_map_of_shares_says_how_well_they_are_known(swept, picture):
     drawing = picture(SweepFigure(metric="settled"), swept(TWO))
     assert "(intervals to ±0." in drawing.axes[-1].get_ylabel()
+
+
+def test_certified_rates_are_curves_from_the_rate_at_rest(opened, simulate, picture):
+    pytest.importorskip("clarabel", reason="the extra certify is not installed")
+    results = opened(simulate(controllers=["eqt", "lee2010"]))
+    (panel,) = picture(Rates(velocity=1.0, bounds=3), results).axes
+    assert [line.get_label() for line in panel.lines] == [
+        "EqT, proved",
+        "Lee 2010, proved",
+        "EqT, constant",
+        "Lee 2010, constant",
+    ]
+    for proved, constant in zip(panel.lines[:2], panel.lines[2:], strict=True):
+        assert proved.get_xdata().tolist() == [0, 0.5, 1]
+        rates, bounds = proved.get_ydata(), constant.get_ydata()
+        assert (np.diff(rates) <= 0).all() and (rates < bounds).all()
+        assert rates[0] == pytest.approx(bounds[0], rel=2e-4)  # what is spared, and rounding
+
+
+def test_a_figure_without_any_certified_rate_says_why(opened, simulate, picture):
+    pytest.importorskip("clarabel", reason="the extra certify is not installed")
+    results = opened(simulate(controllers=["eqt"], gains={"kp": [1.0, 2.0, 3.0], "kd": 0.5}))
+    with pytest.raises(EqtError, match="has nothing to show: EqT has a stiffness or damping in"):
+        picture(Rates(velocity=1.0), results)
