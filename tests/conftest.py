@@ -530,7 +530,6 @@ def leave_unarranged(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
         "eqt_cli.figures.figure.freeze", lambda drawing: drawing.set_layout_engine("none")
     )
-    patch.setattr("eqt_cli.figures.curves.arrange", lambda drawing: None)
 
 
 @pytest.fixture

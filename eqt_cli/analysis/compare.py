@@ -167,27 +167,9 @@ class ClaimVerdict(StrEnum):
     """The verdict on a claim."""
 
     SUPPORTED = "supported"
-    SEEN = "seen, not all settled"
     NOT_SUPPORTED = "not supported"
     UNDECIDED = "undecided"
     NOT_COVERED = "not covered"
-
-
-@dataclass(frozen=True)
-class Settled:
-    """The number of runs of a law that end within the settling threshold.
-
-    Attributes
-    ----------
-    controller
-        Label of the law.
-    count, runs
-        Number of runs that settled, and of runs that did not fail.
-    """
-
-    controller: str
-    count: int
-    runs: int
 
 
 @dataclass(frozen=True)
@@ -214,8 +196,6 @@ class Judgement:
         Lower end of the one-sided interval for the share of runs in which it holds.
     absent
         Kinds of controllers that the claim mentions and the result does not have.
-    settled
-        Numbers of settled runs of the laws of the row; empty if not stored.
     """
 
     source: str
@@ -230,7 +210,6 @@ class Judgement:
     runs: int = 0
     low: float = float("nan")
     absent: tuple[str, ...] = ()
-    settled: tuple[Settled, ...] = ()
 
 
 def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Window]]:
@@ -631,7 +610,6 @@ def _judgements(
     confidence: float,
 ) -> list[Judgement]:
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
-    settles = result.settles
     rows = []
     for source, claim, row, measure, window in _tests(result, kinds):
         if not set(row.kinds) <= set(kinds):
@@ -646,18 +624,8 @@ def _judgements(
             first, second = labels
             pair = by_names.get((key, first, second)) or by_names[key, second, first].swapped()
             judged = judge_less(source, claim.says, pair)
-        judged = replace(judged, absent=tuple(kind for kind in about if kind not in kinds))
-        if settles is not None:
-            at = [(label, result.labels.index(label)) for label in labels]
-            laws = [
-                Settled(label, int(settles[k].sum()), int(result.good[k].sum())) for label, k in at
-            ]
-            # A claim concerns runs that settle. This horizon does not show how the others end.
-            late = any(law.count < law.runs for law in laws)
-            if late and judged.verdict is ClaimVerdict.SUPPORTED:
-                judged = replace(judged, verdict=ClaimVerdict.SEEN)
-            judged = replace(judged, settled=tuple(laws))
-        rows.append(judged)
+        absent = tuple(kind for kind in about if kind not in kinds)
+        rows.append(replace(judged, absent=absent))
     return rows
 
 

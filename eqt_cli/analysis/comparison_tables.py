@@ -75,7 +75,7 @@ def _judgement(judgement: Judgement) -> Record:
         pair = _pair(judgement.pair)
         pair.pop("runs_to_decide")
         statement = "first is less than second"
-        return {**common, "statement": statement, **pair, **_settled(judgement)}
+        return {**common, "statement": statement, **pair}
     assert judgement.measured is not None
     return {
         **common,
@@ -84,20 +84,11 @@ def _judgement(judgement: Judgement) -> Record:
         "first": judgement.controller,
         "pairs": judgement.runs,
         **_fields(judgement, "held", "low"),
-        **_settled(judgement),
     }
-
-
-def _settled(judgement: Judgement) -> Record:
-    """Return the number of settled runs of the first and the second law."""
-    names = ("first_settled", "second_settled")
-    return {name: law.count for name, law in zip(names, judgement.settled, strict=False)}
 
 
 PARTLY = "partly"
 """Prefix of a verdict that only some rows of a claim have."""
-
-_AGREES = (ClaimVerdict.SUPPORTED, ClaimVerdict.SEEN)
 
 _WRITE = Plain()
 
@@ -143,26 +134,16 @@ def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> F
     in_every_run = [row for row in rows if row.pair is None]
     compared = [row for row in rows if row.pair is not None]
     words = [*_in_every_run(comparison, in_every_run), *_compared(compared, titles)]
-    words += _unsettled(rows, titles)
     absent = [titles.get(kind, kind) for kind in rows[0].absent]
     return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
 
 
 def _together(verdicts: set[ClaimVerdict]) -> str:
     """Combine the verdicts of the rows of a claim."""
-    agrees = [verdict for verdict in _AGREES if verdict in verdicts]
-    if verdicts <= set(_AGREES) or len(verdicts) == 1:
-        return str([*verdicts - set(agrees), *agrees][-1])
-    return f"{PARTLY} {agrees[-1]}" if agrees else str(ClaimVerdict.NOT_SUPPORTED)
-
-
-def _unsettled(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
-    """Yield ``settled at the end: 46 of 200 runs under EqT`` if some runs did not settle."""
-    if any(row.verdict is ClaimVerdict.SEEN for row in rows):
-        laws = dict.fromkeys(law for row in rows for law in row.settled)
-        yield "settled at the end: " + listed(
-            [f"{law.count} of {law.runs} runs under {titles[law.controller]}" for law in laws]
-        )
+    if len(verdicts) == 1:
+        return str(*verdicts)
+    supported = ClaimVerdict.SUPPORTED
+    return f"{PARTLY} {supported}" if supported in verdicts else str(ClaimVerdict.NOT_SUPPORTED)
 
 
 def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
@@ -191,11 +172,10 @@ def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[
     counts = Counter(row.verdict for row in rows)
     against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
     others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
-    agree = sum(counts[verdict] for verdict in _AGREES)
-    yield f"{agree} of {len(rows)} comparisons agree with it{others}"
-    wanted = (ClaimVerdict.NOT_SUPPORTED,) if against or open_ else _AGREES
+    yield f"{counts[ClaimVerdict.SUPPORTED]} of {len(rows)} comparisons agree with it{others}"
+    told = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
     yield from (
-        _difference_in_words(row.pair, titles) for row in rows if row.pair and row.verdict in wanted
+        _difference_in_words(row.pair, titles) for row in rows if row.pair and row.verdict is told
     )
 
 
@@ -413,15 +393,7 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
     ]
     if comparison.departures:
         notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]
-    laws = dict.fromkeys(law for row in comparison.judgements for law in row.settled)
-    if any(law.count < law.runs for law in laws):
-        counts = ", ".join(
-            f"{comparison.titles[law.controller]} {law.count} of {law.runs}" for law in laws
-        )
-        notes.append(
-            f"Settled at {comparison.horizon:g} s: {counts}. A claim about laws of which not all "
-            "runs settled is at most seen, since these runs do not show where the others end."
-        )
+    notes += [f"{late}: where they end, these runs do not show." for late in unsettled(comparison)]
     return TextTable("claims", caption, header, blocks, _plain(notes, write), (header[-1],))
 
 
@@ -463,6 +435,17 @@ def runs_each(comparison: Comparison) -> str:
 def too_few(comparison: Comparison) -> str:
     """Say that there are no statistics."""
     return f"{runs_each(comparison)}: too few for statistics; `ensemble.runs` sets how many"
+
+
+def unsettled(comparison: Comparison) -> Iterator[str]:
+    """Say which laws did not settle, in how many runs, if any."""
+    late = [
+        f"{comparison.titles[each.controller]} {round((1 - each.mean) * each.runs)} of {each.runs}"
+        for each in comparison.levels
+        if each.measured.quantity.name == "settled" and each.mean < 1
+    ]
+    if late:
+        yield f"runs that did not settle, by law: {', '.join(late)}"
 
 
 def _runs(runs: int | None) -> str:

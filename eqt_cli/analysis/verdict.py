@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.compare import Comparison
-from eqt_cli.analysis.comparison_tables import findings, runs_each, sources, too_few
+from eqt_cli.analysis.comparison_tables import findings, runs_each, sources, too_few, unsettled
 from eqt_cli.analysis.intervals import FEWEST, Pair, Word, holm, sign_test
 from eqt_cli.results.quantity import Plain
 
@@ -159,16 +159,9 @@ def _troubles(comparison: Comparison) -> Iterator[str]:
     """Say which laws failed, and which did not settle, in how many runs."""
     titles, runs = comparison.titles, comparison.runs
     failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
-    settled = [each for each in comparison.levels if each.measured.quantity.name == "settled"]
-    late = [
-        f"{titles[each.controller]} {round((1 - each.mean) * each.runs)} of {each.runs}"
-        for each in settled
-        if each.mean < 1
-    ]
     if failed:
         yield f"failed runs, left out: {', '.join(failed)}"
-    if late:
-        yield f"runs that did not settle, by law: {', '.join(late)}"
+    yield from unsettled(comparison)
 
 
 def _claimed(comparison: Comparison) -> Iterator[str]:

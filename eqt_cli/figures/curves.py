@@ -1,189 +1,20 @@
-"""Curves with bands, and labels beside them."""
+"""Curves shared by several figures: bands, single runs, paths; it knows no signal."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, PowerNorm
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.patheffects import Normal, Stroke
-from matplotlib.text import Text
-from matplotlib.transforms import Bbox
 
 from eqt_cli.analysis.intervals import Resampling, intervals_of_means
 from eqt_cli.base.arrays import Array
-from eqt_cli.figures.labels import free_text
-from eqt_cli.figures.layout import NO_NUMBERS, add_legend, add_letters, arrange
+from eqt_cli.figures.layout import NO_NUMBERS
 from eqt_cli.figures.shown import Ensemble
-from eqt_cli.figures.style import Look, darker, ink, line_style
-
-# Names beside curves and points where there is room, else in a legend; it knows no signal ---------
-
-
-MOST_NAMED = 6
-"""Most curves of a panel that are named directly."""
-LONGEST = 14
-"""Most characters of a name beside a curve."""
-_PLACES = 33
-"""Number of positions along a panel that are tried."""
-_GAP, _PAD = 2.0, 1.5
-"""Distance of a name from its curve, and its least distance from all curves, pt."""
-_NEARER = 1.6
-"""Least ratio of the distances of a name from the next curve and from its own."""
-_STEP = 2.0
-"""Distance between the points of a curve that a name must not hide, pt."""
-
-
-Box = tuple[Array, Array]
-"""Lower left and upper right corner of a name, pt."""
-
-
-def name_curves(
-    drawing: Figure, panels: Iterable[Axes], lines: Sequence[Line2D], names: Sequence[str]
-) -> None:
-    """Name each curve beside it, in the first panel with room; else in a legend above.
-
-    Set the scales first, since the room depends on them.
-
-    Parameters
-    ----------
-    panels
-        Panels, each with the named curves first, in the order of the names.
-    lines, names
-        Handles for the legend, and texts of a user.
-    """
-    wanted = [free_text(name, LONGEST) for name in names]
-    if 2 <= len(names) <= MOST_NAMED and all(len(name) <= LONGEST for name in names):
-        add_letters(drawing)  # letters take room
-        arrange(drawing)
-        for panel in panels:
-            if places := _places(panel, wanted):
-                _write(panel, wanted, places)
-                return
-    add_legend(drawing, lines, names)
-
-
-def _write(axes: Axes, names: Sequence[str], places: Sequence[Box]) -> None:
-    to_data = axes.transData.inverted()
-    for line, name, (low, high) in zip(axes.lines, names, places, strict=False):
-        x, y = to_data.transform((low + high) / 2 * axes.figure.dpi / 72)
-        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
-        look["path_effects"] = [Stroke(linewidth=1.5, foreground=ink(0)), Normal()]
-        axes.text(float(x), float(y), name, color=darker(str(line.get_color())), **look)
-
-
-def _places(axes: Axes, names: Sequence[str]) -> list[Box]:
-    """Return the places of all names; none if one finds no room."""
-    if len(axes.lines) < len(names):
-        return []
-    curves = [_points(axes, line) for line in axes.lines]
-    if any(not len(points) for points in curves[: len(names)]):
-        return []
-    places: list[Box] = []
-    for index, name in enumerate(names):
-        others = np.concatenate([*curves[:index], *curves[index + 1 :]])
-        room = _size(axes, name) + 2 * max(map(_marked, axes.lines))
-        place = _best(axes, curves[index], others, room, places)
-        if place is None:
-            return []
-        places.append(place)
-    return places
-
-
-def _best(axes: Axes, curve: Array, others: Array, size: Array, taken: Sequence[Box]) -> Box | None:
-    """Return the place beside a curve that is farthest from all others."""
-    low, high = _points_of(axes, axes.bbox.get_points())
-    best, farthest = None, -np.inf
-    for x in np.linspace(low[0], high[0], _PLACES)[1:-1]:
-        beside = curve[np.abs(curve[:, 0] - x) <= size[0] / 2 + _PAD]
-        if not len(beside):
-            continue
-        for y in (beside[:, 1].max() + _GAP + size[1] / 2, beside[:, 1].min() - _GAP - size[1] / 2):
-            middle = np.array([x, y])
-            corner, opposite = middle - size / 2, middle + size / 2
-            if (corner < low + _PAD).any() or (opposite > high - _PAD).any():
-                continue
-            if any((corner < end).all() and (start < opposite).all() for start, end in taken):
-                continue
-            away = _distance(others, corner, opposite)
-            if away < _PAD or away < _NEARER * max(_distance(curve, corner, opposite), _GAP):
-                continue
-            if away > farthest:
-                best, farthest = (corner, opposite), away
-    return best
-
-
-def _distance(points: Array, low: Array, high: Array) -> float:
-    """Return the distance from a box to the nearest of some points."""
-    if not len(points):
-        return np.inf
-    beyond = np.maximum(np.maximum(low - points, points - high), 0)
-    return float(np.hypot(*beyond.T).min())
-
-
-def _points(axes: Axes, line: Line2D) -> Array:
-    """Return closely spaced visible points along a curve, pt."""
-    with np.errstate(all="ignore"):
-        corners = _points_of(axes, axes.transData.transform(np.column_stack(line.get_data())))
-    corners = corners[np.isfinite(corners).all(axis=1)]
-    if len(corners) < 2:
-        return corners
-    low, high = _points_of(axes, axes.bbox.get_points())
-    corners = np.clip(corners, low - 1e4, high + 1e4)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
-    steps = np.linspace(0, along[-1], max(2, min(5000, int(along[-1] / _STEP))))
-    points = np.column_stack([np.interp(steps, along, corners[:, k]) for k in (0, 1)])
-    return points[((points >= low) & (points <= high)).all(axis=1)]
-
-
-def _size(axes: Axes, name: str) -> Array:
-    """Return width and height of a name, pt."""
-    written = axes.text(0, 0, name, fontsize="small")
-    box = Text.get_window_extent(written)
-    written.remove()
-    return _points_of(axes, np.array([box.width, box.height]))
-
-
-def _marked(line: Line2D) -> float:
-    """Return how far markers reach beyond a curve, pt."""
-    return 0.0 if line.get_marker() in ("None", None, "", " ") else float(line.get_markersize()) / 2
-
-
-def _points_of(axes: Axes, pixels: Array) -> Array:
-    return pixels * 72 / axes.figure.dpi
-
-
-_BESIDE: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": "small"}
-
-
-def name_points(axes: Axes, points: Array, texts: Sequence[str], colours: Sequence[str]) -> None:
-    """Write a text above and right of every point; one that would hide another is left out.
-
-    Set scales and legends first, since the room depends on them.
-
-    Parameters
-    ----------
-    points : (points, 2)
-        Points that the texts name.
-    """
-    assert isinstance(axes.figure, Figure)
-    arrange(axes.figure)
-    written: list[Bbox] = []
-    for (x, y), text, colour in zip(points.tolist(), texts, colours, strict=True):
-        name = axes.annotate(text, (x, y), color=colour, **_BESIDE)
-        box = name.get_window_extent()
-        if box.count_overlaps(written) or axes.bbox.count_contains(box.corners()) < 4:
-            name.remove()
-        else:
-            written.append(box)
-
-
-# Curves shared by several figures: bands, single runs, paths; it knows no signal ------------------
-
+from eqt_cli.figures.style import Look, ink, line_style
 
 BAND = (0.1, 0.9)
 """Quantiles over runs at the edges of a band."""

@@ -29,7 +29,7 @@ from eqt_cli.figures.cells import (
     short,
     spans_decade,
 )
-from eqt_cli.figures.curves import BAND, RESAMPLING, draw_points, name_curves, name_points
+from eqt_cli.figures.curves import BAND, RESAMPLING, draw_points
 from eqt_cli.figures.figure import Extras, Figure, OfDifferences, OfOneMetric, OfSettled, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
@@ -123,10 +123,7 @@ class SweepFigure(OfOneMetric):
         panel.set_ylabel(label)
         drawn = np.concatenate([np.ravel(line.get_ydata()) for line in lines])
         scale(panel, "y", drawn.astype(float), log=self.log)
-        if any(swept.laws(k) for k in range(len(swept.titles))):
-            add_legend(drawing, lines, swept.titles)  # names of points take the room
-        else:
-            name_curves(drawing, [panel], lines, swept.titles)
+        add_legend(drawing, lines, swept.titles)
         return drawing
 
     def _maps(
@@ -242,7 +239,7 @@ class Envelope(OfSettled):
             if other:
                 add_title(axes, key_at(swept.results, other, int(points[0])), room)
         hide_inner_scales(panels, mosaic)
-        name_curves(drawing, panels.values(), lines, swept.titles)
+        add_legend(drawing, lines, swept.titles)
         swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
         return drawing
 
@@ -462,19 +459,13 @@ def _per_cent(number: float) -> str:
 _PARETO_HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4, "slide": 2.6}
 _PALE = 0.45
 
-MOST_NAMED = 16
-"""Most points on fronts that are named on a page; more would hide each other."""
-_LONGEST = 40
-"""Most characters in a line of a name."""
-
 
 @dataclass(frozen=True)
 class Pareto(OfSweep):
     """Every point of a sweep by two metrics, of which lower is better, and the Pareto front.
 
     Only of design choices: gains and options of laws. Points are means over the runs; a line joins
-    the Pareto front of each law. On a page, few such points carry the values of the swept keys, as
-    far as there is room.
+    the Pareto front of each law.
 
     Attributes
     ----------
@@ -499,7 +490,7 @@ class Pareto(OfSweep):
         cost, error = swept.means(cost_name), swept.means(error_name)
         drawing = Drawing(figsize=(WIDTHS[width], _PARETO_HEIGHTS[width]))
         panel = drawing.add_subplot()
-        lines, fronts = [], []
+        lines = []
         for k, (of, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
             look = line_style(of) | {"marker": of.marker, "label": title}
             x, y = cost[:, k], error[:, k]
@@ -508,29 +499,14 @@ class Pareto(OfSweep):
             best = front(x, y)
             # Steps, since the first of two points of the front dominates all between them.
             lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
-            fronts.append(best)
         panel.margins(0.03)
         scale(panel, "x", cost, log=self.log)
         scale(panel, "y", error, log=self.log)
         panel.set_xlabel(metric_label(swept.results, cost_name, 36))
         panel.set_ylabel(metric_label(swept.results, error_name, 36))
         add_legend(drawing, lines, swept.titles)
-        if width != "column" and sum(map(len, fronts)) <= MOST_NAMED:
-            _name_fronts(panel, swept, fronts, cost, error)
         swept.remarks.append(f"Each point: mean over {swept.count}.")
         return drawing
-
-
-def _name_fronts(
-    panel: Axes, swept: ShownSweep, fronts: list[Array], cost: Array, error: Array
-) -> None:
-    """Write the swept values beside the points of the fronts."""
-    points, texts, colours = [], [], []
-    for k, (best, look) in enumerate(zip(fronts, swept.looks, strict=True)):
-        points.append(np.column_stack([cost[best, k], error[best, k]]))
-        texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
-        colours += [look.colour] * len(best)
-    name_points(panel, np.concatenate(points), texts, colours)
 
 
 # Figure of certified rates: what is proved for bounded references, over the bound -----------------
@@ -584,6 +560,6 @@ class Rates(Figure[ShownControllers]):
             raise shown.error(f"has nothing to show: {' '.join(shown.remarks)}")
         panel.set(xlabel="bound of each component of the desired velocity", xlim=(0, fastest))
         panel.set(ylabel="rate of small errors (1/s)", ylim=(0, None))
-        name_curves(drawing, [panel], panel.lines[: len(known)], known)
+        add_legend(drawing, panel.lines[: len(known)], known)
         shown.remarks.append("Thick: proved for all references. Thin: slowest constant velocity.")
         return drawing

@@ -16,7 +16,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, spans_decade
-from eqt_cli.figures.curves import Bands, draw_mean, name_curves, of_bands
+from eqt_cli.figures.curves import Bands, draw_mean, of_bands
 from eqt_cli.figures.figure import OfReference, OverTime, Panelled, ShownRuns, law_columns
 from eqt_cli.figures.labels import (
     axis_labels,
@@ -89,9 +89,8 @@ class Paper(Panelled, OverTime):
             self._scale([axes], signal, runs)
         for signal, part in zip(rows[0], parts, strict=True) if rows else ():
             layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
-        complete = [axes for axes in panels.values() if len(axes.lines) == len(runs.shown)]
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
-        name_curves(drawing, complete, lines, [e.title for e in runs.shown])
+        layout.add_legend(drawing, lines, [e.title for e in runs.shown])
         return drawing
 
     def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
@@ -198,9 +197,7 @@ class Torque(Panelled, OverTime):
             for axes in rows[name].values() if self.log else ():
                 scale_norm(axes, log=True)
         handles = desired if by_law else {**laws, **desired}
-        if not desired and not by_law:
-            name_curves(drawing, panels.values(), list(laws.values()), list(laws))
-        elif handles:
+        if handles:
             layout.add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 

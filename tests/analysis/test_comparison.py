@@ -9,7 +9,7 @@ from case_tables import refusal
 from scipy.stats import binomtest
 
 from eqt_cli.analysis.compare import AtMost, compare, judge_at_most, judge_less
-from eqt_cli.analysis.comparison_tables import records, text_tables
+from eqt_cli.analysis.comparison_tables import records, text_tables, unsettled
 from eqt_cli.analysis.intervals import Resampling, resolved_differences
 from eqt_cli.base.errors import EqtError
 from eqt_cli.numbers.running import SampledRuns
@@ -515,28 +515,17 @@ def test_a_claim_about_every_run_is_held_at_its_bound(make_result):
     assert {x.runs_to_decide for x in found} == {59}
 
 
-def test_what_is_claimed_of_runs_that_have_not_settled_is_only_seen(make_result):
-    low, high = NOISE**2 + 1, NOISE**2 + 2
-
-    def judged(eqt, gt, torques=(low, high), status=None):
-        values = make_result.constant(*torques)
-        signals = {"torque_norm": values, "lyapunov": values}
-        metrics = {"settled": np.array([eqt, gt], float)}
-        results = make_result(["eqt", "gt"], signals, metrics, status=status)
-        found = only(j for j in compare(results, how=Resampling(resamples=99)).judgements if j.pair)
-        return found.verdict, [(law.controller, law.count, law.runs) for law in found.settled]
-
-    every, late = np.ones(RUNS), np.arange(RUNS) > 0
-    assert judged(every, every) == ("supported", [("eqt", 40, 40), ("gt", 40, 40)])
-    seen = "seen, not all settled"
-    assert judged(every, late) == (seen, [("eqt", 40, 40), ("gt", 39, 40)])
-    assert judged(late, every) == (seen, [("eqt", 39, 40), ("gt", 40, 40)])
-    against = judged(late, late, (high, low))
-    assert against == ("not supported", [("eqt", 39, 40), ("gt", 39, 40)])
-    failed = np.zeros((2, RUNS))
-    failed[1, 0] = 1  # a run that fails is not one that does not settle
-    whole = judged(every, late, status=failed)
-    assert whole == ("supported", [("eqt", 40, 40), ("gt", 39, 39)])
+def test_a_claim_is_judged_by_its_own_number_whether_runs_settle_or_not(make_result):
+    values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
+    signals = {"torque_norm": values, "lyapunov": values}
+    for late in (0, 1, RUNS):
+        settled = {"settled": np.array([np.arange(RUNS) >= late, np.ones(RUNS)], float)}
+        compared = compare(
+            make_result(["eqt", "gt"], signals, settled), how=Resampling(resamples=99)
+        )
+        assert only(each for each in compared.judgements if each.pair).verdict == "supported"
+        said = f"runs that did not settle, by law: EqT {late} of {RUNS}"
+        assert list(unsettled(compared)) == [said] * bool(late)
 
 
 def test_the_claim_about_the_first_5_seconds_is_judged_over_these(torques):

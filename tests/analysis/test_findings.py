@@ -1,6 +1,5 @@
 """The sentences that a report opens with."""
 
-import numpy as np
 import pytest
 
 from eqt_cli.analysis.compare import compare
@@ -55,26 +54,10 @@ def test_runs_in_which_a_claim_held_are_counted(found):
     )
 
 
-def test_a_claim_about_runs_that_do_not_settle_is_at_most_seen(found):
-    late = [[9.0] * 6, [9.0] * 4 + [np.nan] * 2]
-    claims = found(["eqt", "gt"], [LOW, HIGH], [HIGH, LOW], settling_time=late)
-    assert claims["the EqT cont"].verdict == "seen, not all settled"
-    assert claims["the EqT cont"].words.endswith(
-        "; settled at the end: 6 of 6 runs under EqT and 4 of 6 runs under GT."
-    )
-
-
-def test_a_claim_about_runs_that_all_settle_says_no_more(found):
-    claims = found(["eqt", "gt"], [LOW, HIGH], [HIGH, LOW], settling_time=[[9.0] * 6] * 2)
-    assert claims["the EqT cont"].verdict == "supported"
-    assert "settled" not in claims["the EqT cont"].words
-
-
-def test_a_claim_of_which_some_rows_are_seen_in_unsettled_runs(found):
-    late = [[9.0] * 6, [np.nan] * 6, [9.0] * 6]
+def test_a_claim_of_which_some_rows_are_supported(found):
     torque, pose = [LOW, HIGH, HIGH], [HIGH, LOW, [3.5] * 6]
-    claims = found(["eqt", "nog", "asym"], torque, pose, settling_time=late)
-    assert claims["The EqT and "].verdict == "partly seen, not all settled"
+    claims = found(["eqt", "nog", "asym"], torque, pose)
+    assert claims["The EqT and "].verdict == "partly supported"
     assert claims["The EqT and "].words.startswith("3 of 4 comparisons agree with it; EqT has")
 
 

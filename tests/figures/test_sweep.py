@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from said import error_of
 
 from eqt_cli.analysis.fronts import front
@@ -13,7 +12,6 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
-from eqt_cli.figures.curves import name_points
 from eqt_cli.figures.shown import ShownSweep
 from eqt_cli.figures.sweep_figures import (
     _PALE_TINT,
@@ -122,40 +120,6 @@ def test_pareto_shows_every_point_and_the_front(swept, picture):
     cost = results["effort"].mean(axis=-1)
     np.testing.assert_allclose(panel.collections[0].get_offsets()[:, 0], cost[:, 0], rtol=1e-14)
     assert len(panel.lines) == 2
-
-
-@pytest.mark.slow("runs a sweep of its own")
-def test_points_of_few_fronts_carry_what_was_swept(swept, picture):
-    results = swept(BOTH)
-    assert not picture(Pareto(), results).axes[0].texts
-    drawing = picture(Pareto(), results, width="page")
-    (panel,) = drawing.axes
-    cost, error = (results[name].mean(axis=-1) for name in ("effort", "mean_pose_error"))
-    names = [f"kd {kd}, kp {kp}" for kd in ("0.5", "1") for kp in ("1", "2")]
-    found = {(text.get_text(), *np.round(text.xy, 12)) for text in panel.texts}
-    assert found and found <= {
-        (names[point], *np.round((cost[point, k], error[point, k]), 12))
-        for k in range(2)
-        for point in front(cost[:, k], error[:, k])
-    }
-
-
-def test_names_of_points_hide_no_other_name():
-    drawing = Figure(figsize=(7, 3))
-    axes = drawing.add_subplot()
-    points = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.7]])
-    axes.plot(*points.T, "o")
-    name_points(axes, points, ["one", "two", "three"], ["k"] * 3)
-    boxes = [Text.get_window_extent(text) for text in axes.texts]
-    assert len(boxes) == 2
-    for box in boxes:
-        assert box.count_overlaps(boxes) == 1  # itself
-
-
-def test_a_point_without_room_has_no_name():
-    axes = Figure(figsize=(1, 1)).add_subplot()
-    name_points(axes, np.array([[1.0, 1.0]]), ["name"], ["k"])
-    assert not axes.texts
 
 
 def test_the_front_is_what_none_betters():

@@ -97,7 +97,7 @@ def test_means_have_their_units(text):
 
 
 def test_the_figure_and_the_results_come_first_then_the_findings(text):
-    finding = 'class="verdict undecided">seen, not all settled</span> “the EqT control requires'
+    finding = 'class="verdict supported">supported</span> “the EqT control requires'
     places = [text.index(each) for each in ("<main", "<svg", 'id="headline-table"', finding)]
     assert places == sorted(places)
     assert places[-1] < text.index('id="experiment"')
@@ -140,7 +140,7 @@ def test_author_and_notes_stand_at_the_top(make_result):
 
 def test_claims_have_their_verdicts(text):
     assert "slightly slower attitude tracking" in text
-    assert '<span class="verdict undecided">seen, not all settled</span>' in text
+    assert '<span class="verdict supported">supported</span>' in text
 
 
 @pytest.mark.usefixtures("unarranged")
