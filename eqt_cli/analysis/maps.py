@@ -513,15 +513,10 @@ def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
     ]
 
 
-METRICS = ("position_rms", "mean_pose_error", "early_torque", "effort", "peak_torque")
-"""Metrics whose smallest and largest means are shown."""
-
-
-def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTable:
+def extreme_points(result: Result, names: Sequence[str]) -> TextTable:
     """Return the points with the smallest and largest means for each controller and metric."""
     blocks = []
-    known = [metric for metric in metrics if result.has(metric)]
-    for name in (each for metric in known for each in result.in_parts(metric)):
+    for name in names:
         means = result.means(name)
         rows = [
             [title, end, *_at(result, point), significant(column[point])]
@@ -561,11 +556,7 @@ def _at(result: Result, point: np.intp) -> list[str]:
     return [str(point), *(value if isinstance(value, str) else f"{value:.4g}" for value in values)]
 
 
-COMPARED = ("position_rms", "mean_pose_error", "early_torque")
-"""Metrics by which laws win points."""
-
-
-def sweep_tables(result: Result, metrics: Sequence[str] = METRICS) -> list[TextTable]:
+def sweep_tables(result: Result, more: Sequence[str] = ()) -> list[TextTable]:
     """The best and the worst points, and which law wins how many.
 
     Of scenarios, such as ideal, a limit and a lag, none is a choice, so that none is best: a table
@@ -576,7 +567,8 @@ def sweep_tables(result: Result, metrics: Sequence[str] = METRICS) -> list[TextT
             map_tables(compare_map(result, name, Resampling()), result, Plain())[1]
             for name in _compared(result)
         ]
-    table = extreme_points(result, metrics)
+    others = [each for name in more if result.has(name) for each in result.in_parts(name)]
+    table = extreme_points(result, [*result.compared_first, *others])
     return [replace(table, notes=[*table.notes, *map(_won, winners(result))])]
 
 
@@ -593,8 +585,7 @@ def are_scenarios(result: Result) -> bool:
 
 def _compared(result: Result) -> Iterator[str]:
     if len(result.labels) > 1:
-        for metric in filter(result.has, COMPARED):
-            yield from result.in_parts(metric)
+        yield from result.compared_first
 
 
 def _won(wins: Map) -> str:

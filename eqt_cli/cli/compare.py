@@ -245,7 +245,7 @@ def _of_whole(
 ) -> _Findings | None:
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
-    from eqt_cli.analysis.maps import COMPARED, map_records, map_tables
+    from eqt_cli.analysis.maps import map_records, map_tables
 
     with api.open_results(path, "arrays") as opened:
         result = opened.in_units(units)
@@ -259,8 +259,8 @@ def _of_whole(
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
                 "points"
             )
-        errors = [each for name in COMPARED if result.has(name) for each in result.in_parts(name)]
-        mapped = errors[: 2 if errors[:1] == ["position_rms"] else 1]  # and the attitude's
+        first = result.compared_first
+        mapped = first[: 2 if first[0] == "position_rms" else 1]  # and the attitude's
         maps = api.compare_sweep(
             path, metrics or mapped, controllers=laws, units=units, share=share, **vars(how)
         )

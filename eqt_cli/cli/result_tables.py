@@ -60,9 +60,9 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
 def _of_sweep(result: Result) -> Iterator[str | Text]:
     """Yield the tables of a sweep; none over all points, since that means little."""
-    from eqt_cli.analysis.maps import COMPARED, sweep_tables
+    from eqt_cli.analysis.maps import sweep_tables
 
-    for table in sweep_tables(result, COMPARED):
+    for table in sweep_tables(result):
         yield output.laid_out(table)
         yield ""
 
@@ -132,10 +132,11 @@ def _base(name: str) -> str:
 
 def _columns(result: Result, part: str) -> dict[str, str]:
     """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
-    found = dict[str, str]()
+    found, turns = dict[str, str](), part.startswith("_rotation")
     for base in HEADLINE:
         name = base + part if base + part in result.headlines else base
-        if name in result.headlines and ("position" not in base or part in ("", "_translation")):
+        of_other = ("attitude" in base and not turns) or ("position" in base and turns)
+        if name in result.headlines and not (part and of_other):
             plain = result.quantity(base).plain.removeprefix("energy ")
             short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)
             found.setdefault(_ERRORS.get(base, short), name)

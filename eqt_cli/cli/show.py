@@ -238,8 +238,7 @@ def _listed(path: Path) -> dict[str, Any]:
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
             if not result.is_sweep:
-                names = ["position_rms", *(each for each in result.headlines if "error" in each)]
-                name = names["position_rms" not in result.headlines]
+                name = result.compared_first[0]
                 means = ", ".join(significant(row[name]) for row in result.headline())
                 words = f"{result.quantity(name).plain} {means} {result.unit_in_words(name)}"
                 record["headline"] = words.rstrip()

@@ -15,6 +15,7 @@ from eqt_cli.base.arrays import (
     dot,
     frobenius,
     less,
+    minimum,
     norm,
     sin,
     smooth_less,
@@ -51,9 +52,9 @@ def distance_of_turn(angle: float) -> float:
     return FARTHEST * math.sin(angle / 2)
 
 
-def turn_of_distance(distance: Array) -> Array:
+def turn_of_distance(distance: Array) -> Any:
     """Return the angle, rad, of rotations with these ‖I − R‖_F; inverts `distance_of_turn`."""
-    return 2 * np.arcsin(np.minimum(distance / FARTHEST, 1.0))
+    return 2 * apply("asin", minimum(distance / FARTHEST, 1.0))
 
 
 def ratio_to_sine(c: Any) -> Any:

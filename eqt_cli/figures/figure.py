@@ -51,6 +51,9 @@ MEMBERS = {"thrust": "thruster", "wheel_momentum": "wheel"}
 """Dimensions of signals that have a row for each thruster or wheel."""
 
 
+_IN_SPACE = {"pose_error_rotation": "attitude_angle", "pose_error_translation": "position_error"}
+
+
 class ShownRuns(ShownControllers):
     """Trajectories of the runs that did not fail, of one or several results on one group.
 
@@ -146,7 +149,7 @@ class ShownRuns(ShownControllers):
 
     def error_label(self, signal: str, *, degrees: bool) -> str:
         """Return the label of the scale of `errors`."""
-        if degrees and signal in self.results[0].attitude_errors:
+        if signal == "attitude_angle" or (degrees and signal in self.results[0].attitude_errors):
             return in_words("attitude error", self.results[0].shown_in("", "deg")[0])
         label = signal_label(self.results[0], signal)
         return label.replace("rad/s", "deg/s") if degrees and self._turns_at(signal) else label
@@ -224,6 +227,11 @@ class ShownRuns(ShownControllers):
         first = self.results[0]
         suffixes = [f"_{part}" for part in first.parts(_NORMS[0])]
         return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
+
+    def in_space(self, signal: str) -> str:
+        """Return the attitude angle or ‖p − p_d‖ in place of ‖I − R_E‖ or ‖p_E‖, on SE(n)."""
+        plain = _IN_SPACE.get(signal, "")
+        return plain if self.results[0].has("position_error") and plain else signal
 
     @property
     def group(self) -> MatrixLieGroup | None:
@@ -597,15 +605,15 @@ class OfOneMetric(OfSweep):
     Attributes
     ----------
     metric
-        Metric to show, by its name in the result; by default the mean pose error, of the first part
-        where parts have different units.
+        Metric to show, by its name in the result; by default the error by which laws are compared:
+        the rms of ‖p − p_d‖, the mean angle of the attitude, or the mean pose error.
     """
 
     metric: str = ""
 
     def metric_of(self, swept: ShownSweep) -> str:
         """Return the name of the metric that is shown."""
-        return self.metric or swept.of_one_unit("mean_pose_error")
+        return self.metric or swept.results.compared_first[0]
 
 
 @dataclass(frozen=True)

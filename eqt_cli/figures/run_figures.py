@@ -40,10 +40,7 @@ from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_
 MOST_LINES = 200
 """Most single runs per law, from the first; more give a solid area and a large file."""
 
-ESTIMATED = {"pose_error": "estimate_error"}
-"""Signals that are shaded below others where a law reads an estimate."""
-
-_WHOLE = ("position_error", "heading_error", "lyapunov")
+_WHOLE = ("attitude_angle", "position_error", "heading_error", "lyapunov")
 """Signals that have no parts."""
 
 _SHADE = 0.16
@@ -60,7 +57,8 @@ class RunsFigure(OverTime):
     Attributes
     ----------
     signal
-        Signal that is drawn over time.
+        Signal that is drawn over time; by default the pose error, on SE(n) the angle of the
+        attitude error and the distance ‖p − p_d‖.
     log
         A logarithmic scale; by default, for errors and L where they span more than a decade.
     degrees
@@ -70,14 +68,20 @@ class RunsFigure(OverTime):
     name: ClassVar[str] = "runs"
 
     signal: Literal[
-        "pose_error", "position_error", "heading_error", "velocity_error", "torque_norm", "lyapunov"
-    ] = "pose_error"
+        "",
+        "pose_error",
+        "position_error",
+        "heading_error",
+        "velocity_error",
+        "torque_norm",
+        "lyapunov",
+    ] = ""
     log: bool | None = None
     degrees: bool = False
 
     def check(self, problems: Problems) -> None:
         """Refuse degrees for signals other than ``pose_error``."""
-        if self.degrees and self.signal != "pose_error":
+        if self.degrees and self.signal not in ("", "pose_error"):
             problems.at("degrees").add(f"belongs to signal pose_error; {self.signal} is no angle")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
@@ -95,7 +99,7 @@ class RunsFigure(OverTime):
         drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
             column = [panels[layout.panel(e.label, part)] for e in shown]
-            signal = self.signal + part
+            signal = self.signal + part if self.signal else runs.in_space(f"pose_error{part}")
             layout.share_scale(column)
             for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
@@ -125,10 +129,11 @@ class RunsFigure(OverTime):
 
     def _shade(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> bool:
         """Shade up to the mean error of the estimate; return whether the law reads one."""
-        signal = ESTIMATED.get(self.signal, "") + part
-        if not ensemble.results.has(signal):
+        signal = f"estimate_error{part}"
+        if self.signal not in ("", "pose_error") or not ensemble.results.has(signal):
             return False
-        error = runs.errors(signal, ensemble, degrees=self.degrees).mean(axis=0)
+        angle = self.degrees or (not self.signal and runs.in_space(f"pose_error{part}") in _WHOLE)
+        error = runs.errors(signal, ensemble, degrees=angle).mean(axis=0)
         shade: dict[str, Any] = {"facecolor": ink(_SHADE), "linewidth": 0, "zorder": 0}
         axes.fill_between(runs.times(ensemble), 0.0 * error, error, label="estimate", **shade)
         return True

@@ -319,15 +319,9 @@ def error_of(result: Result, figure: str, message: str) -> EqtError:
 # Metrics per run, of one or several results -------------------------------------------------------
 
 
-DEFAULT_METRICS = (
-    "effort",
-    "early_torque",
-    "peak_torque",
-    "mean_pose_error",
-    "final_pose_error",
-    "settling_time",
-)
-"""Metrics shown by default, as far as all results hold them."""
+DEFAULT_METRICS = ("effort", "peak_torque", "settling_time")
+"""Metrics shown by default besides the errors by which laws are compared, as far as all results
+hold them."""
 
 
 @dataclass(frozen=True)
@@ -395,7 +389,10 @@ class ShownMetrics(ShownControllers):
     ) -> None:
         super().__init__(results, figure, chosen)
         parts = [part for name in DEFAULT_METRICS for part in results[0].in_parts(name)]
-        held = [name for name in parts if all(name in one.metrics for one in results)]
+        parts = [*results[0].compared_first, *parts]
+        held = [
+            name for name in dict.fromkeys(parts) if all(name in one.metrics for one in results)
+        ]
         self.metrics = list(dict.fromkeys(metrics)) or held
         if not self.metrics:
             message = f"finds none of the metrics {', '.join(DEFAULT_METRICS)}"

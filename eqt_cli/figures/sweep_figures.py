@@ -470,8 +470,9 @@ class Pareto(OfSweep):
     Attributes
     ----------
     cost, error
-        The metrics across and up, by their names in the result; by default the effort and the mean
-        pose error, of the first part where parts have units of their own.
+        The metrics across and up, by their names in the result; by default the effort, of
+        the first part where parts have units of their own, and the error by which laws are
+        compared.
     log
         Logarithmic scales; by default, of the metrics that span more than a decade.
     """
@@ -486,7 +487,7 @@ class Pareto(OfSweep):
         """Draw the means over the runs of every point, and the front of every controller."""
         swept.require_choices()
         cost_name = self.cost or swept.of_one_unit("effort")
-        error_name = self.error or swept.of_one_unit("mean_pose_error")
+        error_name = self.error or swept.results.compared_first[0]
         cost, error = swept.means(cost_name), swept.means(error_name)
         drawing = Drawing(figsize=(WIDTHS[width], _PARETO_HEIGHTS[width]))
         panel = drawing.add_subplot()

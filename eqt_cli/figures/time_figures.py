@@ -42,7 +42,8 @@ class Paper(Panelled, OverTime):
     """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
 
     Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
-    their own, the norms of both are shown, side by side, instead of the mixed ones.
+    their own, the norms of both are shown, side by side, instead of the mixed ones. The errors of a
+    rigid motion are the angle of its attitude and the distance of its position.
 
     Attributes
     ----------
@@ -77,7 +78,7 @@ class Paper(Panelled, OverTime):
     def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
         """Draw all laws in each panel."""
         parts = runs.parts
-        rows = [[norm + part for part in parts] for norm in norms if norm != _FUNCTION]
+        rows = [[runs.in_space(norm + end) for end in parts] for norm in norms if norm != _FUNCTION]
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
         else:

@@ -13,7 +13,7 @@ from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, sqrt, st
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions
+from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.vehicle import Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -194,6 +194,18 @@ def position_error(x: LoopState) -> Array:
     """distance ||p - pd|| of the positions."""
     G = rigid(x.s.G)
     return frobenius(G.translations(x.s.Q) - G.translations(x.s.Qd))
+
+
+@_signal(r"\theta_E", "deg", exists_on=lambda group: len(_rotations(group)) == 1)
+def attitude_angle(x: LoopState) -> Array:
+    """angle of the rotation R_E = R Rd^T."""
+    [rotation] = _rotations(x.s.G)
+    distance = frobenius((x.s.G.identity - x.s.Q_E)[(..., *rotation.entries)])
+    return turn_of_distance(distance) * (180 / np.pi)
+
+
+def _rotations(group: MatrixLieGroup) -> list[Part]:
+    return [part for part in group.parts if part.turns]
 
 
 @_signal(r"\psi_E", "deg", exists_on=lambda group: rigid_motions(group) and group.space == 3)

@@ -408,8 +408,8 @@ def _adapted(name: str, value: str, key: str) -> str:
 # Report on a result as one HTML page that needs no network and no other file ----------------------
 
 
-RANKS = ("position_rms", "mean_pose_error", "early_torque")
-"""Metrics by which the median run is animated; the first that is stored is used."""
+SWEPT_METRICS = ("effort", "peak_torque")
+"""Numbers whose best and worst points a page lists besides those that are compared first."""
 
 
 OPTIONAL = (
@@ -530,7 +530,9 @@ def _of_experiment(result: Result) -> dict[str, Any]:
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """Return the parts of a sweep; no means, since one over all points means little."""
-    best = None if WORST.beside(result) or TUNE.beside(result) else sweep_tables(result)
+    best = (
+        None if WORST.beside(result) or TUNE.beside(result) else sweep_tables(result, SWEPT_METRICS)
+    )
     return {"best": best, "table": summary.point_table(result)}
 
 
@@ -559,7 +561,7 @@ def _compared(result: Result) -> dict[str, Any]:
 
 def _animated(result: Result) -> dict[str, Any]:
     """Return the animation of the first law's median run; empty if no body can be shown."""
-    by = next((name for name in RANKS if result.has(name)), None)
+    by = next(iter(result.compared_first), None)
     runs = [run for run in result.stored_runs if by and np.isfinite(result[by][0, run])]
     with suppress(EqtError):
         if by and runs:

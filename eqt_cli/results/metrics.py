@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
-from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.engines.engine import Status
 from eqt_cli.loop.signals import SIGNALS, signal_of
@@ -73,16 +72,6 @@ def peak(over: SampledRuns, values: Any) -> Any:
 def final(over: SampledRuns, values: Any) -> Any:
     """The value at the last sample."""
     return over.final(values)
-
-
-def mean_turn(over: SampledRuns, distances: Array) -> Any:
-    """The mean angle over time, in degrees."""
-    return over.mean(np.degrees(turn_of_distance(distances)))
-
-
-def final_turn(over: SampledRuns, distances: Array) -> Any:
-    """The angle at the last sample, in degrees."""
-    return over.final(np.degrees(turn_of_distance(distances)))
 
 
 def integral_of_square(over: SampledRuns, values: Any) -> Any:
@@ -193,15 +182,7 @@ def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
     }
 
 
-INTEGRALS = (
-    time_mean,
-    effort,
-    mean_turn,
-    integral_of_square,
-    actuator_work,
-    root_mean_square,
-    closing_rms,
-)
+INTEGRALS = (time_mean, effort, integral_of_square, actuator_work, root_mean_square, closing_rms)
 """Formulas that are as accurate as the samples are close."""
 
 
@@ -226,13 +207,6 @@ _mean = _statistic(time_mean, "mean {}", "mean {} over the horizon")
 _peak = _statistic(peak, "largest {}", "largest {} at the samples")
 _final = _statistic(final, "final {}", "{} at the end")
 _rms = _statistic(root_mean_square, "rms of {}", "root mean square of {} over the horizon")
-_turns = {"units": "deg", "stored": False, "of_turns": True}
-_mean_turn = partial(
-    _statistic(mean_turn, "mean attitude error", "mean angle of {} over the horizon"), **_turns
-)
-_final_turn = partial(
-    _statistic(final_turn, "final attitude error", "angle of {} at the end"), **_turns
-)
 _settling = partial(
     _statistic(settling_time, "settling time", "last time {} leaves the settling threshold"),
     units="s",
@@ -266,7 +240,7 @@ def _closing(name: str, signal: str, what: str) -> Quantity:
 
 
 METRICS = (
-    _mean("mean_torque", "torque_norm", "||tau||", stored=False, compared=(EARLY, WHOLE)),
+    _mean("mean_torque", "torque_norm", "||tau||", compared=(EARLY, WHOLE)),
     _integrated_square(
         "effort",
         "control effort, integral of ||tau||^2",
@@ -303,9 +277,17 @@ METRICS = (
         of=integral_of_square,
     ),
     _final("final_pose_error", "pose_error", "||I - Q_E||_F"),
-    _mean_turn("mean_attitude_error", "pose_error", "the attitude error", compared=(WHOLE,)),
-    _final_turn("final_attitude_error", "pose_error", "the attitude error"),
-    _mean("mean_position_error", "position_error", "||p - pd||", stored=False, compared=(WHOLE,)),
+    _mean(
+        "mean_attitude_error",
+        "attitude_angle",
+        "the attitude error",
+        label="mean attitude error",
+        compared=(WHOLE,),
+    ),
+    _final(
+        "final_attitude_error", "attitude_angle", "the attitude error", label="final attitude error"
+    ),
+    _mean("mean_position_error", "position_error", "||p - pd||", compared=(WHOLE,)),
     _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,)),
     _peak("peak_position_error", "position_error", "||p - pd||"),
     _final("final_position_error", "position_error", "||p - pd||", compared=(WHOLE,)),

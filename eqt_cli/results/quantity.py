@@ -223,8 +223,6 @@ class Quantity:
     implied_by
         Another number per run from which this one follows if a file does not hold it: it has a
         value where this one is 1.
-    of_turns
-        Whether it exists only for norms that are distances ‖I − R‖_F of rotations.
     diagnostic
         Whether it describes the quality of the numbers; it is omitted where space is limited.
     notes
@@ -254,7 +252,6 @@ class Quantity:
     censored: bool = False
     counts: bool = False
     implied_by: str = ""
-    of_turns: bool = False
     diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
@@ -351,11 +348,7 @@ class Quantity:
             name=f"{self.name}_{name}",
             long_name=f"{self.long_name}, {name} part",
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
-            label=self.label
-            if self.of_turns
-            else inside
-            if "{}" in self.label
-            else f"{self.label} {words}",
+            label=inside if "{}" in self.label else f"{self.label} {words}",
             stored=self.per is ValuePer.TRAJECTORY,
             chosen=partial(self._chosen_of_part, name),
         )

@@ -680,10 +680,6 @@ class Result(StoredRuns):
         """All numbers per run that the result holds or that can be computed from it, by name."""
         quantities: dict[str, Quantity] = {}
         for quantity in (self.quantity(row.name) for row in METRICS):
-            if quantity.of_turns:
-                for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
-                    quantities[quantity.name + part] = quantity.part(part[1:]) if part else quantity
-                continue
             follows = self._follows(quantity.name)
             if follows or self._has_signals(quantity) or self._metrics_like(quantity):
                 quantities[quantity.name] = quantity
@@ -700,15 +696,30 @@ class Result(StoredRuns):
         The torque is that of the first seconds, as in the paper, if its laws fly the paper's loop;
         else it is the mean and the largest one.
         """
-        papers = {"eqt", "gt"} <= set(self.kinds.values()) and not self.described.departures
-        without = {"mean_torque", "peak_torque"} if papers else {"early_torque"}
-        if whole := len(self.stored_runs) == self.runs and len(self.times) > 1:
-            without |= {"final_pose_error"} if self.attitude_errors else set()
-        names = list[str]()
-        for name in (each for each in HEADLINE if each not in without):
-            stored = [each for each in self.in_parts(name) if each in self.metrics]
-            names += stored or [each.name for each in self.by_parts(name) if whole]
-        return names
+        without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}
+        without |= {"final_pose_error"} if self.has("final_attitude_error") else set()
+        names = (each for name in HEADLINE if name not in without for each in self.in_parts(name))
+        return [each for each in names if each in self.metrics]
+
+    @cached_property
+    def compared_first(self) -> list[str]:
+        """The stored numbers by which laws are compared first: errors and torque, by parts.
+
+        Errors are ‖p − p_d‖ and the angle of the attitude; ‖I − Q_E‖ of what has neither.
+        """
+        errors = [name for name in ("position_rms", "mean_attitude_error") if self.has(name)]
+        parts = () if self.group is None or len(self.group.parts) == 1 else self.group.parts
+        if "position_rms" not in errors:
+            turns = [f"mean_pose_error_{part.name}" for part in parts if part.turns]
+            others = [name for name in self.in_parts("mean_pose_error") if name not in turns]
+            errors += others if parts or not errors else []
+        torque = "early_torque" if self._flies_papers_loop else "mean_torque"
+        return [each for each in (*errors, *self.in_parts(torque)) if each in self.metrics]
+
+    @property
+    def _flies_papers_loop(self) -> bool:
+        papers = {"eqt", "gt"} <= set(self.kinds.values())
+        return papers and not self.described.departures
 
     def headline(self) -> list[dict[str, Any]]:
         """Return the summary of every controller: `headlines` over its good runs.
@@ -725,11 +736,6 @@ class Result(StoredRuns):
     @cached_property
     def _summary(self) -> list[dict[str, Any]]:
         summary: list[dict[str, Any]] = []
-        computed = {
-            name: self.per_run(self.comparable[name]).values
-            for name in self.headlines
-            if name not in self.metrics
-        }
         for c, label in enumerate(self.labels):
             good = self.good[..., c, :]
             row: dict[str, Any] = {"controller": label, "runs": good.size}
@@ -737,7 +743,7 @@ class Result(StoredRuns):
             by_rounding = self.status[..., c, :] == Status.BY_ROUNDING
             row["by_rounding"] = int(np.count_nonzero(by_rounding))
             for name in self.headlines:
-                values = (computed[name][c] if name in computed else self.metric(name, c))[good]
+                values = self.metric(name, c)[good]
                 of = np.max if name == "energy_residual" else np.mean
                 row[name] = float(of(values)) if values.size else math.nan
             if self.has("settling_time"):

@@ -72,12 +72,16 @@ def test_the_best_point_is_one_at_which_no_run_failed(results, monkeypatch):
     status, best = results["status"], int(np.argmin(results["effort"].mean(axis=-1)[:, 0]))
     status[best, 0, 0] = 1
     monkeypatch.setattr(results, "status", status)
-    (block,) = (b for b in extreme_points(results).blocks if b.title.startswith("effort"))
+    (block,) = (
+        b for b in extreme_points(results, ["effort"]).blocks if b.title.startswith("effort")
+    )
     assert block.rows[0][2] != str(best)
 
 
 def test_the_best_point_has_the_least_mean_and_the_worst_the_largest(results):
-    (block,) = (b for b in extreme_points(results).blocks if b.title.startswith("effort"))
+    (block,) = (
+        b for b in extreme_points(results, ["effort"]).blocks if b.title.startswith("effort")
+    )
     means = results["effort"].mean(axis=-1)
     expected = []
     for controller, title in enumerate(results.titles):
