@@ -254,6 +254,7 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         notes += here.sampling_note(least, write.unit(here.unit))
         if undefined := counted({level.controller: level.undefined for level in levels}):
             notes.append(f"{name}: good runs without a value: {undefined}.")
+    notes += [f"{write.best_is}: the best mean."] * (len(titles) > 1)
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
     if comparison.not_matched:

@@ -370,7 +370,7 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     summary = TextTable(
         "winners",
         f"Which law has the better {name}, at {points} points of {count_of(wins.runs, 'run')} each",
-        ["law", "points won", "largest lead", "at"],
+        ["law", "points won", f"largest difference, {write.text('%')}", "at"],
         [Block("", counted)],
         [write.text(note) for note in _notes(wins)],
     )
@@ -381,14 +381,15 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         [str(cell.point), write.text(result.point_name(cell.point)), *_row(wins, cell, write)]
         for cell in wins.cells
     ]
+    difference = f"difference, {write.text('%')}"
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
-    header = ["point", "at", *map(write.text, wins.titles), "winner", "lead", "adjusted p"]
+    header = ["point", "at", *map(write.text, wins.titles), "winner", difference, "adjusted p"]
     table = TextTable(
         "points",
         caption + (f", {unit}" if unit else ""),
         header,
         [Block("", rows)],
-        spare=("adjusted p", "lead"),
+        spare=("adjusted p", difference),
         keys=2,
     )
     return [summary, table]
@@ -445,12 +446,15 @@ def _listed(wins: Map, counts: list[int]) -> str:
 
 
 def _where(wins: Map, result: Result, law: int, write: Plain) -> list[str]:
-    """Return the largest lead of a law and the point where it occurs."""
+    """Return the largest difference by which a law wins, and the point where it does."""
     won = [cell for cell in wins.cells if cell.winner == law]
     if not won:
         return ["-", ""]
     most = max(won, key=lambda cell: abs(cell.lead.value))
-    return [_lead(most, write), write.text(f"point {most.point}, {result.point_name(most.point)}")]
+    return [
+        _difference(most, write),
+        write.text(f"point {most.point}, {result.point_name(most.point)}"),
+    ]
 
 
 def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
@@ -460,7 +464,7 @@ def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
     ]
     winner = write.text(wins.verdict(cell))
     p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
-    return [*means, winner, _lead(cell, write), p_value]
+    return [*means, winner, _difference(cell, write), p_value]
 
 
 def _mean(mean: float, failed: int, censored: int) -> str:
@@ -469,12 +473,12 @@ def _mean(mean: float, failed: int, censored: int) -> str:
     return " ".join([significant(mean), *(f"({mark})" for mark in marks)])
 
 
-def _lead(cell: Cell, write: Plain) -> str:
-    """Format the lead over the next law with its interval, in percent of the next law's mean."""
+def _difference(cell: Cell, write: Plain) -> str:
+    """Format the difference of the best law from the next one, in percent of that one's mean."""
     if not cell.difference.value or not all(map(isfinite, cell.lead)):
         return "-"
     mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
-    return write.number(f"{mean} [{low}, {high}]") + write.text(" %")
+    return write.number(f"{mean} [{low}, {high}]")
 
 
 def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:

@@ -115,7 +115,7 @@ _WIDE = 24
 _NOTES = 100
 """Maximum width of notes."""
 
-_NUMBER = re.compile(r"[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?")
+_NUMBER = re.compile(r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?")
 """A number, perhaps with a percent sign, a spread or an interval."""
 
 _STYLES = {

@@ -16,7 +16,13 @@ from matplotlib.ticker import LogLocator, NullLocator, PercentFormatter
 
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.fronts import side_by_side
-from eqt_cli.analysis.intervals import FEWEST, relative_difference, resolved_differences, shares
+from eqt_cli.analysis.intervals import (
+    FEWEST,
+    NEGLIGIBLE,
+    relative_difference,
+    resolved_differences,
+    shares,
+)
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures.cells import even, scale_log, spans_decade
@@ -278,8 +284,9 @@ class Forest(OfDifferences):
     """A row for each point of a sweep: the paired difference of two laws, and who settles.
 
     The difference of the means over all runs, in per cent of the second law's mean, with its
-    interval (Fieller); filled where the interval leaves out 0. Beside it, the share of runs of both
-    laws that settle, with Wilson intervals.
+    interval (Fieller); filled where the first law is better, worse or, within 1 %, no different,
+    and hollow where that is undecided. Beside it, the share of runs of both laws that settle, with
+    Wilson intervals.
     """
 
     name: ClassVar[str] = "forest"
@@ -338,8 +345,9 @@ class Forest(OfDifferences):
         better = f" {side} of 0: {first} is better." if side else ""
         notes = [
             f"{swept.count} per row.{better} "
-            f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
-            "0. Failed runs are no part of the differences."
+            f"Intervals of {100 * self.confidence:g} %, each by itself; filled: better, worse, or "
+            f"no difference within {100 * NEGLIGIBLE:g} %; hollow: undecided. Failed runs are no "
+            "part of the differences."
         ]
         if not np.isfinite(differences).all():
             notes.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")
@@ -354,10 +362,10 @@ def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -
     bars: Settings = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
     if known.any():
         panel.errorbar(mean[known], rows[known], xerr=ends, label=f"{name}, intervals", **bars)
-    decided = known & ((low > 0) | (high < 0))
+    decided = known & ((low > 0) | (high < 0) | (np.maximum(-low, high) <= 100 * NEGLIGIBLE))
     look: Settings = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
     hollow = look | {"markerfacecolor": ink(0)}
-    for some, which, style in ((decided, "without 0", look), (~decided, "with 0", hollow)):
+    for some, which, style in ((decided, "decided", look), (~decided, "undecided", hollow)):
         if some.any():
             panel.plot(mean[some], rows[some], label=f"{name}, {which}", **style)
     panel.margins(x=0.06)

@@ -332,7 +332,7 @@ class Winners(OfDifferences):
             ]
             if too_few
             else [
-                "Numbers: lead over the next law in per cent of its mean.",
+                "Numbers: difference from the next law in per cent of its mean.",
                 f"{len(wins.cells)} points, {wins.runs} runs each; probability of any false win ≤ "
                 f"{share}; failures rarer than 3/n of the runs are not excluded.",
             ]

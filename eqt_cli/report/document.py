@@ -51,7 +51,7 @@ from eqt_cli.results.result import Result
 
 _NORM = re.compile("‖[^‖]*‖")
 
-_NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
+_NUMBER = re.compile(r"\*?[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
 
 TEMPLATES = Path(__file__).with_name("templates")

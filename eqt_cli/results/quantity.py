@@ -150,6 +150,7 @@ _IN_PLAIN = (
     (r"\tilde{b}", "b̃"),
     (r"\sigma", "σ"),
     (r"\psi", "ψ"),
+    (r"\theta", "θ"),
     (r"\varepsilon", "ε"),
     (r"\mathrm{NEES}", "NEES"),
     (r"\nu", "ν"),
@@ -425,6 +426,7 @@ class Plain:
     """Formats the cells of tables for terminals and HTML."""
 
     plus_minus = "±"
+    best_is = "*"
 
     def text(self, words: str) -> str:
         """Return plain words, such as a user's label."""
@@ -450,7 +452,7 @@ class Plain:
 
     def best(self, text: str) -> str:
         """Return the best number of several."""
-        return text
+        return self.best_is + text
 
     def interval(self, mean: float, low: float, high: float) -> str:
         """Return a mean with its interval, to two digits of the half width."""
@@ -468,6 +470,7 @@ class Latex(Plain):
     """Formats the cells of tables for LaTeX with the packages booktabs and amsmath."""
 
     plus_minus = r"$\pm$"
+    best_is = "bold"
 
     def text(self, words: str) -> str:
         return words.translate(str.maketrans(_LATEX))

@@ -94,7 +94,7 @@ def test_two_keys_give_a_map_per_controller_on_one_scale(swept, picture):
     drawing = picture(SweepFigure(), results)
     maps = [axes.collections[0] for axes in drawing.axes[:2]]
     for controller, image in enumerate(maps):
-        found = results["mean_pose_error"][:, controller].mean(axis=-1).reshape(3, 2)
+        found = results["mean_attitude_error"][:, controller].mean(axis=-1).reshape(3, 2)
         np.testing.assert_allclose(np.asarray(image.get_array()).reshape(2, 3), found.T)
     assert maps[0].get_clim() == maps[1].get_clim()
     assert [tick.get_text() for tick in drawing.axes[0].get_yticklabels()] == [
@@ -142,7 +142,7 @@ def test_equal_best_cells_are_all_framed(swept, altered):
         errors[3] = 2.0  # one point is worse
         return errors
 
-    result = altered_sweep(swept, altered, BOTH, mean_pose_error=equal)
+    result = altered_sweep(swept, altered, BOTH, mean_attitude_error=equal)
     drawing = SweepFigure(controllers=["eqt"]).draw([result])
     assert len(drawing.axes[0].patches) == 2 * 3  # each frame is seen on every colour
 
@@ -236,7 +236,7 @@ def test_curves_leave_out_points_at_which_a_run_failed(swept, altered):
 
 def test_a_sweep_in_which_runs_fail_everywhere_has_no_figure(swept, altered):
     results = altered_sweep(swept, altered, status=lambda status: failed(status, (..., 0)))
-    with pytest.raises(EqtError, match="finds no point at which every run has a mean_pose_error"):
+    with pytest.raises(EqtError, match="finds no point at which every run has a mean_attitude_error"):
         SweepFigure().draw([results])
 
 
@@ -318,8 +318,8 @@ def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swe
     left, right = drawing.axes
     (notes,) = (text.get_text() for text in drawing.texts if "per row" in text.get_text())
     assert " ".join(notes.split()).startswith(
-        "8 runs per row. Left of 0: EqT is better. Intervals of 50 %, each by itself; filled where "
-        "they exclude 0."
+        "8 runs per row. Left of 0: EqT is better. Intervals of 50 %, each by itself; filled: "
+        "better, worse, or no difference within 1 %; hollow: undecided."
     )
     assert [text.get_text() for text in left.get_yticklabels()] == ["ideal", "soft", "stiff"]
     assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case is on top
@@ -356,7 +356,7 @@ def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
     status[0, 0, 0] = 1
     drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
     first, second, *_ = drawing.get_supxlabel().split("\n")
-    assert first == "Numbers: lead over the next law in per cent of its mean."
+    assert first == "Numbers: difference from the next law in per cent of its mean."
     assert second.startswith("6 points, 8 runs each; probability of any false win ≤ 5 %;")
     assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
 

@@ -377,7 +377,8 @@ def test_what_is_stored_of_a_vehicle():
         for name, vehicle in vehicles.items()
     }
     kept = "pose velocity torque pose_error velocity_error torque_norm lyapunov position_error"
-    assert always == {*kept.split(), "heading_error", "attitude_command_error"}
+    more_of_some = {"attitude_angle", "heading_error", "attitude_command_error"}
+    assert always == {*kept.split(), *more_of_some}
     assert more == {
         "ideal": set(),
         "sampled": {"command"},

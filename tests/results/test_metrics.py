@@ -12,7 +12,6 @@ T, H = 20.0, 0.5
 TIMES = np.linspace(0, T, 41)
 RAMP = TIMES[None]
 FALLING = np.exp(-2 * TIMES)[None]
-TURNING = np.sqrt(8) * np.sin(np.pi / 4 * RAMP / T)
 
 EXACT = {
     # ∫t dt/T, exact for straight lines by the trapezoidal rule.
@@ -31,9 +30,8 @@ EXACT = {
     "squared_pose_error": ({"pose_error": RAMP}, T**3 / 3 + T * H**2 / 6),
     "peak_torque": ({"torque_norm": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
     "final_pose_error": ({"pose_error": T + 1 - RAMP}, 1.0),
-    # A rotation that turns by 90° in T, as its ‖I − R‖_F.
-    "mean_attitude_error": ({"pose_error": TURNING}, 45.0),
-    "final_attitude_error": ({"pose_error": TURNING}, 90.0),
+    "mean_attitude_error": ({"attitude_angle": RAMP}, T / 2),
+    "final_attitude_error": ({"attitude_angle": T + 1 - RAMP}, 1.0),
     "final_velocity_error": ({"velocity_error": T + 2 - RAMP}, 2.0),
     # |⟨τ, V⟩| = |(2, 7)·(−1, 0) − t| = 2 + t, a power that flows back.
     "actuator_work": (
@@ -226,7 +224,8 @@ def test_a_rate_is_that_of_each_run():
 def test_result_files_hold_these_numbers():
     """The others follow from trajectories, by `eqt compare`; some only say more of a vehicle."""
     assert [quantity.name for quantity in MEASURED] == (
-        "effort peak_torque early_torque mean_pose_error final_pose_error position_rms "
+        "mean_torque effort peak_torque early_torque mean_pose_error final_pose_error "
+        "mean_attitude_error final_attitude_error mean_position_error position_rms "
         "peak_position_error final_position_error heading_rms attitude_command_rms "
         "final_velocity_error settling_time settled saturated_share closing_pose_error "
         "closing_torque estimate_rms bias_rms estimate_settling_time nees_ratio ellipsoid_share "
@@ -246,6 +245,5 @@ def test_what_is_known_of_numbers_besides_their_values():
 
     assert those(lambda row: row.censored) == {"settling_time", "estimate_settling_time"}
     assert those(lambda row: row.counts) == {"settled"}
-    assert those(lambda row: row.of_turns) == {"mean_attitude_error", "final_attitude_error"}
     assert those(lambda row: row.better == "higher") == {"decay_rate", "settled"}
     assert those(lambda row: row.implied_by) == {"settled"}

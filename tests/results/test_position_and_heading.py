@@ -1,4 +1,4 @@
-"""Position and heading errors on rigid motions, by both engines."""
+"""Errors of position, attitude and heading, by both engines."""
 
 import numpy as np
 import pytest
@@ -38,6 +38,10 @@ def test_distance_of_positions_and_turn_about_the_vertical(invoke, tmp_path, eng
         quaternion = np.abs(of.as_quat().reshape(*R.shape[:-2], 4))
         turn = np.degrees(2 * np.arctan2(quaternion[..., 2], quaternion[..., 3]))
         assert np.allclose(result["heading_error"], turn, rtol=0, atol=1e-5)
+        angle = np.degrees(of.magnitude()).reshape(R.shape[:-2])
+        assert np.allclose(result["attitude_angle"], angle, rtol=0, atol=1e-5)
+        mean = np.trapezoid(result["attitude_angle"], result.times)
+        assert np.allclose(result["mean_attitude_error"], mean, rtol=1e-12)
         squares = np.trapezoid(distance**2, result.times)
         assert np.allclose(result["position_rms"], np.sqrt(squares), rtol=0, atol=1e-7)
         assert result.units("position_rms") == "m" and result.units("heading_rms") == "deg"
@@ -55,7 +59,7 @@ def test_a_heading_is_kept_under_a_tilt_and_0_upside_down():
     [
         pytest.param("SO3", 0, marks=pytest.mark.slow("as SE23, which has positions")),
         ("SE23", 0),
-        pytest.param("SE2", 4, marks=pytest.mark.slow("has them, as SE3")),
+        pytest.param("SE2", 5, marks=pytest.mark.slow("has them, as SE3")),
     ],
 )
 def test_groups_with_other_parts_have_no_such_error(invoke, tmp_path, group, found):
@@ -64,3 +68,4 @@ def test_groups_with_other_parts_have_no_such_error(invoke, tmp_path, group, fou
     ) as result:
         names = [name for name in result.names if "position_" in name or "heading" in name]
         assert len(names) == found
+        assert "attitude_angle" in result.names

@@ -86,4 +86,4 @@ def test_an_experiment_settles_units_and_attributes(tmp_path):
     assert found["settling_time"].attributes["threshold"] == 0.2
     assert found["early_torque"].attributes["window_s"] == 5.0
     assert "units" not in found["message"].attributes
-    assert "mean_torque" not in found
+    assert "actuator_work" not in found

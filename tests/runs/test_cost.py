@@ -20,10 +20,10 @@ def refusal(run, *overrides):
 
 
 def test_memory(run, monkeypatch):
-    """25 states and 19 signals: 3 runs × 1e7 samples × 44 numbers × 8 bytes × 3 copies."""
+    """25 states and 20 signals: 3 runs × 1e7 samples × 45 numbers × 8 bytes × 3 copies."""
     monkeypatch.setattr(preflight, "_memory", lambda: 16 * 10**9)
     assert refusal(run, "time.samples=10000000") == (
-        "overrides[0]: time.samples: a part of the runs takes at least 31.7 GB of memory at once, "
+        "overrides[0]: time.samples: a part of the runs takes at least 32.4 GB of memory at once, "
         "and this machine has 16 GB; take fewer samples"
     )
 
