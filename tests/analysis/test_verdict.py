@@ -64,7 +64,7 @@ def test_the_lines_of_the_answer(compared):
     torque, pose = [spread(2.0), spread(2.5)], [spread(1.0), spread(0.8, width=0.1)]
     found = lines(compared(torque, pose))
     assert found[0] == "B against A"
-    assert found[1].startswith("  better: mean attitude error −19.9 % [−21.")
+    assert found[1].startswith("  better: mean ‖I − Q_E‖ −19.2 % [−20.8")
     assert found[2].startswith("  worse: effort +5")
     assert found[-1].startswith("30 runs per law from the same starts; ")
 
@@ -84,8 +84,7 @@ def test_better_in_the_mean_only_is_not_decided(compared):
 def test_few_runs_have_no_statistics(compared):
     few = np.array([[1.0, 1.5], [2.0, 2.5]])
     found = lines(compared(few, few))
-    first, second = np.arcsin(few / np.sqrt(8)).mean(axis=1)  # ‖I − Q‖ = √8 sin(θ/2)
-    assert found[1] == f"  mean attitude error {100 * (second / first - 1):+.0f} %"
+    assert found[1] == "  mean ‖I − Q_E‖ +80 % (2.250 against 1.250)"
     assert found[-1] == "2 runs per law: too few for statistics; `ensemble.runs` sets how many"
 
 

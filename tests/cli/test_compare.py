@@ -398,7 +398,7 @@ def test_a_sweep_with_positions_says_who_is_nearer_and_who_points_better(eqt):
     lines = [line for line in eqt("compare", "s").out.splitlines() if ", at 2 points" in line]
     assert [line.partition(", at")[0] for line in lines] == [
         "Which law has the better rms of ‖p − p_d‖",
-        "Which law has the better mean ‖I − Q_E‖ rotation",
+        "Which law has the better mean attitude error",
     ]
 
 

@@ -236,7 +236,9 @@ def test_curves_leave_out_points_at_which_a_run_failed(swept, altered):
 
 def test_a_sweep_in_which_runs_fail_everywhere_has_no_figure(swept, altered):
     results = altered_sweep(swept, altered, status=lambda status: failed(status, (..., 0)))
-    with pytest.raises(EqtError, match="finds no point at which every run has a mean_attitude_error"):
+    with pytest.raises(
+        EqtError, match="finds no point at which every run has a mean_attitude_error"
+    ):
         SweepFigure().draw([results])
 
 
@@ -335,7 +337,7 @@ def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swe
     (bars,) = left.collections
     ends = np.array(bars.get_segments())[:, :, 0]
     np.testing.assert_allclose(ends, [[100 * e.low, 100 * e.high] for e in expected])
-    (filled,) = (line for line in left.lines if line.get_label() == "EqT − GT, without 0")
+    (filled,) = (line for line in left.lines if line.get_label() == "EqT − GT, decided")
     assert 0 < len(filled.get_ydata()) < 3
     assert list(filled.get_ydata()) == [k for k, e in enumerate(expected) if e.low * e.high > 0]
     settled = np.isfinite(results["settling_time"]).mean(axis=-1)
