@@ -163,12 +163,10 @@ from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
-from eqt_cli.figures.comparison_figures import Certificates as Certificates
 from eqt_cli.figures.comparison_figures import Distributions as Distributions
 from eqt_cli.figures.comparison_figures import Forest as Forest
 from eqt_cli.figures.curves import draw_band as draw_band
 from eqt_cli.figures.figure import Figure as Figure
-from eqt_cli.figures.figure import OfCertificates as OfCertificates
 from eqt_cli.figures.figure import OfMetrics as OfMetrics
 from eqt_cli.figures.figure import OfReference as OfReference
 from eqt_cli.figures.figure import OfSweep as OfSweep
@@ -190,7 +188,6 @@ from eqt_cli.figures.run_figures import RunsFigure as RunsFigure
 from eqt_cli.figures.run_figures import Sphere as Sphere
 from eqt_cli.figures.search_figures import Fronts as Fronts
 from eqt_cli.figures.search_figures import WorstFigure as WorstFigure
-from eqt_cli.figures.shown import ShownCertificates as ShownCertificates
 from eqt_cli.figures.shown import ShownMetrics as ShownMetrics
 from eqt_cli.figures.shown import ShownReference as ShownReference
 from eqt_cli.figures.shown import ShownSweep as ShownSweep

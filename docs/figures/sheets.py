@@ -93,8 +93,6 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "distributions, ecdf": ("paper", "distributions", {"kind": "ecdf"}),
     "distributions, two": ("paper damped", "distributions", {"kind": "ecdf"}),
     "sphere": ("paper", "sphere", {}),
-    "certificates": ("paper", "certificates", {}),
-    "certificates, 13 laws": ("laws", "certificates", {}),
     "reference": ("paper", "reference", {}),
     "reference, SE(3)": ("se3", "reference", {}),
     "reference, SE2(3)": ("se23", "reference", {"degrees": True}),

@@ -124,7 +124,6 @@ def plot(
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     log_format: str = "csv",
     trust_plugins: bool = False,
-    workers: int = 1,
     units: Sequence[str] = (),
 ) -> list[Path]:
     """Draw one or several figures of one or several results, and write them to files.
@@ -158,10 +157,8 @@ def plot(
     measured, mapping, log_format
         A recording to show with a run, as for `check_log`.
     trust_plugins
-        Whether to execute plugin sources that are stored in a result. They may define figures, and
-        certificates that a figure shows.
-    workers
-        Number of cores to use for certificates.
+        Whether to execute plugin sources that are stored in a result. They may define
+        figures.
     units
         Units of quantities, as for `compare`.
 
@@ -180,7 +177,6 @@ def plot(
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
     ['torque.pdf', 'torque.svg']
     """
-    from eqt_cli.figures.figure import Extras, OfCertificates, figures
     from eqt_cli.figures.render import DRAWN, caption_name, render
     from eqt_cli.figures.style import Style
 
@@ -211,12 +207,6 @@ def plot(
         beside = (
             None if measured is None else _recording(first, wanted, measured, mapping, log_format)
         )
-        rows: list[Row] = []
-        of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
-        if of_certificates and isinstance(first, Result):
-            from eqt_cli.analysis.verification import verify_stored
-
-            rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
         look = Style(tuple(style))
         files = []
         with step(DRAWN, len(wanted)):
@@ -229,7 +219,7 @@ def plot(
                     width,
                     options,
                     style=look,
-                    extras=Extras(rows, beside),
+                    measured=beside,
                     caption=caption,
                 )
                 reporter().advance(1)

@@ -129,7 +129,6 @@ def plot(
         log_format=log_format,
         units=unit or (),
         trust_plugins=trust_plugins,
-        workers=options.cores(),
     )
     text = "\n".join(f"figure   {file}" for file in files)
     print_findings({"figures": list(map(str, files))}, text, json=json)

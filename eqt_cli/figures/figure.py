@@ -4,13 +4,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
+from typing import ClassVar, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.analysis.certificates import Row
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
 from eqt_cli.base.option_types import Count, validated
@@ -28,7 +27,6 @@ from eqt_cli.figures.shown import (
     Chosen,
     DesiredMotion,
     Ensemble,
-    ShownCertificates,
     ShownControllers,
     ShownMetrics,
     ShownReference,
@@ -361,24 +359,6 @@ def law_columns(
 # Base classes of figures, by the data of a result that they show ----------------------------------
 
 
-class Extras(NamedTuple):
-    """Data that figures show beside results.
-
-    Attributes
-    ----------
-    certificates
-        Verdicts of the verification of the results.
-    measured
-        A recording on the group of the results.
-    """
-
-    certificates: Sequence[Row] = ()
-    measured: Recording | None = None
-
-
-NO_EXTRAS = Extras()
-
-
 class Subject(Protocol):
     """Data of results that a figure shows."""
 
@@ -422,7 +402,7 @@ class Figure(Component, Generic[S]):
         width: Width = "column",
         *,
         style: Style | None = None,
-        extras: Extras = NO_EXTRAS,
+        measured: Recording | None = None,
         arranged: bool = True,
         captions: list[str] | None = None,
     ) -> Drawing:
@@ -436,8 +416,8 @@ class Figure(Component, Generic[S]):
             One ``column`` of a journal (3.5 in), the ``page`` (7.16 in) or a ``slide`` (13.3 in).
         style
             Style of the figure; eqt's own if None.
-        extras
-            Data that some figures show beside the results.
+        measured
+            A recording on the group of the results, which some figures show beside them.
         arranged
             Whether to arrange the panels. The numbers behind the curves do not need it, and it
             takes half of the time.
@@ -462,7 +442,7 @@ class Figure(Component, Generic[S]):
                     f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
                 )
         with house_style(replace(style or HOUSE, width=width)):
-            shown = self.subject(cast(Sequence[Result], results), extras)
+            shown = self.subject(cast(Sequence[Result], results), measured)
             with blamed():
                 drawing = self.compose(shown, width)
             add_letters(drawing)
@@ -489,7 +469,7 @@ class Figure(Component, Generic[S]):
         return results[0]
 
     @abstractmethod
-    def subject(self, results: Sequence[Result], extras: Extras) -> S:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> S:
         """Return the data of the results that is shown."""
 
     @abstractmethod
@@ -551,7 +531,7 @@ class Panelled:
 class OverTime(Timed[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownRuns:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownRuns:
         """Return the runs that did not fail."""
         return ShownRuns(results, self.name, self.chosen)
 
@@ -584,7 +564,7 @@ class OfMetrics(Figure[ShownMetrics]):
 
     metrics: Sequence[str] = ()
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownMetrics:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownMetrics:
         """Return the metrics of the runs that did not fail."""
         return ShownMetrics(results, self.name, self.chosen, self.metrics)
 
@@ -593,7 +573,7 @@ class OfMetrics(Figure[ShownMetrics]):
 class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownSweep:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownSweep:
         """Return the points and the metrics at each."""
         return ShownSweep(self._only(results, "sweep"), self.name, self.chosen)
 
@@ -654,22 +634,14 @@ class OfSettled(OfSweep):
 
 
 @dataclass(frozen=True)
-class OfCertificates(Figure[ShownCertificates]):
-    """A figure of the verification of one result."""
-
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownCertificates:
-        """Return the certificates with a measured number and a bound."""
-        shown = self._only(results, "result")
-        return ShownCertificates(shown, extras.certificates, self.name, self.chosen)
-
-
-@dataclass(frozen=True)
 class OfReference(Timed[ShownReference]):
     """A figure of the desired motion, of one result or of an experiment before it is run."""
 
     needs_runs: ClassVar[bool] = False
 
-    def subject(self, results: Sequence[Result | DesiredMotion], extras: Extras) -> ShownReference:
+    def subject(
+        self, results: Sequence[Result | DesiredMotion], measured: Recording | None
+    ) -> ShownReference:
         """Return the reference in the chosen range of time."""
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")

@@ -26,7 +26,8 @@ from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.registry import summary
 from eqt_cli.base.version import __version__
-from eqt_cli.figures.figure import NO_EXTRAS, Extras, Figure, figures
+from eqt_cli.components.recording_check import Recording
+from eqt_cli.figures.figure import Figure, figures
 from eqt_cli.figures.layout import COLOUR_SCALE, NO_NUMBERS
 from eqt_cli.figures.shown import DesiredMotion, names
 from eqt_cli.figures.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, replaced, sentence
@@ -266,7 +267,7 @@ def render(
     options: Mapping[str, Any] | None = None,
     *,
     style: Style = HOUSE,
-    extras: Extras = NO_EXTRAS,
+    measured: Recording | None = None,
     caption: bool = False,
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
@@ -285,8 +286,8 @@ def render(
         Fields of the figure to set, as data from a configuration or a command line.
     style
         Style of the figure.
-    extras
-        Data that some figures show beside the results.
+    measured
+        A recording on the group of the results, which some figures show beside them.
     caption
         Whether to write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the
         panels.
@@ -311,7 +312,7 @@ def render(
         results,
         of_width,
         style=style,
-        extras=extras,
+        measured=measured,
         arranged=set(wanted) != {NUMBERS},
         captions=captions if caption else None,
     )

@@ -12,10 +12,11 @@ from eqt_cli.analysis.fronts import Front, fronts, held_out
 from eqt_cli.analysis.intervals import intervals_of_means
 from eqt_cli.analysis.search_record import TUNE, WORST, coordinate_of, costs_of_runs
 from eqt_cli.base.arrays import Array
+from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale, scale_along
 from eqt_cli.figures.curves import RESAMPLING
-from eqt_cli.figures.figure import Extras, Figure
+from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.labels import metric_label
 from eqt_cli.figures.layout import add_legend
 from eqt_cli.figures.shown import ALL, Chosen, error_of, looks, positions
@@ -113,7 +114,7 @@ class Fronts(Figure[ShownFronts]):
 
     log: bool = True
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownFronts:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownFronts:
         """Return the fronts of the laws."""
         return ShownFronts(self._only(results, "search"), self.name, self.chosen)
 
@@ -287,7 +288,7 @@ class WorstFigure(Figure[ShownWorst]):
 
     log: bool | None = None
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownWorst:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownWorst:
         """Return the worst runs along each key."""
         return ShownWorst(self._only(results, "search"), self.name, self.chosen)
 

@@ -20,6 +20,7 @@ from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import Count
+from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import (
     Cells,
     key_at,
@@ -30,7 +31,7 @@ from eqt_cli.figures.cells import (
     spans_decade,
 )
 from eqt_cli.figures.curves import BAND, RESAMPLING, draw_points
-from eqt_cli.figures.figure import Extras, Figure, OfDifferences, OfOneMetric, OfSettled, OfSweep
+from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSettled, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
     add_legend,
@@ -533,7 +534,7 @@ class Rates(Figure[ShownControllers]):
     velocity: float = 0.0
     bounds: Count = 13
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownControllers:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownControllers:
         """Return the controllers of one result."""
         return ShownControllers([self._only(results, "result")], self.name, self.chosen)
 

@@ -39,7 +39,7 @@ from eqt_cli.figures.animation import (
     motion,
     scene_of,
 )
-from eqt_cli.figures.figure import Extras, OfCertificates, figures
+from eqt_cli.figures.figure import figures
 from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.report import summary
@@ -273,7 +273,6 @@ DEFAULT = (
     ),
     Wanted("estimate", needs="estimated_pose"),
     Wanted("distributions"),
-    Wanted("certificates"),
 )
 """Default figures of a report on an experiment."""
 
@@ -310,7 +309,7 @@ FRONTS = (
 
 
 def inline_figures(
-    result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
+    result: Result, wanted: Sequence[Wanted]
 ) -> tuple[list[dict[str, str]], list[str]]:
     """Return the figures that can be drawn of a result, and remarks on those that cannot.
 
@@ -320,11 +319,11 @@ def inline_figures(
     drawn: list[dict[str, str]] = []
     remarks: list[str] = []
     refusals: list[str] = []
-    due = [figure for figure in wanted if _is_due(result, figure, certificates)]
+    due = [figure for figure in wanted if _is_due(result, figure)]
     with step(DRAWN, len(due)):
         for figure in due:
             try:
-                drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
+                drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}"))
             except EqtError as error:
                 reason = str(error).removeprefix(f"{result.path}: ")
                 # Some default figures of a sweep need other axes than it has.
@@ -334,11 +333,9 @@ def inline_figures(
     return drawn, remarks if drawn or remarks else refusals[:1]
 
 
-def _is_due(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
-    """Return whether a figure exists and has data; that certificates are missing, the page says."""
-    if wanted.name not in figures.names() or (wanted.needs and not result.has(wanted.needs)):
-        return False
-    return bool(certificates) or not issubclass(figures.get(wanted.name), OfCertificates)
+def _is_due(result: Result, wanted: Wanted) -> bool:
+    """Return whether a figure exists and has data."""
+    return wanted.name in figures.names() and (not wanted.needs or result.has(wanted.needs))
 
 
 def named(names: Sequence[str]) -> list[Wanted]:
@@ -358,9 +355,9 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [replace(known.get(name, Wanted(name)), requested=True) for name in names]
 
 
-def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> dict[str, str]:
+def _draw(result: Result, wanted: Wanted, key: str) -> dict[str, str]:
     figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([result], "page", extras=Extras(certificates)), "svg")
+    text = encode(figure.draw([result], "page"), "svg")
     caption = wanted.caption or description(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:
@@ -466,7 +463,7 @@ def report(
         Title and date of the page; by default the laws and the day of the run.
     """
     shown = _default(result) if wanted is None else wanted
-    drawn, remarks = inline_figures(result, shown, certificates)
+    drawn, remarks = inline_figures(result, shown)
     of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result)
     return page(
         "report.html.j2",

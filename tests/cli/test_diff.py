@@ -40,7 +40,7 @@ def second(first):
 def test_a_result_and_itself(eqt):
     done = eqt("diff", "first", "first/results.h5")
     assert (done.code, done.err) == (0, "")
-    assert done.out == "equal: 33 datasets, configuration and provenance\n"
+    assert done.out == "equal: 37 datasets, configuration and provenance\n"
 
 
 @pytest.mark.slow("runs once more")
@@ -51,7 +51,7 @@ def test_a_result_that_was_run_again(eqt):
     lines = done.out.splitlines()
     assert lines[0].split() == ["provenance", "first", "second"]
     assert lines[2].split()[:3] == ["command", "eqt", "run"]
-    assert lines[-1] == "equal: provenance differs, the 33 datasets do not"
+    assert lines[-1] == "equal: provenance differs, the 37 datasets do not"
 
 
 def test_another_configuration(eqt, monkeypatch):
@@ -61,7 +61,7 @@ def test_another_configuration(eqt, monkeypatch):
     lines = [line.split() for line in done.out.splitlines()]
     assert lines[0] == ["configuration", "first", "second"]
     assert lines[2] == ["gains.kp", "1.0", "2.0"]
-    assert done.out.splitlines()[-1] == ("different: 1 key of the configuration, 18 of 33 datasets")
+    assert done.out.splitlines()[-1] == ("different: 1 key of the configuration, 22 of 37 datasets")
     with eqt_cli.open_results("first", "arrays") as one:
         a = one["pose_error"]
     with eqt_cli.open_results("second", "arrays") as other:
@@ -83,7 +83,7 @@ def test_a_single_entry(eqt, second):
     assert [line.split() for line in done.out.splitlines()[2:]] == [
         ["effort", "2×3", "1", "0.5"],
         [],
-        ["different:", "1", "of", "33", "datasets"],
+        ["different:", "1", "of", "37", "datasets"],
     ]
 
 
@@ -101,7 +101,7 @@ def test_bits_of_nan(eqt, second):
     assert done.code == 4
     row, _, verdict = done.out.splitlines()[2:]
     assert row.split() == "effort 2×3 1 0".split()
-    assert verdict == "different: 1 of 33 datasets"
+    assert verdict == "different: 1 of 37 datasets"
 
 
 def test_the_sign_of_zero(second):
@@ -121,7 +121,7 @@ def test_other_shapes_and_laws(eqt):
     assert rows["controller"] == ["2", "1", "-"]
     assert rows["pose"] == ["2×3×11×3×3,", "2×3×21×3×3", "-", "-"]
     assert done.out.splitlines()[-1] == (
-        "different: 3 keys of the configuration, 22 of 33 datasets"
+        "different: 3 keys of the configuration, 26 of 37 datasets"
     )
 
 
@@ -162,7 +162,7 @@ equal: false
 configuration: []
 attributes: []
 provenance: []
-compared: 33
+compared: 37
 datasets:
   - {name: effort, shapes: [[2, 3], [2, 3]], different: 1, largest: 0.5}
 """)

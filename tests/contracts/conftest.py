@@ -76,7 +76,6 @@ SLOW = {
     ("engine_class", "rk4_fixed"): "takes many steps; runge_kutta is an engine of a plugin, too",
     ("executor_class", "dask"): "starts a cluster",
     ("executor_class", "local"): "starts processes, as runs/test_executors.py does",
-    ("figure_class", "certificates"): "verifies experiments",
 }
 """Components whose contracts take seconds, and why."""
 

@@ -1,7 +1,6 @@
 """What every figure must do, whoever wrote it."""
 
 import dataclasses
-import pickle
 import re
 
 import numpy as np
@@ -16,7 +15,7 @@ from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import is_foreign, meanings
 from eqt_cli.components.recording_check import Recording
-from eqt_cli.figures.figure import Extras, OfCertificates, OfSweep
+from eqt_cli.figures.figure import OfSweep
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.search_figures import Fronts, WorstFigure
@@ -62,9 +61,7 @@ def make_results(folder):
         ("sweep", SWEEP),
         ("estimated", ESTIMATED),
     ):
-        done = api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
-        if name == "single":
-            (folder / "rows").write_bytes(pickle.dumps(api.verify(done).rows))
+        api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
     api.tune(CONFIG | {"tune": TUNE}, folder / "tuned")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 3)
@@ -84,8 +81,7 @@ def results(made_once):
     folder = made_once("figures of every kind", make_results)
     opened = {name: open_at(folder / name) for name in ("single", "bare", "sweep", "estimated")}
     opened |= {name: open_at(folder / name) for name in ("tuned", "worst")}
-    rows = pickle.loads((folder / "rows").read_bytes())
-    yield opened, Extras(rows, recording_of_run(opened["single"]))
+    yield opened, recording_of_run(opened["single"])
     for one in opened.values():
         one.close()
 
@@ -149,11 +145,11 @@ def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, tmp_path
 
     Every curve has a name, by which `make figures-check` finds it again.
     """
-    opened, extras = results
+    opened, recording = results
     sheet = tmp_path / "own.mplstyle"
     sheet.write_text(f"axes.prop_cycle: cycler({cycle})", encoding="utf-8")
     style, shown = Style((str(sheet),)), opened[subject(figure_class)]
-    drawing = figure_class().draw([shown], width, style=style, extras=extras)
+    drawing = figure_class().draw([shown], width, style=style, measured=recording)
     assert drawing.get_figwidth() == pytest.approx(IN[width])
     assert drawing.axes
     assert all(axes.has_data() for axes in drawing.axes if axes.get_label() != "<colorbar>")
@@ -178,17 +174,15 @@ def test_its_options_are_documented(figure_class):
 
 
 def test_a_controller_that_there_is_not_is_named(figure_class, results):
-    opened, extras = results
+    opened, recording = results
     shown = opened[subject(figure_class)]
     with pytest.raises(EqtError, match=r"figure '.*' finds no controller 'gtt'"):
-        figure_class(controllers=("gtt",)).draw([shown], extras=extras)
+        figure_class(controllers=("gtt",)).draw([shown], measured=recording)
 
 
 def test_what_it_cannot_show_is_one_message(figure_class, results):
     opened, _ = results
     lacking = opened["single" if of_sweep(figure_class) else "sweep"]
-    if issubclass(figure_class, OfCertificates):
-        lacking = opened["single"]  # and nothing of what was verified
     with pytest.raises(EqtError) as caught:
         figure_class().draw([lacking])
     assert f"'{figure_class.name}'" in str(caught.value)
@@ -196,10 +190,10 @@ def test_what_it_cannot_show_is_one_message(figure_class, results):
 
 
 def test_trajectories_that_are_not_kept_are_one_message_or_not_needed(figure_class, results):
-    opened, extras = results
+    opened, recording = results
     said = f"'{figure_class.name}'"
     try:
-        figure_class().draw([opened["bare"]], extras=extras)
+        figure_class().draw([opened["bare"]], measured=recording)
     except EqtError as error:
         said = str(error)
     assert f"'{figure_class.name}'" in said

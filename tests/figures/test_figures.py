@@ -19,11 +19,9 @@ from matplotlib.transforms import Bbox
 from said import error_of
 from slow_cases import mostly_slow
 
-from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.api.loading import open_at
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
-from eqt_cli.figures.comparison_figures import Certificates
-from eqt_cli.figures.figure import Extras, OfCertificates, OfReference, OfSweep, OverTime, figures
+from eqt_cli.figures.figure import OfReference, OfSweep, OverTime, figures
 from eqt_cli.figures.layout import freeze
 from eqt_cli.figures.render import encode, render
 from eqt_cli.figures.run_figures import EstimateFigure
@@ -33,11 +31,9 @@ from eqt_cli.figures.time_figures import Commands
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
-# Figures of sweeps, searches, certificates, recordings, actuators and estimates have tests of their
+# Figures of sweeps, searches, recordings, actuators and estimates have tests of their
 # own.
-OTHERS = (
-    OfSweep | OfCertificates | Fronts | WorstFigure | MeasuredFigure | Commands | EstimateFigure
-)
+OTHERS = OfSweep | Fronts | WorstFigure | MeasuredFigure | Commands | EstimateFigure
 NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OTHERS)]
 
 
@@ -329,7 +325,7 @@ def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opene
 
 
 def test_figures_are_found_by_scanning():
-    assert {"certificates", "paper", "pareto", "runs", "sweep", "torque"} <= set(figures.names())
+    assert {"distributions", "paper", "pareto", "runs", "sweep", "torque"} <= set(figures.names())
 
 
 @unarranged
@@ -340,20 +336,6 @@ def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
         "new/figures/paper.json",
     ]
     assert sorted(files) == sorted((tmp_path / "new" / "figures").iterdir())
-
-
-@pytest.mark.slow("verifies a result on SE(3)")
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("result", ["so3", "se3"])
-def test_certificates_of_a_verified_result_fit_the_sheet(result, width, opened, request):
-    results = opened(request.getfixturevalue(result))
-    rows = verify_stored(results, trust_plugins=False).rows
-    drawing = Certificates().draw([results], width, extras=Extras(rows))
-    with house_style():
-        drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
-        inked = drawing.get_tightbbox()
-    assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
-    assert encode(drawing, "pdf") == encode(drawing, "pdf")
 
 
 def test_the_name_of_a_colour_scale_stays_beside_its_numbers():

@@ -10,7 +10,6 @@ from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
-from eqt_cli.figures.figure import Extras
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.style import Style, house_style
 
@@ -42,7 +41,7 @@ def recording(result):
 
 def drawn(result, recording, **options):
     figure = MeasuredFigure(**({"controllers": ["GT"], "run": 2} | options))
-    return figure.draw([result], "page", extras=Extras(measured=recording))
+    return figure.draw([result], "page", measured=recording)
 
 
 def test_measured_curves_lie_on_those_of_their_run(result, recording):

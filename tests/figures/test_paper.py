@@ -87,14 +87,15 @@ def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
     drawing = picture(Paper(), results)
     signals = [
         f"{norm}_{part}"
-        for norm in ("pose_error", "velocity_error", "torque_norm")
+        for norm in ("velocity_error", "torque_norm")
         for part in ("rotation", "translation")
     ]
+    signals = ["attitude_angle", "position_error", *signals]
     for axes, signal in zip(drawing.axes, [*signals, "lyapunov"], strict=True):
         np.testing.assert_array_equal(axes.lines[1].get_ydata(), results[signal][1].mean(axis=0))
     assert [axes.get_ylabel() for axes in drawing.axes] == [
-        r"$\|I - R_{\mathrm{E}}\|_{\mathrm{F}}$",
-        r"$\|p_{\mathrm{E}}\|$ $(\mathrm{m})$",
+        r"attitude error $(\mathrm{deg})$",
+        r"$\|p - p_d\|$ $(\mathrm{m})$",
         r"$\|\omega - \omega_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
         r"$\|v - v_{\mathrm{d}}\|$ $(\mathrm{m/s})$",
         r"$\|\tau\|$ $(\mathrm{N\,m})$",

@@ -1,20 +1,17 @@
-"""Figures of each of the four subjects, with eqt's own sheets, legends and styles."""
+"""Figures of each of the three subjects, with eqt's own sheets, legends and styles."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.extend import (
     WIDTHS,
-    OfCertificates,
     OfMetrics,
     OfSweep,
     OverTime,
-    ShownCertificates,
     ShownMetrics,
     ShownRuns,
     ShownSweep,
@@ -135,21 +132,4 @@ class Scatter(OfSweep):
         axes.set_ylabel(metric_label(swept.results, self.up, 36))
         axes.set_title(free_text(swept.point_name(0), 40))
         add_legend(drawing, lines, swept.titles)
-        return drawing
-
-
-@dataclass(frozen=True)
-class Margins(OfCertificates):
-    """How far below its bound each certificate is."""
-
-    name: ClassVar[str] = "margins"
-
-    def compose(self, verified: ShownCertificates, width: Width) -> Drawing:
-        """A bar per certificate."""
-        drawing = Drawing(figsize=(WIDTHS[width], 0.2 * len(verified.names) + 1))
-        axes = drawing.add_subplot()
-        for k, name in enumerate(verified.names):
-            ratios = [row.measured / row.bound for row in verified.rows(name) if row.bound]
-            axes.barh(k, np.log10(max(ratios, default=1.0) or 1e-3), color=ink(0.4))
-        axes.set_yticks(range(len(verified.names)), [free_text(n, 24) for n in verified.names])
         return drawing

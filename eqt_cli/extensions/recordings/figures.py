@@ -21,7 +21,7 @@ from eqt_cli.extensions.recordings.measured import measured_runs
 from eqt_cli.extensions.recordings.prediction import Growth
 from eqt_cli.figures import layout
 from eqt_cli.figures.curves import band_look
-from eqt_cli.figures.figure import Extras, Panelled, Timed
+from eqt_cli.figures.figure import Panelled, Timed
 from eqt_cli.figures.labels import axis_labels, in_words, part_curves, part_name
 from eqt_cli.figures.layout import EMPTY, add_legend, add_title, name_scale, sheet
 from eqt_cli.figures.render import FORMATS, encode
@@ -144,10 +144,10 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
     run: CountOrNone = 0
     degrees: bool = False
 
-    def subject(self, results: Sequence[Result], extras: Extras) -> ShownMeasured:
+    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownMeasured:
         """Return the run of one controller, aligned in time with the recording."""
         shown = self._only(results, "result")
-        return ShownMeasured(shown, extras.measured, self.name, self.chosen, self.run)
+        return ShownMeasured(shown, measured, self.name, self.chosen, self.run)
 
     def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
         """Draw a row for each quantity; the coordinates of a part share a panel."""
