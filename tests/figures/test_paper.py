@@ -95,7 +95,7 @@ def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
         np.testing.assert_array_equal(axes.lines[1].get_ydata(), results[signal][1].mean(axis=0))
     assert [axes.get_ylabel() for axes in drawing.axes] == [
         r"attitude error $(\mathrm{deg})$",
-        r"$\|p - p_d\|$ $(\mathrm{m})$",
+        r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$",
         r"$\|\omega - \omega_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
         r"$\|v - v_{\mathrm{d}}\|$ $(\mathrm{m/s})$",
         r"$\|\tau\|$ $(\mathrm{N\,m})$",
