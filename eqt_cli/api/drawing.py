@@ -324,6 +324,7 @@ def write_report(
     out: str | os.PathLike[str] | None = None,
     *,
     figures: Sequence[str] = (),
+    against: str = "",
     author: str = "",
     notes: str = "",
     title: str = "",
@@ -344,6 +345,8 @@ def write_report(
         The page. Default: ``report.html`` in the result folder.
     figures
         Names of the figures to show; a default selection if empty.
+    against
+        Label or title of the controller with which the others are compared; the first if empty.
     author, notes
         Texts at the top of the page. Blank lines separate paragraphs of the notes.
     title, date
@@ -398,7 +401,8 @@ def write_report(
                 why = "the page has no certificates; the result could not be verified: "
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
-        page = report(shown, wanted, rows, reason, author, notes, title, date)
+        base = shown.labels[shown.position_of(against)] if against else ""
+        page = report(shown, wanted, rows, reason, author, notes, title, date, base)
     write_all({path: page.encode()}, home)
     return path
 

@@ -283,6 +283,7 @@ def report(
     more: options.MoreResults = None,
     out: Annotated[Path | None, options.option("--out")] = None,
     figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
+    against: Annotated[str, options.option("--against", autocompletion=completion.laws)] = "",
     title: Annotated[str, options.option("--title")] = "",
     author: Annotated[str, options.option("--author")] = "",
     date: Annotated[str, options.option("--date")] = "",
@@ -305,6 +306,7 @@ def report(
         --notes FILE  Text file shown at the top of the page.
     What to show
         --figure NAME  Figure to show. Repeatable.
+        --against LAW  Compare with this controller instead of the first.
         --quick  Leave out the certificates, for which some runs are integrated again.
     """
     from eqt_cli import api
@@ -322,6 +324,7 @@ def report(
         result,
         out,
         figures=figure or (),
+        against=against,
         title=title,
         author=author,
         date=date,

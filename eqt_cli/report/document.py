@@ -441,6 +441,7 @@ def report(
     notes: str = "",
     title: str = "",
     date: str = "",
+    against: str = "",
 ) -> str:
     """Return the page about an experiment or a sweep.
 
@@ -461,10 +462,12 @@ def report(
         Author of the page, and remarks for its reader; blank lines separate paragraphs.
     title, date
         Title and date of the page; by default the laws and the day of the run.
+    against
+        Label of the controller with which the others are compared; the first if empty.
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown)
-    of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result)
+    of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result, against)
     return page(
         "report.html.j2",
         ["report.css"],
@@ -513,14 +516,14 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
     return record is not None and len(record["objectives"]) > 1
 
 
-def _of_experiment(result: Result) -> dict[str, Any]:
+def _of_experiment(result: Result, against: str) -> dict[str, Any]:
     record = TUNE.beside(result)
     return {
         "headline": result.headline(),
         "means": summary.columns(result, [x for x in result.headlines if x != "energy_residual"]),
         "picker": summary.curves(result),
         "table": summary.run_table(result),
-        **({} if _has_fronts(record) else _compared(result)),
+        **({} if _has_fronts(record) else _compared(result, against)),
         **_animated(result),
     }
 
@@ -542,11 +545,11 @@ def _searched(result: Result) -> dict[str, Any] | None:
     return None
 
 
-def _compared(result: Result) -> dict[str, Any]:
+def _compared(result: Result, against: str) -> dict[str, Any]:
     comparison = compare(result)
     made = text_tables(comparison, Plain())
     return {
-        "answer": verdict.lines(comparison),
+        "answer": verdict.lines(comparison, against),
         "findings": findings(comparison),
         "confidence": f"{100 * comparison.confidence:g}",
         "claims": None if comparison.departures else made.get("claims"),
