@@ -384,7 +384,11 @@ def _is_no_device(name: str) -> str:
     return name
 
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$"), AfterValidator(_is_no_device)]
+Name = Annotated[
+    str,
+    Field(pattern=r"^[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9_-])?$"),
+    AfterValidator(_is_no_device),
+]
 """A name that a file or folder can have on every system."""
 
 Count = Annotated[int, Field(strict=True, ge=1)]
@@ -462,7 +466,9 @@ _EXPECTED = {
     "less_than_equal": "a number of at most {le:,.15g}",
     "too_short": "at least {min_length} entry",
     "literal_error": "{expected}",
-    "string_pattern_mismatch": "letters, digits, '.', '_' and '-', with a letter or digit first",
+    "string_pattern_mismatch": (
+        "letters, digits, '.', '_' and '-', with a letter or digit first and no '.' last"
+    ),
 }
 """Expectations in words, by pydantic's type of error."""
 

@@ -191,8 +191,11 @@ settling_threshold: {rotatoin: 2 deg} →
     10:22: settling_threshold.rotatoin: unknown key; did you mean 'rotation'?
 name: 3 → 10:1: name: expected text, got 3
 name: ../up →
-    10:1: name: expected letters, digits, '.', '_' and '-', with a letter or digit first, got
-        '../up'
+    10:1: name: expected letters, digits, '.', '_' and '-', with a letter or digit first and no '.'
+        last, got '../up'
+name: paper. →
+    10:1: name: expected letters, digits, '.', '_' and '-', with a letter or digit first and no '.'
+        last, got 'paper.'
 plugins: law.py → 10:1: plugins: expected a list of paths to Python files, got 'law.py'
 plugins: [3] → 10:11: plugins[0]: expected the path of a Python file, got 3
 task: stabilize → 10:1: task: expected 'track' or 'stabilise', got 'stabilize'
