@@ -109,9 +109,7 @@ def _is_numeric(column: Iterable[str]) -> bool:
 
 _GAP = "  "
 _NARROW = 16
-"""Text is wrapped to half its width, but no narrower than this and its longest word,"""
-_WIDE = 24
-"""and no wider than this, before a column is left out."""
+"""Text is wrapped to this width, or that of its longest word, before a column is left out."""
 _NOTES = 100
 """Maximum width of notes."""
 
@@ -152,7 +150,7 @@ class _Column:
         self.full, self.folded = max(cell_len(heading), body), max(word, body)
         self.is_text, self.numeric = not all(map(_is_whole, cells)), all(map(_is_number, cells))
         unbroken = [cell_len(cell) if _is_whole(cell) else _longest_word(cell) for cell in cells]
-        wrapped = min(self.folded, max(_NARROW, min(_WIDE, self.folded // 2)))
+        wrapped = min(self.folded, _NARROW)
         self.least = max([word, *unbroken, wrapped if self.is_text else 0])
 
 
@@ -325,7 +323,8 @@ def in_colour(line: str) -> Text:
     """Return a line of an answer: its heading is bold, its verdict in colour, a note dim."""
     said = re.match(r"  (also )?(\w+( difference)?):", line)
     if said is None:
-        return Text(line, "bold" if " against " in line.partition("\n")[0] else "dim")
+        is_heading = " against " in line.partition("\n")[0] and not line.startswith(" ")
+        return Text(line, "bold" if is_heading else "" if line.startswith(" ") else "dim")
     return Text.assemble((said[0], _style_of(said[2])), line[said.end() :])
 
 
