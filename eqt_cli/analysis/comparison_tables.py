@@ -244,7 +244,8 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         levels = list(group)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
-        rows.append([_measure(here, write, whole), *_values(levels, write)])
+        of_runs = write.text(", % of runs") * here.quantity.counts
+        rows.append([_measure(here, write, whole) + of_runs, *_values(levels, write)])
         if censored := counted({level.controller: level.censored for level in levels}):
             notes.append(
                 f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
@@ -284,8 +285,9 @@ def _values(levels: Sequence[Level], write: Plain) -> Iterator[str]:
     quantity = levels[0].measured.quantity
     written = write.interval if quantity.counts else write.spread
     best = min((quantity.cost(level.mean) for level in levels), default=0.0)
+    factor = 100 if quantity.counts else 1
     for level in levels:
-        cell = written(level.mean, level.low, level.high)
+        cell = written(*(factor * number for number in (level.mean, level.low, level.high)))
         ranked = quantity.better != "neither" and quantity.cost(level.mean) == best
         yield write.best(cell) if ranked and len(levels) > 1 else cell
 

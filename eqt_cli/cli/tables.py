@@ -41,14 +41,14 @@ def as_latex(table: TextTable, text_columns: int = 2) -> str:
     table = replace(table.without([heading for heading, _ in same]), caption=table.caption + said)
     made = map(_tabular, table.narrow(MOST_COLUMNS[text_columns]))
     # Names of measures wrap in one column of text.
-    first = r"{p{0.3\columnwidth}" if text_columns == 1 else "{l"
+    first = r"{@{}p{0.28\columnwidth}" if text_columns == 1 else "{@{}l"
     return "\n\n".join(each.replace("{l", first, 1) for each in made)
 
 
 def _tabular(table: TextTable) -> str:
     numeric = [_is_numeric(column) for column in zip(*table.rows, strict=True)]
     layout = "".join("r" if right else "l" for right in numeric)
-    lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
+    lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}@{{}}}}", r"\toprule"]
     lines.append(_latex_row(map(_heading, table.header)))
     for block in table.blocks:
         lines.append(r"\midrule")

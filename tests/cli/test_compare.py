@@ -215,7 +215,7 @@ def test_csv_has_full_precision(invoke, paper_result):
 def test_latex_is_a_booktabs_table(invoke, paper_result):
     out = invoke("compare", paper_result, "--format", "latex", "--table", "pairs").stdout
     assert out.splitlines()[1:4] == [
-        r"\begin{tabular}{lllllr}",
+        r"\begin{tabular}{@{}lllllr@{}}",
         r"\toprule",
         r"measure & difference & relative & verdict & better in & runs to decide \\",
     ]
@@ -234,7 +234,7 @@ def test_latex_has_a_row_for_each_chosen_law_and_seven_columns(invoke, paper_res
     one = invoke(
         *("compare", paper_result, *laws, "-m", "effort", "-m", "peak_torque"), *LATEX
     ).stdout
-    assert r"\begin{tabular}{p{0.3\columnwidth}ll}" in one
+    assert r"\begin{tabular}{@{}p{0.28\columnwidth}ll@{}}" in one
     [effort] = [line for line in one.splitlines() if line.startswith("effort")]
     assert effort.count(r"\textbf{") == 1 and r"& \textbf{" in effort.partition(" $\\pm$ ")[0]
     for table in tables:
