@@ -378,6 +378,10 @@ def test_a_delay_of_whole_periods_to_the_edge_of_stability_is_not_within_the_mar
     assert delay_margin(CutLoop(one, one, -one, 0.5)) == 0.0
 
 
+STIFF = pytest.mark.filterwarnings("ignore:.*is stiff")
+
+
+@STIFF
 def test_the_delay_margin_is_that_of_the_slow_loop_beside_a_fast_lag() -> None:
     """A lag of T takes T from it, but for T³."""
     T = 3e-5
@@ -519,6 +523,7 @@ def test_an_estimator_is_part_of_the_loop(
     ("kd", "lags", "stable"),
     [(0.8, [1e-4], True), (0.24, [0.3, 1e-4], False), (0.24, [0.3, 1e-5], False)],
 )
+@STIFF
 def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stable: bool) -> None:
     law = of(
         WHEEL,
