@@ -22,6 +22,9 @@ ERRORS = ("position_rms", "mean_attitude_error"), ("mean_pose_error",)
 COSTS = ("effort",), ("early_torque",)
 """The same for what they cost."""
 
+MOST_NAMES = 6
+"""Most undecided numbers of a law that are named."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -108,14 +111,16 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
             made += [f"  also {said}: {_names(of_word, comparison.horizon)}"] * bool(of_word)
         left = [x for x in others if not x.decided and x.pair.ties < x.pair.pairs]
         if left and comparison.runs >= FEWEST:
-            names = _names(left, comparison.horizon) if len(left) < len(others) else "all else"
+            names = _names(left, comparison.horizon, MOST_NAMES)
+            names = names if len(left) < len(others) else "all else"
             undecided.append(f"{titles[label]}: {names}")
     if alone := ", ".join(titles[label] for label in comparison.not_matched):
         made.append(f"gains are not tuned alike: {alone}; `eqt tune CONFIG` tunes all laws alike")
     made += [f"undecided: {'; '.join(undecided)}"] * bool(undecided)
     made += _troubles(comparison)
     made += _claimed(comparison) if claims else ()
-    return [*comparison.between, *made, *_meaning(comparison, len(found))]
+    tested = sum(each.p_value >= 0 for each in found)
+    return [*comparison.between, *made, *_meaning(comparison, tested)]
 
 
 def _headline(found: Sequence[Answer], names: Sequence[tuple[str, ...]]) -> list[Answer]:
@@ -153,13 +158,14 @@ def _in_full(answer: Answer, comparison: Comparison) -> str:
     return f"{what}, in {ahead} of {pair.pairs} runs, {p}"
 
 
-def _names(found: Sequence[Answer], horizon: float) -> str:
+def _names(found: Sequence[Answer], horizon: float, most: int | None = None) -> str:
     def name(pair: Pair) -> str:
         window = pair.measured.seen
         whole = math.isclose(window.stop - window.start, horizon)
         return pair.measured.quantity.plain + ("" if whole else f" {Plain().window(window)}")
 
-    return ", ".join(name(each.pair) for each in found)
+    more = [] if most is None or len(found) <= most else [f"{len(found) - most} more"]
+    return ", ".join([*(name(each.pair) for each in found[:most]), *more])
 
 
 def _troubles(comparison: Comparison) -> Iterator[str]:
@@ -203,6 +209,13 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     if comparison.runs < FEWEST:
         yield too_few(comparison)
         return
+    # Each of n runs the same way has p = 2/2^n, of which Holm's smallest is `count` times as much.
+    enough = math.ceil(math.log2(2 * count / (1 - comparison.confidence)))
+    if comparison.runs < enough:
+        yield (
+            f"{comparison.runs} runs cannot decide {count} numbers: take {enough} "
+            "(`ensemble.runs`), or fewer numbers (`--metric`)"
+        )
     starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     yield (

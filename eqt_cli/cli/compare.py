@@ -269,6 +269,9 @@ def _of_whole(
         made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
         made.sort(key=lambda each: each.name != TableName.WINNERS)  # the answers first
         shown = [each for each in made if table is None or each.name == table]
+        notes = dict.fromkeys(note for each in shown for note in each.notes)  # once, at the end
+        shown = [replace(each, notes=[]) for each in shown]
+        shown[-1:] = [replace(each, notes=list(notes)) for each in shown[-1:]]
         return _Findings({"points": records}, records, shown)
 
 
@@ -343,9 +346,9 @@ def _of_experiment(
     elif text and table is None:
         answer = verdict.lines(comparison, base, claims=not chosen)
         if not chosen:
-            remarks.append(
-                "next: --table pairs, controllers, claims or all; --list for all metrics"
-            )
+            tables = "--table pairs, controllers, claims or all; --list for all metrics"
+            only = "one law, so nothing to compare; `eqt show` has its numbers"
+            remarks.append(only if len(comparison.labels) < 2 else f"next: {tables}")
     elif not shown:
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these controllers"

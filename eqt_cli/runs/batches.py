@@ -430,8 +430,10 @@ class _Pieces:
         return len(self.starts) * (self.length - 1)
 
     def words(self, times: Array) -> str:
-        """Describe the repeated part of the horizon; empty for the whole horizon in one piece."""
+        """Describe the repeated part of the horizon; empty for all of it in one piece, or none."""
         seconds = f"{times[max(self.length, 1) - 1] - times[0]:.3g} s"
+        if self.length < 2:
+            return ""
         if len(self.starts) > 1:
             return f"in {len(self.starts)} pieces of {seconds}"
         return f"over the first {seconds}" if self.length < len(times) else ""

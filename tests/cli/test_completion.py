@@ -70,7 +70,7 @@ COMPLETED = "one case of each kind of name is tried every time"
         slow(COMPLETED, "eqt plot out --width p", ["page"]),
         slow(COMPLETED, "eqt list cont", ["controllers"]),
         ("eqt list casc", ["cascade"]),
-        slow(COMPLETED, "eqt config new --from pap", ["paper"]),
+        slow(COMPLETED, "eqt config new --from pap", ["paper", "paper_rates"]),
         slow(COMPLETED, "eqt show out --table --format j", ["jsonl"]),
         ("eqt run no", []),  # the shell then completes file names
     ],
