@@ -23,7 +23,7 @@ def test_the_summary(eqt):
     assert "6 points, 36 runs, simulation " in done.out
     assert f"results  {Path('out/results.h5')}\nnext     eqt compare out\n" in done.out
     assert "settled   ‖τ‖₅" not in done.out  # nothing over all points
-    won = "Points won by mean ‖I − Q_E‖: EqT 0, GT 0, too few runs 6 (ensemble.runs: 8 or more)."
+    won = "Points won by mean attitude error: EqT 0, GT 0, too few runs 6 (ensemble.runs: 8 or more)."
     assert re.search(r"^  EqT +best +\d +", done.out, re.M) and won in " ".join(done.out.split())
     with open_results("out") as results:
         assert results["effort"].shape == (6, 2, 3)
@@ -35,7 +35,7 @@ def test_scenarios_are_listed_and_none_is_best(eqt):
     done = eqt("sweep", "c.yaml", "--set", f"sweep=[cases: {{ideal: {{}}, slow: {lag}}}]")
     assert done.code == 0
     table = done.out.partition("\n\n")[2].splitlines()
-    assert done.out.startswith("mean ‖I − Q_E‖, each point\n\n")
+    assert done.out.startswith("mean attitude error, each point, deg\n\n")
     assert table[0].split()[:5] == ["point", "at", "EqT", "GT", "winner"]
     assert [row.split()[1] for row in table[2:4]] == ["ideal", "slow"]
     assert table[2].split()[4:7] == ["too", "few", "runs"]
@@ -212,7 +212,7 @@ def test_shards_with_every_kind_of_stored_file_are_packed(eqt, refused):
     assert f"whole {done}" in eqt("pack", "whole", "--trust-plugins").err
     equal = eqt("diff", "out", "whole")
     assert (equal.code, equal.err) == (0, "")
-    assert equal.out.endswith("equal: provenance differs, the 37 datasets do not\n")
+    assert equal.out.endswith("equal: provenance differs, the 41 datasets do not\n")
 
 
 def test_what_is_packed_is_what_was_begun(eqt):
