@@ -216,12 +216,17 @@ def results(
     json: options.Json = False,
 ) -> None:
     """List the results in a folder, the newest first: laws, runs and mean errors."""
+    from eqt_cli.base.reporting import Block, TextTable
+
     if not folder.is_dir():
         raise EqtError(f"{folder}: expected a folder; `eqt run CONFIG` makes results/NAME")
-    records = [_listed(path) for path in folder.rglob(FILE_NAME)]
+    found = list(folder.rglob(FILE_NAME))
+    whole = {path.parent for path in found}  # generations of a search lie inside its result
+    records = [_listed(path) for path in found if not whole & {*path.parent.parents}]
     records.sort(key=lambda each: each["begun"], reverse=True)
     rows = [[str(cell) for cell in each.values()] for each in records]
-    text = output.table(["result", "begun, UTC", "laws", "runs", "headline"], rows)
+    header = ["result", "begun, UTC", "laws", "runs", "headline"]
+    text = output.laid_out(TextTable("results", "", header, [Block("", rows)], [], (header[1],)))
     output.print_findings(records, *[text] * bool(rows), json=json, nothing=f"{folder}: no results")
 
 

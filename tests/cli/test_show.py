@@ -257,6 +257,9 @@ def test_the_results_in_a_folder(eqt, folder):
     """The newest first; a damaged one is listed with what is wrong."""
     eqt("run", "c.yaml", "-q")
     eqt("sweep", "c.yaml", "-q", "--grid", "gains.kp=1,2", "--out", "results/gains")
+    inner = folder / "results" / "c" / "generations" / "0"  # as in the result of a search
+    inner.mkdir(parents=True)
+    (inner / "results.h5").write_bytes(b"part of another result")
     bad = folder / "results" / "bad"
     bad.mkdir()
     (bad / "results.h5").write_bytes(b"no HDF5")
