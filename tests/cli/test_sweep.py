@@ -23,7 +23,9 @@ def test_the_summary(eqt):
     assert "6 points, 36 runs, simulation " in done.out
     assert f"results  {Path('out/results.h5')}\nnext     eqt compare out\n" in done.out
     assert "settled   ‖τ‖₅" not in done.out  # nothing over all points
-    won = "Points won by mean attitude error: EqT 0, GT 0, too few runs 6 (ensemble.runs: 8 or more)."
+    won = (
+        "Points won by mean attitude error: EqT 0, GT 0, too few runs 6 (ensemble.runs: 8 or more)."
+    )
     assert re.search(r"^  EqT +best +\d +", done.out, re.M) and won in " ".join(done.out.split())
     with open_results("out") as results:
         assert results["effort"].shape == (6, 2, 3)

@@ -422,7 +422,10 @@ def test_a_weight_or_buoyancy_below_0_is_refused(name):
 ORDER = (
     "inertia: looks as if masses stood before moments of inertia, as in Fossen's order; on {} the "
 )
-ORDER += "rotation comes first: move the last {} rows and columns to the front"
+ORDER += (
+    "rotation comes first: move the last {} rows and columns to the front; or the moments are not "
+    "in kg m^2"
+)
 
 
 @pytest.mark.parametrize(
