@@ -239,8 +239,8 @@ def in_other_order(G: MatrixLieGroup, law: InertiaLaw) -> str:
         return ""
     return (
         "looks as if masses stood before moments of inertia, as in Fossen's order; on "
-        f"{G.name} the rotation comes first: move the last {k} rows and columns to the front; or the "
-        "moments are not in kg m^2"
+        f"{G.name} the rotation comes first: move the last {k} rows and columns to the front; or "
+        "the moments are not in kg m^2"
     )
 
 
