@@ -104,7 +104,11 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
         return [table for table in [*made, bounds] if table.blocks]
     comparison = compared(result, record)
     tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
-    between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
+    between = [
+        pair
+        for pair in comparison.pairs
+        if {pair.first, pair.second} <= tuned and pair.measured.quantity.name in sought(record)
+    ]
     shown = replace(comparison, pairs=between, levels=[], judgements=[])
     pairs = text_tables(shown, _WRITE)
     if "pairs" in pairs:
@@ -180,9 +184,13 @@ def _front_points(result: Result, record: Record) -> TextTable:
 
 
 def compared(result: Result, record: Record) -> Comparison:
-    """Compare the laws by the objectives and the bounded metrics."""
-    names = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
-    return compare(result, metrics=list(dict.fromkeys(names)))
+    """Compare the laws by the objectives, the bounded metrics, and the errors of any comparison."""
+    return compare(result, metrics=list(dict.fromkeys([*sought(record), *result.compared_first])))
+
+
+def sought(record: Record) -> list[str]:
+    """Return the metrics of a search: its objectives and bounds."""
+    return [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
 
 
 def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str]]:
@@ -205,7 +213,26 @@ def _mark(violated: Mapping[str, Sequence[str]], label: str) -> str:
 def _winners(
     result: Result, record: Record, comparison: Comparison, violated: Mapping[str, Sequence[str]]
 ) -> TextTable:
-    (name,) = record["objectives"]
+    names = dict.fromkeys([*record["objectives"], *result.compared_first])
+    return TextTable(
+        "tuned",
+        f"Tuned laws against their starting gains: {_means_over(result)}",
+        ["law", "tuned", "start", "found", "over searches", "change"],
+        [
+            Block(measured(result, name), _of_laws(result, record, comparison, violated, name))
+            for name in names
+        ],
+        list(_notes(result, record)),
+    )
+
+
+def _of_laws(
+    result: Result,
+    record: Record,
+    comparison: Comparison,
+    violated: Mapping[str, Sequence[str]],
+    name: str,
+) -> list[list[str]]:
     levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
     values = dict(zip(result.labels, result.counted(name), strict=True))
     rows = []
@@ -223,13 +250,7 @@ def _winners(
             rows.append([named, values_text(winner["values"]), before, after, over, change])
         if not law["winners"]:
             rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
-    return TextTable(
-        "tuned",
-        f"Tuned laws against their starting gains: {_means_over(result)}",
-        ["law", "tuned", "start", "found", "over searches", "change"],
-        [Block(measured(result, name), rows)],
-        list(_notes(result, record)),
-    )
+    return rows
 
 
 def _notes(result: Result, record: Record) -> Iterator[str]:
