@@ -27,13 +27,13 @@ from eqt_cli.figures.render import encode, render
 from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.search_figures import Fronts, WorstFigure
 from eqt_cli.figures.style import WIDTHS, house_style
+from eqt_cli.figures.sweep_figures import Rates
 from eqt_cli.figures.time_figures import Commands
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
-# Figures of sweeps, searches, recordings, actuators and estimates have tests of their
-# own.
-OTHERS = OfSweep | Fronts | WorstFigure | MeasuredFigure | Commands | EstimateFigure
+# Figures of sweeps, searches, rates, recordings, actuators and estimates have tests of their own.
+OTHERS = OfSweep | Fronts | WorstFigure | Rates | MeasuredFigure | Commands | EstimateFigure
 NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OTHERS)]
 
 
