@@ -356,8 +356,8 @@ def edit(path, change):
 
 
 def exchanged(rows, names):
-    """As a version writes them in whose source effort and peak torque have changed places."""
-    assert names[:2] == ["effort", "peak_torque"]
+    """As a version writes them in whose source mean torque and effort have changed places."""
+    assert names[:2] == ["mean_torque", "effort"]
     order = [1, 0, *range(2, len(rows))]
     return rows[order], [names[index] for index in order]
 
