@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from benchmarks.table import TITLES, Results
 from benchmarks.whole_command import BEFORE, NOW
 from eqt_cli.base.files import write_all
-from eqt_cli.figures.curves import name_points
 from eqt_cli.figures.labels import in_words
 from eqt_cli.figures.layout import add_legend, freeze
 from eqt_cli.figures.render import encode
@@ -79,16 +78,9 @@ def work_precision(results: Results) -> Figure:
 
 
 def _name(panel: Axes, drawing: Figure) -> None:
-    """Name the curves at their slow ends; those without room there, in a legend."""
+    """Name the curves in a legend."""
     lines = [line for line in panel.lines if not str(line.get_label()).startswith("_")]
-    curves = [np.column_stack(line.get_data()) for line in lines]
-    ends = np.array([curve[np.argmax(curve[:, 0])] for curve in curves])
-    names, colours = zip(*((str(x.get_label()), str(x.get_color())) for x in lines), strict=True)
-    name_points(panel, ends, names, colours, np.concatenate(curves))
-    written = {text.get_text() for text in panel.texts}
-    left = [line for line, name in zip(lines, names, strict=True) if name not in written]
-    if left:
-        add_legend(drawing, left, [str(line.get_label()) for line in left])
+    add_legend(drawing, lines, [str(line.get_label()) for line in lines])
 
 
 def rates(results: Results) -> dict[str, dict[str, float]]:
