@@ -213,8 +213,8 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     enough = math.ceil(math.log2(2 * count / (1 - comparison.confidence)))
     if comparison.runs < enough:
         yield (
-            f"{comparison.runs} runs cannot decide {count} numbers: take {enough} "
-            "(`ensemble.runs`), or fewer numbers (`--metric`)"
+            f"{comparison.runs} runs are too few to call any of {count} numbers better or worse: "
+            f"take {enough} or more (`ensemble.runs`), or fewer numbers (`--metric`)"
         )
     starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"

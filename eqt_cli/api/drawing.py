@@ -401,6 +401,8 @@ def write_report(
                 why = "the page has no certificates; the result could not be verified: "
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
+        if against and opened.is_sweep:
+            raise EqtError("--against: is of one experiment; choose a point with --point")
         base = shown.labels[shown.position_of(against)] if against else ""
         page = report(shown, wanted, rows, reason, author, notes, title, date, base)
     write_all({path: page.encode()}, home)

@@ -260,7 +260,7 @@ def _of_whole(
                 "points"
             )
         first = result.compared_first
-        mapped = first[: 2 if first[0] == "position_rms" else 1]  # and the attitude's
+        mapped = first[: 2 if first[:1] == ["position_rms"] else 1]  # and the attitude's
         maps = api.compare_sweep(
             path, metrics or mapped, controllers=laws, units=units, share=share, **vars(how)
         )

@@ -242,8 +242,7 @@ def _listed(path: Path) -> dict[str, Any]:
             record["laws"] = ", ".join(result.titles)
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
-            if not result.is_sweep:
-                name = result.compared_first[0]
+            for name in () if result.is_sweep else result.compared_first[:1]:
                 means = ", ".join(significant(row[name]) for row in result.headline())
                 words = f"{result.quantity(name).plain} {means} {result.unit_in_words(name)}"
                 record["headline"] = words.rstrip()

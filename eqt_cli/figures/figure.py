@@ -593,7 +593,7 @@ class OfOneMetric(OfSweep):
 
     def metric_of(self, swept: ShownSweep) -> str:
         """Return the name of the metric that is shown."""
-        return self.metric or swept.results.compared_first[0]
+        return self.metric or swept.error_metric
 
 
 @dataclass(frozen=True)

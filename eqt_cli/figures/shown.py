@@ -527,6 +527,11 @@ class ShownSweep:
                 f"here is swept: {self.keys}"
             )
 
+    @property
+    def error_metric(self) -> str:
+        """The name of the error by which laws are compared first."""
+        return next(iter(self.results.compared_first), "mean_pose_error")
+
     def of_one_unit(self, name: str) -> str:
         """Return the name of a metric; of its first part where the parts have different units."""
         mixed = self.results.has(name) and self.results.units(name) == MIXED

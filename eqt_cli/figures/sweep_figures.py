@@ -488,7 +488,7 @@ class Pareto(OfSweep):
         """Draw the means over the runs of every point, and the front of every controller."""
         swept.require_choices()
         cost_name = self.cost or swept.of_one_unit("effort")
-        error_name = self.error or swept.results.compared_first[0]
+        error_name = self.error or swept.error_metric
         cost, error = swept.means(cost_name), swept.means(error_name)
         drawing = Drawing(figsize=(WIDTHS[width], _PARETO_HEIGHTS[width]))
         panel = drawing.add_subplot()

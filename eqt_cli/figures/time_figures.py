@@ -97,7 +97,7 @@ class Paper(Panelled, OverTime):
     def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
         """Draw a row per norm and part, and a column per law."""
         of_parts = {norm: [""] if norm == _FUNCTION else runs.parts for norm in norms}
-        signals = [norm + part for norm in norms for part in of_parts[norm]]
+        signals = [runs.in_space(norm + part) for norm in norms for part in of_parts[norm]]
         drawing, rows = law_columns(runs, width, signals, lambda s, e: e in self._shown(runs, s))
         for signal, row in rows.items():
             for ensemble in self._shown(runs, signal):

@@ -88,6 +88,17 @@ def test_few_runs_have_no_statistics(compared):
     assert found[-1] == "2 runs per law: too few for statistics; `ensemble.runs` sets how many"
 
 
+def test_too_few_runs_for_so_many_numbers_are_said(compared):
+    """n runs that all go one way have p = 2/2ⁿ, and Holm's smallest is p times the numbers."""
+    torque, pose = [spread(2.0, 5), spread(2.5, 5)], [spread(1.0, 5), spread(0.8, 5, 0.1)]
+    comparison = compared(torque, pose)
+    tests = sum(each.p_value >= 0 for each in answers(comparison))
+    needed = next(n for n in range(1, 99) if tests * 2 / 2**n <= 0.05)
+    assert needed > 5
+    said = f"5 runs are too few to call any of {tests} numbers better or worse: take {needed} or"
+    assert any(line.startswith(said) for line in lines(comparison))
+
+
 @pytest.mark.slow("compares 300 times")
 def test_where_no_law_is_better_few_answers_say_so(compared):
     """Whole runs of both laws are exchanged at random: false words in at most 5 % of comparisons.

@@ -105,6 +105,13 @@ def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
     assert [axes.get_title() for axes in drawing.axes[:2]] == ["rotation", "translation"]
 
 
+def test_a_column_per_law_shows_the_same_errors(se3, opened, picture):
+    drawing = picture(Paper(bands="quantiles", panels=["pose_error"]), opened(se3))
+    labels = {axes.get_ylabel() for axes in drawing.axes} - {""}
+    expected = {r"attitude error $(\mathrm{deg})$", r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$"}
+    assert labels == expected
+
+
 def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened, picture):
     brief = {"controllers": ["eqt"], "time": {"duration": 0.1, "samples": 3}}
     results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}, **brief))
