@@ -6,8 +6,10 @@ import re
 import numpy as np
 import pytest
 
+import eqt_cli
 from eqt_cli.analysis.maps import extreme_points
 from eqt_cli.api.loading import open_at
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import significant
 from eqt_cli.report.document import report
 from eqt_cli.report.summary import point_table
@@ -140,3 +142,8 @@ def test_the_page_holds_valid_data(text):
 @pytest.mark.slow("draws the page of a sweep")
 def test_a_sweep_is_verified_too(text):
     assert "could not be verified" not in text
+
+
+def test_a_page_of_a_sweep_is_against_no_law(swept_result):
+    with pytest.raises(EqtError, match="--against: is of one experiment; choose a point"):
+        eqt_cli.write_report(swept_result, against="gt", quick=True)
