@@ -16,6 +16,7 @@ from eqt_cli.cli.output import print_findings, print_source, say
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
+    from eqt_cli.results.result import Result
 
 # `eqt plot` and `eqt animate`: figures of a result, and one run of it as a moving picture ---------
 
@@ -29,6 +30,15 @@ _WITHOUT = {
 """Reasons why a figure lacks an option."""
 
 
+def _list(wish: bool) -> None:
+    """Print all figures, if this is wished, and exit."""
+    if wish:
+        from eqt_cli.cli.lookup import list_components
+
+        list_components("figures")
+        raise typer.Exit
+
+
 def plot(
     result: Annotated[
         list[Path],
@@ -39,6 +49,9 @@ def plot(
         ),
     ],
     figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
+    list_: Annotated[
+        bool, options.option("--list", is_eager=True, callback=lambda wish: _list(wish))
+    ] = False,
     set_: options.Set = None,
     option: Annotated[
         list[str] | None, options.option("--option", autocompletion=completion.figure_options)
@@ -73,8 +86,10 @@ def plot(
     Options
     -------
     What to show
-        --figure NAME  Figure to draw. Repeatable. Default: paper, reference for a CONFIG,
+        --figure NAME  Figure to draw. Repeatable. Default: path where there are positions, paper,
+            pose and commands; sweep, forest or worst of a sweep; reference for a CONFIG;
             measured with --measured.
+        --list  Print the figures, a sentence each, and exit.
         --panel NAME  Draw only this panel, such as pose_error. Repeatable.
         --from S  Start of the time axis in seconds.
         --to S  End of the time axis in seconds.
@@ -167,7 +182,7 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
         return ["paper"]
     with open_result(result) as results:
         if not results.is_sweep:
-            return ["paper"]
+            return _of_one(results)
         if WORST.beside(results):
             return ["worst"]
         if side_by_side(results):
@@ -187,6 +202,17 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
             f"({keys}); drew 'pareto' instead; --point draws one point"
         )
     return choices
+
+
+def _of_one(result: Result) -> list[str]:
+    """Return the figures to draw by default of one experiment: where it went, errors, commands."""
+    numbers = result.stored_runs
+    if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):
+        return ["paper"]
+    parts = result.group.parts if result.group else ()
+    placed = any(part.pose_unit == "m" and part.axes.stop - part.axes.start > 1 for part in parts)
+    commanded = ["commands"] if result.has("command") else []
+    return [*(["path"] if placed else []), "paper", *(["pose"] if placed else []), *commanded]
 
 
 def _options(

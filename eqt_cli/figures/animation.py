@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,8 @@ from PIL import Image
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.components.groups import Part, group_named
+from eqt_cli.components.groups import group_named
+from eqt_cli.figures.bodies import CORNERS, FACES, BodyPath, course, moving_parts
 from eqt_cli.figures.cells import scale_norm
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.labels import quantity, signal_label
@@ -33,21 +34,6 @@ from eqt_cli.results.result import Result
 
 MOST_CONTROLLERS = 6
 """Most bodies that are shown side by side."""
-
-
-class BodyPath(NamedTuple):
-    """Orientation and position over time.
-
-    Attributes
-    ----------
-    rotation : (..., samples, 3, 3)
-        Body to inertial frame; a planar motion turns about z; identity without rotations.
-    position : (..., samples, 3)
-        Inertial frame, m; zero on a group without translations.
-    """
-
-    rotation: Array
-    position: Array
 
 
 @dataclass(frozen=True)
@@ -117,9 +103,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         source = ShownRuns([results], "animation", Chosen(controllers))
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]
-    parts = group_named(results.group_name).parts
-    turning = next((part for part in parts if part.turns), None)
-    moving = next((part for part in parts if part.pose_unit == "m"), None)
+    turning, moving = moving_parts(group_named(results.group_name))
     if turning is None and moving is None:
         raise results.error(
             f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "
@@ -132,8 +116,8 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         run=run,
         times=results.times,
         ensembles=ensembles,
-        body=_course(results.trajectory("pose", run)[shown], turning, moving),
-        reference=_course(results["desired_pose"], turning, moving),
+        body=course(results.trajectory("pose", run)[shown], turning, moving),
+        reference=course(results["desired_pose"], turning, moving),
         has_translation=moving is not None,
         thrusts=_thrusts(results, run, shown),
         norms={name: results.trajectory(name, run)[shown] for name in norms},
@@ -149,19 +133,6 @@ def _thrusts(results: Result, run: int, shown: list[int]) -> Array:
     at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)
-
-
-def _course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath:
-    rotation = np.broadcast_to(np.eye(3), (*poses.shape[:-2], 3, 3)).copy()
-    position = np.zeros((*poses.shape[:-2], 3))
-    if turning is not None:
-        entries = poses[(..., *turning.entries)]
-        size = entries.shape[-1]
-        rotation[..., :size, :size] = entries
-    if moving is not None:
-        column = poses[(..., *moving.entries)][..., 0]
-        position[..., : column.shape[-1]] = column[..., :3]
-    return BodyPath(rotation, position)
 
 
 AXES = {"x": "#c1272d", "y": "#2e8b57", "z": "#1f5fbf"}
@@ -185,25 +156,17 @@ _SIGHTS = 3.0
 _MOST_LINES = 60
 """Most lines of the grid in each direction, approximately."""
 
-HALF_SIZES = (0.62, 0.36, 0.13)
-"""Half sizes of the box that stands for the body, in lengths of its axes."""
-
 ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
-
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF_SIZES
-"""Corners of the box in its own frame, ``(8, 3)``."""
-FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-"""Corners of each face of the box, as indices into `CORNERS`, in order around the face."""
 
 _NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
 _LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
 
 
-def camera() -> Array:
+def camera(elevation: float = ELEVATION, azimuth: float = AZIMUTH) -> Array:
     """Return the camera's axes as rows: right, up, and towards the eye, ``(3, 3)``."""
-    level = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0])
-    towards = np.cos(ELEVATION) * level + [0.0, 0.0, np.sin(ELEVATION)]
-    right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    towards = np.cos(elevation) * level + [0.0, 0.0, np.sin(elevation)]
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     return np.stack([right, np.cross(towards, right), towards])
 
 

@@ -129,9 +129,13 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> Non
         axes.plot(x, y, label=f"run {number}", **look)
         for place in _ARROWS:
             _draw_arrow(axes, x, y, place, look["color"][0])
-    start = _start(look["color"][0])
-    for name, at, dot in (("start", 0, start), ("end", -1, {"color": ink(), **_END})):
-        ends = [(x[at], y[at]) for x, y in paths.values()]
+    draw_ends(axes, list(paths.values()), look["color"][0])
+
+
+def draw_ends(axes: Axes, paths: Sequence[Path], colour: Any) -> None:
+    """Draw a hollow dot at the start of each path and a filled one at its end."""
+    for name, at, dot in (("start", 0, _start(colour)), ("end", -1, {"color": ink(), **_END})):
+        ends = [(x[at], y[at]) for x, y in paths]
         axes.plot(*zip(*ends, strict=True), label=name, **dot)
 
 
@@ -172,9 +176,32 @@ def _start(colour: Any) -> dict[str, Any]:
 def path_legend(shown: Sequence[Ensemble], most: int, *, density: bool) -> dict[str, Artist]:
     """Return legend handles by name, where at most `most` good runs are drawn."""
     shade = {"where runs pass": Patch(facecolor=ink(0.25), linewidth=0)} if density else {}
-    return {
-        **thin_line_legend(shown, most),
-        "start": Line2D([], [], **_start(ink(0.7))),
-        "end": Line2D([], [], color=ink(), **_END),
-        **shade,
-    }
+    return {**thin_line_legend(shown, most), **end_legend(), **shade}
+
+
+def end_legend() -> dict[str, Artist]:
+    """Return the legend handles of the ends of paths by name."""
+    start = Line2D([], [], **_start(ink(0.7)))
+    return {"start": start, "end": Line2D([], [], color=ink(), **_END)}
+
+
+FAR = 10.0
+"""A law has diverged whose last value exceeds so many times every value of the others."""
+
+
+def diverging(curves: Mapping[str, Array]) -> list[str]:
+    """Return the names of the curves ``(samples,)`` that end far above all values of the others."""
+    peaks = {name: float(np.nanmax(curve)) for name, curve in curves.items()}
+    others, far = -np.inf, list[str]()
+    for name in sorted(peaks, key=lambda each: peaks[each]):
+        if np.isfinite(others) and curves[name][-1] > FAR * others > 0:
+            far.append(name)
+        else:
+            others = max(others, peaks[name])
+    return far
+
+
+def open_frame(axes: Axes) -> None:
+    """Leave out the frame's upper and right sides."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(which="both", top=False, right=False)

@@ -136,9 +136,14 @@ class ShownRuns(ShownControllers):
             raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
         return values[self._samples(ensemble.results)] * ensemble.results.factor(signal)
 
-    def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
-        """Return `values` of a norm; with `degrees`, rotations are angles and in deg/s."""
-        values = self.values(signal, ensemble)
+    def errors(
+        self, signal: str, ensemble: Ensemble, *, degrees: bool, run: int | None = None
+    ) -> Array:
+        """Return `values` of a norm, or `of_run`; with `degrees`, angles of rotations and deg/s."""
+        if run is None:
+            values = self.values(signal, ensemble)
+        else:
+            values = self.of_run(signal, ensemble, run)
         turns = signal.replace("estimate_error", "pose_error") in self.results[0].attitude_errors
         if degrees and turns:
             _, factor = self.results[0].shown_in("", "deg")
@@ -228,13 +233,20 @@ class ShownRuns(ShownControllers):
 
     def in_space(self, signal: str) -> str:
         """Return the attitude angle or ‖p − p_d‖ in place of ‖I − R_E‖ or ‖p_E‖, on SE(n)."""
-        plain = _IN_SPACE.get(signal, "")
-        return plain if self.results[0].has("position_error") and plain else signal
+        plain, first = _IN_SPACE.get(signal, ""), self.results[0]
+        return plain if plain and first.has("position_error") and first.has(plain) else signal
 
     @property
     def group(self) -> MatrixLieGroup | None:
         """The group of all results; None if it is of a plugin that is not loaded."""
         return self.results[0].group
+
+    def known_group(self) -> MatrixLieGroup:
+        """Return `group`; refuse that of a plugin that is not loaded."""
+        if self.group is None:
+            name = self.results[0].group_name
+            raise self.error(f"does not know group '{name}', which a plugin of the result defines")
+        return self.group
 
     @cached_property
     def axes(self) -> list[tuple[str, str]]:
@@ -653,6 +665,9 @@ figures = Registry(
     "figure",
     "figures",
     Figure,
-    tuple(f"figures.{kind}_figures" for kind in ("time", "run", "comparison", "sweep", "search")),
+    tuple(
+        f"figures.{kind}_figures"
+        for kind in ("path", "time", "run", "comparison", "sweep", "search")
+    ),
     "eqt.plots",
 )

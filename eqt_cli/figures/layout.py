@@ -256,6 +256,8 @@ def freeze(figure: Figure) -> None:
     if _numbers(scales) != measured:  # the new room has changed them, or their size
         arrange(figure)
     figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.apply_aspect()  # before names are placed beside it
     _keep_names(scales)
 
 

@@ -276,18 +276,16 @@ class Sphere(OfFirstRuns):
 
     def _rotations(self, runs: ShownRuns) -> tuple[MatrixLieGroup, list[Part]]:
         """Return the group, and the spatial rotations among its parts."""
-        if runs.group is None:
-            name = runs.results[0].group_name
-            raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
-        turning = [part for part in runs.group.parts if part.turns]
+        G = runs.known_group()
+        turning = [part for part in G.parts if part.turns]
         rotations = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
         if not rotations:
             has = "turns in a plane only" if turning else "has none"
             raise runs.error(
-                f"shows rotations in space, and {runs.group.name} {has}; "
+                f"shows rotations in space, and {G.name} {has}; "
                 "figure 'runs' shows its errors over time"
             )
-        return runs.group, rotations
+        return G, rotations
 
 
 def _draw_grid(axes: Axes, centre: int) -> None:

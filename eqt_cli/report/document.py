@@ -29,9 +29,7 @@ from eqt_cli.base.version import __version__
 from eqt_cli.figures.animation import (
     AXES,
     AZIMUTH,
-    CORNERS,
     ELEVATION,
-    FACES,
     INERTIAL,
     TRAIL,
     Motion,
@@ -39,6 +37,7 @@ from eqt_cli.figures.animation import (
     motion,
     scene_of,
 )
+from eqt_cli.figures.bodies import CORNERS, FACES
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
@@ -251,12 +250,14 @@ class TooLargeFigureError(EqtError):
 
 
 DEFAULT = (
+    Wanted("path", needs="position_error"),
     Wanted(
         "paper",
         {"log": True},
         "Means over runs of pose error, velocity error, torque and Lyapunov function L, as in "
         "Figure 3 of the paper; errors and L on logarithmic axes.",
     ),
+    Wanted("pose", needs="position_error"),
     Wanted("torque"),
     Wanted("commands", needs="command"),
     Wanted(

@@ -12,8 +12,6 @@ import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures.animation import (
-    CORNERS,
-    FACES,
     MOST_CONTROLLERS,
     TRAIL,
     _Stage,
@@ -25,6 +23,7 @@ from eqt_cli.figures.animation import (
     scene_of,
     tips,
 )
+from eqt_cli.figures.bodies import CORNERS, FACES
 from eqt_cli.report.document import animation
 
 

@@ -284,7 +284,8 @@ def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, 
     drawing = drawn(name, se3).drawing
     averaged = name in ("paper", "runs", "torque", "distributions")
     assert ("over 6 runs" in drawing.get_supxlabel()) == averaged
-    assert len(drawing.get_supxlabel().splitlines()) == (averaged or name == "sphere")  # its axis
+    single = name in ("sphere", "path", "pose")  # which says its axis, or the run
+    assert len(drawing.get_supxlabel().splitlines()) == (averaged or single)
 
 
 @every_figure

@@ -1,0 +1,165 @@
+"""Where the bodies went: what is drawn is what the result holds."""
+
+import numpy as np
+import pytest
+from said import error_of
+
+from eqt_cli.figures.bodies import CORNERS, FACES, outline, rotors
+from eqt_cli.figures.curves import diverging
+from eqt_cli.figures.path_figures import PathFigure, PoseFigure, continuous
+
+pytestmark = pytest.mark.usefixtures("unarranged")
+
+
+def curve(axes, label):
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return np.stack(line.get_data(), axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("view", "shown"), [("xy", {"xy": [0, 1]}), ("planes", {"xy": [0, 1], "xz": [0, 2]})]
+)
+def test_positions_in_planes_are_those_of_the_result(view, shown, se3, opened, picture):
+    results = opened(se3)
+    drawing = picture(PathFigure(view=view), results)
+    assert [axes.get_label() for axes in drawing.axes] == [f"{name} 0" for name in shown]
+    for axes, places in zip(drawing.axes, shown.values(), strict=True):
+        for k, label in enumerate(results.labels):
+            drawn = curve(axes, f"{label} 0")
+            np.testing.assert_array_equal(drawn, results["pose"][k, 0][:, places, 3])
+        np.testing.assert_array_equal(
+            curve(axes, "desired 0"), results["desired_pose"][:, places, 3]
+        )
+        assert axes.get_aspect() == 1.0
+
+
+def test_scales_are_equal_in_all_panels(se3, opened):
+    for width in ("column", "slide"):
+        drawing = PathFigure(view="planes", runs=3).draw([opened(se3)], width)
+        drawing.canvas.draw()
+        assert len(drawing.axes) == 8
+        for axes in drawing.axes:
+            box = axes.get_window_extent()
+            across, up = (np.ptp(lim) for lim in (axes.get_xlim(), axes.get_ylim()))
+            assert box.width / across == pytest.approx(box.height / up, rel=1e-9)
+
+
+def test_the_plane_is_that_of_the_motion(se3, altered, opened, picture):
+    assert len(picture(PathFigure(), opened(se3)).axes) == 2  # in space
+    pose, desired = opened(se3)["pose"].copy(), opened(se3)["desired_pose"].copy()
+    pose[..., 1, 3] = desired[..., 1, 3] = 2.0
+    (axes,) = PathFigure().draw([altered(se3, pose=pose, desired_pose=desired)]).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$x$ $(\mathrm{m})$", r"$z$ $(\mathrm{m})$")
+
+
+def test_a_path_on_the_sphere_is_that_of_the_body_axis(so3, opened, picture):
+    """R e_x seen by an eye at the tip of the third of three orthonormal rows."""
+    results = opened(so3)
+    drawing = picture(PathFigure(axis="x"), results)
+    tips = results["pose"][2, 0][:, :, 0]  # nog
+    axes = drawing.axes[2]
+    near, far = (curve(axes, f"nog 0{side}") for side in ("", ", far side"))
+    drawn = np.where(np.isfinite(near), near, far)
+    assert np.isfinite(drawn).all()
+    rows = np.linalg.lstsq(tips, drawn, rcond=None)[0].T
+    np.testing.assert_allclose(tips @ rows.T, drawn, atol=1e-12)  # of 41 samples: a linear map,
+    np.testing.assert_allclose(rows @ rows.T, np.eye(2), atol=1e-12)  # without a change of lengths
+    towards = np.cross(*rows)
+    assert (np.isfinite(near[:, 0]) >= (tips @ towards > 1e-9)).all()
+
+
+def test_runs_have_panels_by_law_and_a_dark_reference(se3, opened, picture):
+    drawing = picture(PathFigure(view="xz", runs=2), opened(se3))
+    assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
+    run = opened(se3)["pose"][1, 1][:, [0, 2], 3]
+    np.testing.assert_array_equal(curve(drawing.axes[1], "gt 1"), run)
+    assert drawing.get_supxlabel() == "First 2 runs."
+
+
+def test_a_law_that_leaves_is_cut_off_and_named(se3, altered, opened):
+    pose = opened(se3)["pose"].copy()
+    pose[1, 0, :, 0, 3] += 10.0 ** np.linspace(-3, 6, 41)
+    drawing = PathFigure(view="xz").draw([altered(se3, pose=pose)])
+    assert np.ptp(drawing.axes[0].get_xlim()) < 50
+    assert "Cut off, since it leaves the reference: GT." in drawing.get_supxlabel()
+
+
+def test_diverging_is_what_ends_ten_times_above_all_others():
+    falls, grows = np.linspace(1, 0, 5), np.linspace(1, 9.9, 5)
+    assert diverging({"a": falls, "b": grows}) == []
+    assert diverging({"a": falls, "b": 2 * grows, "c": 3 * grows}) == ["b", "c"]
+    assert diverging({"a": 100 * falls, "b": falls}) == []  # it comes from far away
+    assert diverging({"a": grows}) == []
+
+
+def test_bodies_stand_on_the_path(se3, opened, picture):
+    results = opened(se3)
+    drawing = picture(PathFigure(view="xy", bodies=3, controllers=["eqt"], runs=1), results)
+    bodies = drawing.axes[0].collections
+    middles = [
+        np.mean([path.vertices[:4].mean(axis=0) for path in b.get_paths()], 0) for b in bodies
+    ]
+    expected = results["pose"][0, 0][[0, 20, 40], :2, 3]
+    np.testing.assert_allclose(middles, expected, atol=1e-12)  # a box is symmetric
+
+
+def test_outlines_are_a_box_or_rotors(se3, opened):
+    results = opened(se3)
+    assert not len(rotors(results))
+    boxes = outline(results)
+    assert np.array_equal(boxes, [CORNERS[list(face)] for face in FACES])
+
+
+@pytest.mark.parametrize(
+    ("options", "result", "message"),
+    [
+        ({"view": "sphere", "bodies": 2}, "se3", "figure 'path': bodies: belongs to paths of "
+         "positions; view sphere has none"),
+        ({"view": "xy"}, "so3", "{path}: figure 'path' shows positions in a plane or in space, and "
+         "SO3 has none; figure 'pose' shows its coordinates over time"),
+        ({"bodies": 2}, "so3", "{path}: figure 'path' draws bodies at positions; leave out the "
+         "option 'bodies'"),
+        ({"view": "above"}, "se3", "figure 'path': view: expected '', 'xy', 'xz', 'yz', 'planes', "
+         "'space' or 'sphere', got 'above'"),
+    ],
+)  # fmt: skip
+def test_what_it_refuses(options, result, message, opened, request):
+    path = request.getfixturevalue(result)
+    said = error_of(PathFigure(**options).draw, [opened(path)])
+    assert said == message.format(path=path)
+
+
+def test_pose_shows_components_reference_and_errors(se3, opened, picture):
+    from scipy.spatial.transform import Rotation
+
+    results = opened(se3)
+    drawing = picture(PoseFigure(run=2), results)
+    panels = {axes.get_ylabel(): axes for axes in drawing.axes}
+    assert list(panels) == [
+        r"$x$ $(\mathrm{m})$", r"roll $(\mathrm{deg})$",
+        r"$y$ $(\mathrm{m})$", r"pitch $(\mathrm{deg})$",
+        r"$z$ $(\mathrm{m})$", r"yaw $(\mathrm{deg})$",
+        r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$", r"attitude error $(\mathrm{deg})$",
+    ]  # fmt: skip
+    pose = results["pose"][0, 2]
+    y = curve(panels[r"$y$ $(\mathrm{m})$"], "eqt")[:, 1]
+    np.testing.assert_array_equal(y, pose[:, 1, 3])
+    yaws = Rotation.from_matrix(pose[:, :3, :3]).as_euler("ZYX", degrees=True)
+    for name, expected in zip(("yaw", "pitch", "roll"), yaws.T, strict=True):
+        drawn = curve(panels[rf"{name} $(\mathrm{{deg}})$"], "eqt")[:, 1]
+        there = np.isfinite(drawn)
+        turns = (drawn - expected)[there] / 360
+        # SciPy makes the matrix orthonormal first; at rtol 1e-3 it is so to 1e-6, and a steep pitch
+        # enlarges that.
+        np.testing.assert_allclose(turns, np.round(turns), atol=1e-5)
+        assert there.sum() > 35
+    errors = curve(panels[r"attitude error $(\mathrm{deg})$"], "gt")[:, 1]
+    np.testing.assert_array_equal(errors, results["attitude_angle"][1, 2])
+
+
+def test_angles_have_no_jumps_by_whole_turns():
+    grows = np.linspace(0, 20, 201)
+    wrapped = np.arctan2(np.sin(grows), np.cos(grows))[:, None]
+    np.testing.assert_allclose(continuous(wrapped)[:, 0], grows, atol=1e-12)
+    singular = np.where(np.arange(201) < 100, wrapped[:, 0], wrapped[:, 0] + 2.5)[:, None]
+    assert np.flatnonzero(np.isnan(continuous(singular)[:, 0])).tolist() == [100]
