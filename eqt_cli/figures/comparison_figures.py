@@ -127,6 +127,9 @@ def box_legend(runs: Sequence[int]) -> tuple[list[Artist], list[str]]:
     return list(handles.values()), list(handles)
 
 
+_MOST_COUNTS = 4
+"""Most laws whose counts of unsettled runs stand above a panel of distribution functions."""
+
 MOST_STEPS = 500
 """Most steps of a distribution function; beyond, each stands for several runs."""
 
@@ -194,7 +197,9 @@ class Distributions(OfMetrics):
         else:
             for row in places:
                 panels[row[0]].set_ylabel("fraction of runs")
-            add_legend(drawing, panels[metrics.metrics[0]].lines, [e.title for e in metrics.shown])
+            names = [e.title for e in metrics.shown]
+            whole = len(names) // len(metrics.results)
+            add_legend(drawing, panels[metrics.metrics[0]].lines, names, whole)
         metrics.remarks.append(f"Distributions over {metrics.count()}.")
         return drawing
 
@@ -256,6 +261,8 @@ def _count(axes: Axes, samples: Sequence[MetricValues], room: float, *, boxes: b
         text = f"not settled{of}"
     else:
         text = f"not settled: {', '.join(counts)}{of}"
+        if len(counts) > _MOST_COUNTS:
+            text = f"not settled: {sum(sample.censored for sample in samples)} of {sum(totals)}"
     axes.set_title(free_text(text, int(25 * room)), loc="right", fontsize="small")
 
 

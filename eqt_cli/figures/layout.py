@@ -1,5 +1,7 @@
 """Sheets of panels, their names, legends and remarks; it knows no signal and no result."""
 
+import re
+import textwrap
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from string import ascii_lowercase
@@ -11,12 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.text import Text
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures.labels import free_text, part_name, quantity
-from eqt_cli.figures.style import WIDTHS, Width, size_of_type
+from eqt_cli.figures.style import ENLARGED, WIDTHS, Width, size_of_type
 
 EMPTY = "."
 """Empty place in a mosaic."""
@@ -31,8 +35,8 @@ _REMARK_HEIGHT = 1.5
 """Height of a line of small text over the size of its type."""
 _NARROW = 1.1
 """Width below which a panel has fewer numbers along its time axis, in."""
-_CHARACTERS = 2.0
-"""Characters per length equal to the type size."""
+_SAMPLE = "abcdefghijklmnopqrstuvwxyz ABCDEFGHIJKL 0123456789"
+"""Characters as frequent as in names."""
 _OF_PROSE = 1.15
 """Characters of prose over those of names, which have more capitals and digits."""
 _SMALL = 0.833
@@ -49,8 +53,8 @@ _WHOLE = 9
 """Most characters of a word that is never broken in a name."""
 _ROW_PITCH = 1.15
 """Distance from row to row, in heights of a panel."""
-_LEAST_TYPE = 5.0
-"""Least size of type of a label, pt; on a slide, this is 11 pt."""
+_LEAST_TYPE, _INDEX = 5.5, 0.7
+"""Least size of a letter, pt, and size of an index or exponent over that of its text."""
 _LETTER = 0.2
 """Width of the letter of a panel, in."""
 
@@ -206,19 +210,28 @@ def _letter(number: int) -> str:
     return (_letter(before - 1) if before else "") + ascii_lowercase[last]
 
 
-def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
+def add_legend(
+    figure: Figure, handles: Sequence[Artist], names: Sequence[str], whole: int = 1
+) -> None:
     """Name the curves above the panels, in as few rows as fit; the figure grows by them.
 
-    The names are texts of a user.
+    The names are texts of a user, row by row; `whole` of them stay in one row, or start a new one.
     """
     room = figure.get_figwidth() - 0.5  # beside the handle
     characters = _characters(room, size_of_type("legend.fontsize"))
     for rows in range(1, len(names) + 1):
         columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
+        if columns > 1 and columns % whole and whole % columns:
+            continue
+        # Matplotlib fills column by column.
+        order = [k for column in range(columns) for k in range(column, len(names), columns)]
         legend = figure.legend(
-            handles, [""] * len(names), loc="outside upper center", ncols=columns
+            [handles[k] for k in order],
+            [""] * len(names),
+            loc="outside upper center",
+            ncols=columns,
         )
-        for text, name in zip(legend.get_texts(), names, strict=True):
+        for text, name in zip(legend.get_texts(), [names[k] for k in order], strict=True):
             # Not as labels above: Matplotlib leaves out those that begin with an underscore.
             text.set_text(free_text(name, characters))
         extent = legend.get_window_extent()
@@ -233,10 +246,14 @@ def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
     if remarks:
         size = _SMALL * size_of_type("font.size")
         characters = _characters(_OF_PROSE * figure.get_figwidth(), size)
-        text = "\n".join(free_text(remark, characters) for remark in remarks)
-        lines = text.count("\n") + 1
+        label = figure.supxlabel("".join(remarks), x=0.01, ha="left", fontsize=size)
+        label.set_fontsize(max(size, _least(label)))
+        for most in range(characters, characters * 3 // 4, -2):
+            label.set_text("\n".join(free_text(remark, most) for remark in remarks))
+            if label.get_window_extent().width < 0.98 * figure.bbox.width:
+                break
+        lines, size = label.get_text().count("\n") + 1, float(label.get_fontsize())
         figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * size / 72 * lines)
-        figure.supxlabel(text, x=0.01, ha="left", fontsize=size)
 
 
 def freeze(figure: Figure) -> None:
@@ -251,10 +268,15 @@ def freeze(figure: Figure) -> None:
     scales = [scale for axes in figure.axes for scale in (axes.xaxis, axes.yaxis)]
     measured = _numbers(scales)
     _fit_to_rows(figure)
+    _fit_to_columns(figure)
+    for text in figure.findobj(Text):
+        text.set_fontsize(max(text.get_fontsize(), _least(text)))
     for scale in scales:
         scale.get_majorticklabels()
     if _numbers(scales) != measured:  # the new room has changed them, or their size
         arrange(figure)
+    for scale in scales:
+        _hide_crowded(scale)
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.apply_aspect()  # before names are placed beside it
@@ -267,6 +289,7 @@ def _keep_names(scales: Iterable[Axis]) -> None:
     Matplotlib would compare all numbers of the column for each of its scales, for every format.
     """
     places, lines = list[tuple[Axis, Any, float]](), dict[Any, float]()
+    least = dict[Any, float]()  # so that the highest letter is on the page
     for scale in scales:
         if scale.axes.get_label() == COLOUR_SCALE:
             continue  # its panel has its place only when it is drawn
@@ -276,16 +299,22 @@ def _keep_names(scales: Iterable[Axis]) -> None:
         start = spec.colspan.start if spec and side == "left" else -1 - len(places)
         column = scale.axes.figure, start  # of a part of a figure, such as the curves of a GIF
         lines[column] = min(x, lines.get(column, x))
+        least[column] = max(x - scale.label.get_window_extent().x0, least.get(column, -np.inf))
         places.append((scale, column, y))
     for scale, column, y in places:
-        place = scale.axes.transAxes.inverted().transform((lines[column], y))
+        x = max(lines[column], least[column] if column[1] == 0 else -np.inf)
+        place = scale.axes.transAxes.inverted().transform((x, y))
         scale.set_label_coords(*place)
 
 
-def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any, Any]]:
+def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any]]:
     """Return the numbers and words along scales, their sizes, and the sizes of the names."""
-    texts = [(tick.label1, scale.label) for scale in scales for tick in scale.majorTicks]
-    return [(text.get_text(), text.get_fontsize(), name.get_fontsize()) for text, name in texts]
+    texts = [text for scale in scales for text in (*_labels(scale), scale.label)]
+    return [(text.get_text(), text.get_fontsize()) for text in texts]
+
+
+def _labels(scale: Axis) -> list[Text]:
+    return [tick.label1 for tick in scale.majorTicks]
 
 
 def _fit_to_rows(figure: Figure) -> None:
@@ -302,11 +331,41 @@ def _fit_to_rows(figure: Figure) -> None:
             _shrink(numbers, lines / tall)
 
 
+def _fit_to_columns(figure: Figure) -> None:
+    """Break names of horizontal scales that are wider than their panel, but not in a unit."""
+    for axes in figure.axes:
+        label = axes.xaxis.label
+        wide, room = label.get_window_extent().width, 1.15 * axes.get_window_extent().width
+        if wide > room and axes.get_label() != COLOUR_SCALE:
+            text = re.sub(r"\([^)]*\)", lambda unit: unit[0].replace(" ", "\xa0"), label.get_text())
+            most = int(len(text) * room / wide)
+            label.set_text(textwrap.fill(text, most, break_long_words=False))
+
+
+def _hide_crowded(scale: Axis) -> None:
+    """Hide the numbers of a logarithmic scale that would cover the one before."""
+    if scale.get_scale() == "log":
+        end = -np.inf
+        for tick in scale.majorTicks:
+            box = tick.label1.get_window_extent()
+            first, last = (box.x0, box.x1) if scale is scale.axes.xaxis else (box.y0, box.y1)
+            tick.label1.set_visible(tick.label1.get_visible() and first >= end)
+            end = last if first >= end else end
+
+
 def _shrink(texts: Iterable[Text], factor: float) -> None:
     """Divide the type size of texts by a factor above 1, down to a readable size."""
     for text in texts if factor > 1 else ():
         size = float(text.get_fontsize())
-        text.set_fontsize(max(size / factor, min(size, _LEAST_TYPE)))
+        text.set_fontsize(max(size / factor, min(size, _least(text))))
+
+
+def _least(text: Text) -> float:
+    """Return the least size at which a text is readable with its indices, pt."""
+    page: Any = text.figure
+    enlarged = ENLARGED["slide"] if page.figure.get_figwidth() == WIDTHS["slide"] else 1.0
+    small = re.search(r"\$[^$]*[_^]", text.get_text()) is not None
+    return _LEAST_TYPE / enlarged / (_INDEX if small else 1.0)
 
 
 class _Numbers(ScalarFormatter):
@@ -348,4 +407,7 @@ def arrange(figure: Figure) -> None:
 
 def _characters(room: float, size: float) -> int:
     """Return how many characters of this type size (pt) fit in a line of `room` inches."""
-    return int(_CHARACTERS * 72 * room / size)
+    alike, *_ = text_to_path.get_text_width_height_descent(
+        _SAMPLE, FontProperties(size=size), ismath=False
+    )
+    return int(len(_SAMPLE) * 72 * room / alike)

@@ -53,7 +53,7 @@ def test_of_many_runs_only_the_extremes_are_points(so3, opened, monkeypatch):
         extremes, [results["effort"][1].min(), results["effort"][1].max()]
     )
     texts = [text.get_text() for text in drawing.legends[0].get_texts()]
-    assert texts == ["quartiles, median", "10–90 %", "mean", "extremes"]
+    assert texts == ["quartiles, median", "mean", "10–90 %", "extremes"]  # by columns
 
 
 def test_controllers_are_named_beside_the_boxes_of_the_first_column(so3, opened, picture):
