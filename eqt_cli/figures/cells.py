@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
+import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
@@ -22,6 +24,8 @@ Direction = Literal["x", "y"]
 
 FEW = 12
 """Most values that are written below a scale instead of round numbers."""
+_ROUNDING = 1e-9
+"""Share of the largest value in its unit below which a component is rounding error."""
 _DIGIT, _BETWEEN = 0.055, 0.06
 """Width of a digit, and of the gap between two numbers, in."""
 
@@ -61,10 +65,30 @@ def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) 
 
 def scale_norm(axes: Axes, *, log: bool) -> None:
     """Set a scale for non-negative curves: logarithmic if asked and possible, else from 0."""
-    if log and any(np.any(np.asarray(line.get_ydata()) > 0) for line in axes.lines):
-        axes.set_yscale("log")
+    drawn = np.concatenate([[0.0], *(np.ravel(line.get_ydata()) for line in axes.lines)])
+    seen = drawn[np.isfinite(drawn) & (drawn > 0)]
+    if log and seen.size:
+        scale_log(axes, "y", seen)
     else:
         axes.set_ylim(bottom=0)
+
+
+def scale_rounding(panels: Sequence[tuple[Axes, str]]) -> None:
+    """Draw rounding errors as 0: what is below 1e-9 of the largest value in the same unit.
+
+    Parameters
+    ----------
+    panels
+        Panels with linear scales, and their units.
+    """
+    sizes, largest = list[float](), dict[str, float]()
+    for axes, unit in panels:
+        drawn = np.concatenate([[0.0], *(np.ravel(line.get_ydata()) for line in axes.lines)])
+        sizes.append(float(np.abs(drawn[np.isfinite(drawn)]).max()))
+        largest[unit] = max(largest.get(unit, 0.0), sizes[-1])
+    for (axes, unit), size in zip(panels, sizes, strict=True):
+        if size < _ROUNDING * largest[unit] and axes.get_yscale() == "linear":
+            axes.set_ylim(-0.1 * largest[unit], 0.1 * largest[unit])
 
 
 def number_values(axes: Axes, values: Array, room: float) -> None:
@@ -108,16 +132,23 @@ _AROUND = 0.6
 """Width of the vertical scale and the margins, in."""
 
 
-def key_label(result: Result, swept: SweptKey) -> str:
+def colours_of(better: str) -> Colormap:
+    """Return the colour scale of a quantity, bright where it is good, as in shares that settle."""
+    scale = matplotlib.colormaps[matplotlib.rcParams["image.cmap"]]
+    return scale.reversed() if better == "lower" else scale
+
+
+def key_label(result: Result, swept: SweptKey, *, unit: bool = True) -> str:
     """Return the name of a swept key with its unit; the key itself where it has no name."""
-    return in_words(*_named(result, swept))
+    words, of_key = _named(result, swept)
+    return in_words(words, of_key if unit else "")
 
 
-def key_at(result: Result, swept: SweptKey, point: int) -> str:
+def key_at(result: Result, swept: SweptKey, point: int, *, named: bool = True) -> str:
     """Return a swept key with its value and unit at a point: ``initial angle 90 deg``."""
     words, unit = _named(result, swept)
     of_value = "" if swept.unit or unit in ("", "1") else f" {unit}"  # some values have their own
-    return f"{words} {swept.at(point)}{of_value}"
+    return f"{words} {swept.at(point)}{of_value}" if named else f"{swept.at(point)}{of_value}"
 
 
 def _named(result: Result, swept: SweptKey) -> tuple[str, str]:

@@ -90,17 +90,35 @@ def draw_mean(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: E
 
 
 def draw_points(
-    axes: Axes, across: Array, up: Array, band: tuple[Array, Array], of: Look, title: str
+    axes: Axes,
+    across: Array,
+    up: Array,
+    band: tuple[Array, Array],
+    of: Look,
+    title: str,
+    beside: float | None = None,
 ) -> list[Line2D]:
-    """Draw a curve with a hollow marker at every point, and the band around it."""
+    """Draw a curve with a hollow marker at every point, and the band around it.
+
+    With `beside`, points have no order: bars in place of the band, at this distance to the right.
+    """
     look = line_style(of)
-    axes.fill_between(across, *band, label=title, **band_look(look["color"]))
+    if beside is None:
+        axes.fill_between(across, *band, label=title, **band_look(look["color"]))
+    else:
+        across, look = across + beside, look | {"linestyle": ""}
+        axes.vlines(across, *band, label=title, color=look["color"], linewidth=0.8)
     return axes.plot(across, up, label=title, marker=of.marker, **_POINTS, **look)
 
 
+def beside(texts: Mapping[float, str], index: int, count: int) -> float | None:
+    """Return where the curve with this index lies beside a text; None where there are numbers."""
+    return (index - (count - 1) / 2) * min(0.15, 0.6 / count) if texts else None
+
+
 def band_look(colour: str) -> dict[str, Any]:
-    """Return the style of a band: a tint, with edges that tell overlapping bands apart."""
-    return {"facecolor": (colour, 0.1), "edgecolor": (colour, 0.8), "linewidth": 0.35}
+    """Return the style of a band: a tint without edges, which would look like curves."""
+    return {"facecolor": (colour, 0.18), "linewidth": 0}
 
 
 def thin_line(look: Look, count: int) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """Figures of searches: fronts of a tuning, and the worst runs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import ScalarFormatter
 
 from eqt_cli.analysis.fronts import Front, fronts, held_out
 from eqt_cli.analysis.intervals import intervals_of_means
@@ -14,7 +15,7 @@ from eqt_cli.analysis.search_record import TUNE, WORST, coordinate_of, costs_of_
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
-from eqt_cli.figures.cells import scale, scale_along
+from eqt_cli.figures.cells import even, scale, scale_along
 from eqt_cli.figures.curves import RESAMPLING
 from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.labels import metric_label
@@ -166,7 +167,7 @@ def _crosses(panel: Axes, points: list[Array], rows: Array, colour: str, name: s
 
 
 _WORST_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.2, "slide": 1.35}
-_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 3, "slide": 4}
+_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 3, "slide": 3}
 _WORST_SMALL, _LARGE = 2.5, 7.0
 """Sizes of markers, pt; large where the worst was found."""
 
@@ -236,15 +237,18 @@ class ShownWorst:
         costs = costs_of_runs(results, self.objective).max(axis=-1)
         quantity = results.quantity(self.objective)
         self._log = {key for law in record["laws"] for key in law["log"]}
-        self.lines = []
+        self.lines, self._keys = list[Profile](), dict[str, SweptKey]()
         for law in record["laws"]:
             position = results.labels.index(law["label"])
             for line in law["lines"] if position in shown else ():
                 key, points = line["key"], slice(*line["points"])
-                values = results.coordinate(coordinate_of(key))[points].astype(float)
+                stored = results.swept_key(coordinate_of(key))
+                self._keys[key] = stored.in_degrees
                 cost = costs[points, position]
                 worst = quantity.cost(np.where(np.isfinite(cost), cost, np.nan))
-                failed, index = np.isposinf(cost), np.argmin(np.abs(values - law["values"][key]))
+                away = np.abs(stored.values[points] - law["values"][key])
+                failed, index = np.isposinf(cost), np.argmin(away)
+                values = self._keys[key].values[points]
                 look, title = look_of[position], results.title_of[law["label"]]
                 self.lines.append(Profile(key, look, title, values, worst, failed, int(index)))
 
@@ -256,7 +260,7 @@ class ShownWorst:
     def swept(self, key: str) -> SweptKey:
         """Return a key with all values of its lines, as a swept key."""
         values = np.concatenate([line.values for line in self.lines if line.key == key])
-        return SweptKey(key, values, {}, key in self._log)
+        return replace(self._keys[key], values=values, asks_log=key in self._log)
 
     def notes(self) -> list[str]:
         """Return the notes for the reader about the curves."""
@@ -303,6 +307,9 @@ class WorstFigure(Figure[ShownWorst]):
             for line in (line for line in shown.lines if line.key == key):
                 titles.setdefault(line.title, _draw(panels[key], line))
             scale_along(panels[key], shown.results, shown.swept(key), room)
+            if panels[key].get_xscale() == "linear":
+                panels[key].xaxis.set_major_locator(even())
+                panels[key].xaxis.set_major_formatter(ScalarFormatter())
         seen = np.concatenate([line.worst for line in shown.lines])
         scale(panels[mosaic[0][0]], "y", seen, log=self.log)
         label = f"worst {metric_label(shown.results, shown.objective, 30)}"

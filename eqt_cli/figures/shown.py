@@ -492,8 +492,8 @@ class ShownSweep:
 
     @property
     def axes(self) -> list[SweptKey]:
-        """Swept keys that take more than one value; keys that change together count as one."""
-        return self.results.swept_keys
+        """Swept keys of several values, angles in degrees; keys changed together count as one."""
+        return [key.in_degrees for key in self.results.swept_keys]
 
     def one_or_two(self, instead: str = "") -> list[SweptKey]:
         """Return `axes`, for a figure that has room for at most two.

@@ -346,6 +346,9 @@ _NAMED = {"solid": 0, "--": 1, "dashed": 1, "-.": 2, "dashdot": 2, ":": 3, "dott
 
 _MARKERS = "os^DvP*"
 
+_COMPONENT = "#C2185B"
+"""Colour of the second component of a vector, between shades of ink."""
+
 _GREYS = (0.55, 0.35)
 """Shares of ink in curves that are not in focus."""
 _PALER = 0.55
@@ -586,6 +589,15 @@ def line_style(look: int | Look) -> dict[str, Any]:
     """Return colour and dashes of a curve, by its look or its index."""
     place = _look(look)
     return {"color": place.colour, "linestyle": place.dashes}
+
+
+def component_style(k: int) -> dict[str, Any]:
+    """Return colour and dashes of the k-th component of a vector, in no colour of a law."""
+    colours = (ink(), _COMPONENT, ink(0.5))
+    return {
+        "color": colours[k % len(colours)],
+        "linestyle": _DASHES[(k + k // len(colours)) % len(_DASHES)],
+    }
 
 
 def marker(look: int | Look) -> str:

@@ -23,14 +23,16 @@ from eqt_cli.base.option_types import Count
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import (
     Cells,
+    colours_of,
     key_at,
+    key_label,
     map_columns,
     scale,
     scale_along,
     short,
     spans_decade,
 )
-from eqt_cli.figures.curves import BAND, RESAMPLING, draw_points
+from eqt_cli.figures.curves import BAND, RESAMPLING, beside, draw_points
 from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSettled, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
@@ -94,7 +96,8 @@ class SweepFigure(OfOneMetric):
         remark = f"Mean at each point over {swept.count}"
         if len(axes) == 1:
             bands = "95 % Wilson intervals" if counts else "10–90 % of runs"
-            swept.remarks.append(f"{remark}; bands: {bands}.")
+            looks = "bands" if axes[0].is_number else "bars"
+            swept.remarks.append(f"{remark}; {looks}: {bands}.")
             return self._curves(swept, axes[0], values, label, width)
         if counts:
             _, low, high = np.moveaxis(shares(values), -1, 0)
@@ -117,7 +120,8 @@ class SweepFigure(OfOneMetric):
             else:
                 low, high = np.quantile(chosen, BAND, axis=-1)
             mean, band = np.mean(chosen, axis=-1), (low, high)
-            lines += draw_points(panel, axis.values[order], mean, band, look, title)
+            place = None if axis.is_number else beside(axis.texts, k, len(swept.looks))
+            lines += draw_points(panel, axis.values[order], mean, band, look, title, place)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
         scale_along(panel, swept.results, axis, WIDTHS[width])
@@ -135,20 +139,19 @@ class SweepFigure(OfOneMetric):
         columns = count if count == 2 else map_columns(count, width)
         height = _HEIGHTS[width] if count <= columns else _LOWER[width]
         drawing, panels = sheet_of_maps(count, columns, width, height)
-        norm = self._colours(means)
+        norm, better = self._colours(means), swept.results.quantity(self.metric_of(swept)).better
         room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
         # Runs that failed, and runs beyond the horizon: (points, laws, runs).
         failed = swept.results.status[:, swept.controllers] != 0
         beyond = swept.results.censored(self.metric_of(swept))[:, swept.controllers]
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
-            image = cells.draw(panel, means[:, index], norm=norm)
+            image = cells.draw(panel, means[:, index], norm=norm, cmap=colours_of(better))
             cells.hatch(panel, np.flatnonzero(failed[:, index].any(axis=-1)), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index].any(axis=-1)), BEYOND)
             named = swept.laws(index)
             others = np.array([point not in named for point in range(len(means))])
             shown = np.where(others, means[:, index], np.nan)
             written = cells.write(panel, shown, image, room)
-            better = swept.results.quantity(self.metric_of(swept)).better
             cells.mark(panel, _best(means[:, index], better, written=written))
             for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
@@ -232,15 +235,18 @@ class Envelope(OfSettled):
             x, lines = across.values[order], []
             for k, (look, title) in enumerate(laws):
                 share, low, high = shares(settled[order, k]).T
-                lines += draw_points(axes, x, share, (low, high), look, title)
+                place = None if across.is_number else beside(across.texts, k, len(laws))
+                lines += draw_points(axes, x, share, (low, high), look, title, place)
             axes.set_ylim(-0.03, 1.03)
             axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'} (%)")
             axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
             scale_along(axes, swept.results, across, room)
             if other:
-                add_title(axes, key_at(swept.results, other, int(points[0])), room)
+                add_title(axes, key_at(swept.results, other, int(points[0]), named=False), room)
         hide_inner_scales(panels, mosaic)
         add_legend(drawing, lines, swept.titles)
+        if other:
+            swept.remarks.append(f"Panels: {key_label(swept.results, other, unit=False)}.")
         swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
         return drawing
 
@@ -250,7 +256,7 @@ class Envelope(OfSettled):
             raise swept.error(
                 f"shows a swept number and at most one more key, and here are: {swept.keys}"
             )
-        across, other = keys
+        across, other = keys[0].in_degrees, keys[1] and keys[1].in_degrees
         if other and len(np.unique(other.values)) > _MOST_PANELS:
             raise swept.error(
                 f"has a panel for each value of {other.key}, at most {_MOST_PANELS}, and here are "
@@ -305,7 +311,8 @@ class Winners(OfDifferences):
             ink(0),
             *(mixed(c, ink(0), 0.5 ** laws[:k].count(c)) for k, c in enumerate(laws)),
         ]
-        too_few = wins.has_too_few_runs
+        nobody = not any(cell.winner != NOBODY for cell in wins.cells)
+        too_few = wins.has_too_few_runs or nobody
         ahead = [cell.best if too_few else cell.winner for cell in wins.cells]
         winners = np.array([law - NOBODY for law in ahead], dtype=float)
         tint = _PALE_TINT if too_few else _TINT
@@ -324,14 +331,19 @@ class Winners(OfDifferences):
         add_title(
             panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}", WIDTHS[width]
         )
-        _explain_winners(drawing, colours, wins, bool(failed))
+        _explain_winners(drawing, colours, wins, bool(failed), pale=too_few)
         share = f"{100 * (1 - self.confidence):g} %"
         swept.remarks += (
             [
                 f"Colours: the better mean of {wins.runs} runs, too few for a win at one of "
                 f"{len(wins.cells)} points, which takes {wins.fewest}."
             ]
-            if too_few
+            if wins.has_too_few_runs
+            else [
+                f"No law wins at any of {len(wins.cells)} points, with {wins.runs} runs each. "
+                "Colours: the better mean."
+            ]
+            if nobody
             else [
                 "Numbers: difference from the next law in per cent of its mean.",
                 f"{len(wins.cells)} points, {wins.runs} runs each; probability of any false win ≤ "
@@ -351,18 +363,19 @@ def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None
             panel.annotate(text, place, ha="center", va="center", fontsize="small")
 
 
-def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
-    """Add a legend of the laws that win somewhere."""
+def _explain_winners(
+    drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool, *, pale: bool
+) -> None:
+    """Add a legend of the laws; unless the colours are pale, with the number of their wins."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    too_few = wins.has_too_few_runs
     patches = {}
-    if not too_few:
+    if not pale:
         patches[f"{wins.without_winner}: {wins.wins(NOBODY)}"] = Patch(
             facecolor=colours[0], **frame
         )
     for law, title in enumerate(wins.titles):
-        name = title if too_few else f"{title}: {wins.wins(law)}"
-        tint = _PALE_TINT if too_few else _TINT
+        name = title if pale else f"{title}: {wins.wins(law)}"
+        tint = _PALE_TINT if pale else _TINT
         patches[name] = Patch(facecolor=(colours[law + 1], tint), **frame)
     if failed:
         hatched = Patch(fill=False, hatch=WITH_FAILED, edgecolor=ink(0.35), linewidth=0)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -76,6 +76,13 @@ class SweptKey:
         if not self.is_number or len(levels) < 3 or levels[0] <= 0:
             return False
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
+
+    @property
+    def in_degrees(self) -> "SweptKey":
+        """The key with angles in degrees, unless they are written in a unit or as expressions."""
+        if self.unit_of_key != "rad" or self.unit or self.texts:
+            return self
+        return replace(self, values=np.degrees(self.values), unit="deg")
 
     def value(self, point: int) -> float | str:
         """Return the value at a point as configured."""
@@ -248,7 +255,7 @@ class StoredRuns(KnownResult):
         keys: list[SweptKey] = []
         for name in self.coordinates:
             if name != POINT and self.dims(name) == (POINT,):
-                key = self._swept_key(name)
+                key = self.swept_key(name)
                 if max(key.levels) > 0 and key.levels not in [other.levels for other in keys]:
                     keys.append(key)
         return keys
@@ -259,7 +266,8 @@ class StoredRuns(KnownResult):
         others = [key for key in self.swept_keys if key is not number]
         return None if number is None or len(others) > 1 else (number, next(iter(others), None))
 
-    def _swept_key(self, name: str) -> SweptKey:
+    def swept_key(self, name: str) -> SweptKey:
+        """Return a swept key by the name of its coordinate."""
         about = self.attributes_of(name)
         label, unit = (printable(str(about.get(of, ""))) for of in ("label", "unit_of_key"))
         return replace(self._values_of_key(name), label=label, unit_of_key=unit)
@@ -282,6 +290,11 @@ class StoredRuns(KnownResult):
         places = [order.setdefault(text, float(len(order))) for text in written]
         texts = {place: text for text, place in order.items()}
         return SweptKey(key, np.array(places), texts, is_number=False)
+
+    def point(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
+        """Return a point of a sweep as the result of a single experiment with its name."""
+        title = f"{self.at(point).attributes['title']}, {self.point_name(point)}"
+        return super().point(point, {"title": title, **(attributes or {})})
 
     def point_name(self, point: int) -> str:
         """Describe a point of a sweep: ``kp 2, kd 0.5``; a case by its name only."""

@@ -357,10 +357,41 @@ def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
     status = results["status"].copy()
     status[0, 0, 0] = 1
     drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
-    first, second, *_ = drawing.get_supxlabel().split("\n")
-    assert first == "Numbers: difference from the next law in per cent of its mean."
-    assert second.startswith("6 points, 8 runs each; probability of any false win ≤ 5 %;")
+    first, *_ = drawing.get_supxlabel().split("\n")
+    assert first == "No law wins at any of 6 points, with 8 runs each. Colours: the better mean."
     assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
+
+
+def test_without_any_win_the_better_means_have_pale_colours(swept, picture):
+    results = swept(TWO, **MORE_RUNS)
+    drawing = picture(Winners(metric="effort"), results)
+    cells = np.asarray(drawing.axes[0].collections[0].get_array()).ravel()
+    means = results["effort"].mean(axis=-1).reshape(3, 2, 2).transpose(1, 0, 2)
+    assert cells.tolist() == (1 + means.argmin(axis=-1)).ravel().tolist()
+    assert drawing.axes[0].collections[0].get_alpha() == _PALE_TINT
+    assert [text.get_text() for text in drawing.legends[0].get_texts()] == ["EqT", "GT"]
+
+
+def test_cases_are_not_joined_by_lines(swept, picture):
+    (panel,) = picture(SweepFigure(), swept(CASES, **MORE_RUNS)).axes
+    assert {line.get_linestyle() for line in panel.lines} == {"None"}
+    first, second = (line.get_xdata() for line in panel.lines)
+    assert (second > first).all()  # side by side
+
+
+@pytest.mark.parametrize(("metric", "best"), [("effort", np.argmin), ("settled", np.argmax)])
+def test_good_is_the_bright_end_of_every_scale(metric, best, swept, picture):
+    results = swept(TWO, **MORE_RUNS)
+    image = picture(SweepFigure(metric=metric), results).axes[0].collections[0]
+    light = np.sum(image.cmap(image.norm(image.get_array()))[..., :3], axis=-1)
+    assert np.argmax(light) == best(image.get_array())
+
+
+def test_angles_are_in_degrees_on_every_scale(swept, picture):
+    angles = [{"grid": {"initial.pose.angle": [1.0, 2.0, 3.0]}}]
+    (panel,) = picture(SweepFigure(), swept(angles, **STARTS)).axes
+    assert panel.get_xlabel() == r"initial angle $(\mathrm{deg})$"
+    np.testing.assert_allclose(panel.lines[0].get_xdata(), np.degrees([1.0, 2.0, 3.0]))
 
 
 # Shares of runs.
@@ -408,7 +439,8 @@ def test_a_failed_run_has_not_settled(swept, altered):
 
 def test_a_second_key_has_a_panel_for_each_value(swept, picture):
     drawing = picture(Envelope(), swept(BOTH))
-    assert [axes.get_title() for axes in drawing.axes] == ["$k_p$ 1 N m", "$k_p$ 2 N m"]
+    assert [axes.get_title() for axes in drawing.axes] == ["1 N m", "2 N m"]
+    assert "Panels: $k_p$." in drawing.get_supxlabel()
 
 
 def test_runs_are_not_asked_beyond_their_end(swept):
