@@ -32,9 +32,9 @@ from eqt_cli.figures.figure import OfFirstRuns, OverTime, ShownRuns, law_columns
 from eqt_cli.figures.labels import axis_labels, free_text, in_words, part_name
 from eqt_cli.figures.layout import add_legend, name_scale
 from eqt_cli.figures.shown import Ensemble
-from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
+from eqt_cli.figures.style import WIDTHS, Look, Width, component_style, ink, size_of_type
 
-# Figure of single runs: thin lines under their mean, a panel per law ------------------------------
+# Figure of single runs: thin lines under their median, a panel per law ----------------------------
 
 
 MOST_LINES = 200
@@ -49,7 +49,7 @@ _SHADE = 0.16
 
 @dataclass(frozen=True)
 class RunsFigure(OverTime):
-    """Single runs as thin lines and the mean over runs, a panel per law.
+    """Single runs as thin lines and the median over runs, a panel per law.
 
     Where a norm has parts with units of their own, such as rotation and translation, each part has
     a column of panels. Where a law reads an estimate, the mean error of that is shaded.
@@ -111,11 +111,11 @@ class RunsFigure(OverTime):
         if len(parts) == 1:
             layout.hide_inner_scales(panels, places)
         handles = thin_line_legend(shown, MOST_LINES)
-        handles["mean over runs"] = Line2D([], [], color=ink())
+        handles["median over runs"] = Line2D([], [], color=ink())
         if estimated:
             handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         layout.add_legend(drawing, list(handles.values()), list(handles))
-        runs.remarks.append(f"Mean over {runs.count()}.")
+        runs.remarks.append(f"Median over {runs.count()}.")
         return drawing
 
     def _scale(self, panels: Sequence[Axes]) -> None:
@@ -142,7 +142,8 @@ class RunsFigure(OverTime):
         drawn = values[:MOST_LINES]
         axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
         on_paper = [Stroke(linewidth=2.4, foreground=ink(0)), Normal()]  # visible on dark lines too
-        axes.plot(times, values.mean(axis=0), color=ink(), label="mean", path_effects=on_paper)
+        middle = np.median(values, axis=0)
+        axes.plot(times, middle, color=ink(), label="median", path_effects=on_paper)
 
 
 # Figure of directions on the sphere, in Lambert's azimuthal equal-area projection -----------------
@@ -362,8 +363,9 @@ class EstimateFigure(OverTime):
             alone = error == "bias" and len(G.parts) == 1
             words = "bias error" if alone else f"{row.removesuffix(' error')} error"
             name_scale(rows[row][shown[0].label], in_words(words, unit))
-            for ensemble in shown:
-                self._fill(rows[row][ensemble.label], runs, ensemble, error, G, part)
+            seen = max(self._fill(rows[row][e.label], runs, e, error, G, part) for e in shown)
+            if seen > 0:
+                rows[row][shown[0].label].set_ylim(-1.15 * seen, 1.15 * seen)
         if judged:
             self._judge(runs, {rows["NEES"][label]: e for label, e in judged.items()})
         self._add_legend(drawing, G, bool(judged))
@@ -399,8 +401,11 @@ class EstimateFigure(OverTime):
         error: str,
         G: MatrixLieGroup,
         part: Part,
-    ) -> None:
-        """Draw the errors in the coordinates of a part, each in its band."""
+    ) -> float:
+        """Draw the errors in the coordinates of a part, each in its band; return what is to see.
+
+        That is the largest error, and the usual width of the band, which is wide at the start.
+        """
         times = runs.times(ensemble)
         values = runs.of_run(f"{error}_estimate_error", ensemble, self.run)[:, part.axes]
         reach = np.zeros(values.shape)
@@ -409,11 +414,12 @@ class EstimateFigure(OverTime):
             reach = _DEVIATIONS * deviation
         alike = np.ptp(reach, axis=1).max() < _ALIKE * reach.max()
         for k, axis in enumerate(G.axis_names[part.axes]):
-            look = line_style(k)
+            look = component_style(k)
             if reach[:, k].any() and not (alike and k):
-                band = band_look(ink() if alike else look["color"])
+                band = band_look(ink())
                 axes.fill_between(times, -reach[:, k], reach[:, k], label=f"3σ {axis}", **band)
             axes.plot(times, values[:, k], label=axis, linewidth=_LINE, **look)
+        return float(max(np.abs(values).max(), np.median(reach, axis=0).max()))
 
     def _judge(self, runs: ShownRuns, panels: dict[Axes, Ensemble]) -> None:
         """Draw NEES of the run and its mean over runs, each between its limits."""
@@ -438,7 +444,8 @@ class EstimateFigure(OverTime):
     def _add_legend(self, drawing: Drawing, G: MatrixLieGroup, judged: bool) -> None:
         names = axis_labels(G)
         handles: dict[str, Artist] = {
-            name: Line2D([], [], linewidth=_LINE, **line_style(k)) for k, name in enumerate(names)
+            name: Line2D([], [], linewidth=_LINE, **component_style(k))
+            for k, name in enumerate(names)
         }
         if judged:
             handles[f"±{_DEVIATIONS:g}σ"] = Patch(**band_look(ink()))

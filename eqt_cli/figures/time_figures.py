@@ -15,9 +15,17 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
-from eqt_cli.figures.cells import scale_norm, spans_decade
+from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
 from eqt_cli.figures.curves import Bands, draw_mean, of_bands
-from eqt_cli.figures.figure import OfReference, OverTime, Panelled, ShownRuns, law_columns
+from eqt_cli.figures.figure import (
+    CLOSER,
+    MOST,
+    OfReference,
+    OverTime,
+    Panelled,
+    ShownRuns,
+    law_columns,
+)
 from eqt_cli.figures.labels import (
     axis_labels,
     force_component,
@@ -28,7 +36,7 @@ from eqt_cli.figures.labels import (
 )
 from eqt_cli.figures.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.figures.shown import Ensemble, ShownReference, names
-from eqt_cli.figures.style import WIDTHS, Width, ink, line_style
+from eqt_cli.figures.style import WIDTHS, Width, component_style, ink
 
 # Figure of the paper for any result: means over runs of errors, torque norm and L -----------------
 
@@ -91,7 +99,8 @@ class Paper(Panelled, OverTime):
         for signal, part in zip(rows[0], parts, strict=True) if rows else ():
             layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
-        layout.add_legend(drawing, lines, [e.title for e in runs.shown])
+        whole = len(runs.shown) // len(runs.results)
+        layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
         return drawing
 
     def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
@@ -187,6 +196,9 @@ class Torque(Panelled, OverTime):
         lines = [line for axes in first for line in axes.lines[: len(runs.shown)]]
         laws = dict(zip((e.title for e in runs.shown), lines, strict=False))
         desired = {} if share == "feedback" else _draw_desired(runs, rows, log=self.log)
+        scale_rounding(
+            [(axes, unit) for name, unit in units.items() for axes in rows[name].values()]
+        )
         for name, unit in units.items():
             symbol = force_component(name, unit)
             if share != "total":
@@ -229,10 +241,13 @@ def _draw_desired(
         if first is None:
             continue
         desired = runs.desired("torque", first)
+        ends = runs.limits(first, 0, "torque")
         label = f"desired, {name}" if len(runs.results) > 1 else "desired"
         look: dict[str, Any] = {"label": label, "color": ink(_PALE), **_DESIRED}
         for axis, row in rows.items():
-            drawn = desired[:, places.index(axis)]
+            drawn = desired[:, k := places.index(axis)]
+            if ends is not None and ends[0][k] == ends[1][k] == 0:
+                continue  # no vehicle could give it
             for panel in dict.fromkeys(row.values()):
                 (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
     return {quantity(r"\tau_d", ""): line}
@@ -267,10 +282,12 @@ _SEEN = 2.0
 Limits = tuple[Array, Array] | None
 
 _OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
+_MOST_TURNS, _TURNS_CLOSER, _BINS = 200, 30, 150
+"""Most turns of a curve in a panel, turns in an enlarged one, and parts of a range over time."""
 _FEW = 4
 """Most thrusters or wheels whose panels have room for several laws in a column."""
-_MOST_NAME = 11
-"""Most characters in a line of the name of a thruster, where there are many."""
+_MOST_NAME = 10
+"""Most characters in a line of the name of a thruster."""
 
 
 @dataclass(frozen=True)
@@ -314,22 +331,40 @@ class Commands(Panelled, OverTime):
             names = runs.members(signal)
             if len(names) > _FEW and width == "column" and not self.controllers:
                 runs.ensembles = runs.shown[:1]
-                runs.remarks.append("Of the first law; --controller chooses others.")
+                runs.remarks.append("Of the first law alone.")
             unit = runs.unit(signal).replace(" ", "\u00a0")  # not broken there
-            most = 2 * _MOST_NAME // (1 + len(names) // _FEW)
-            axes = {name: free_text(f"{name} ({unit})", most) for name in names}
+            axes = {name: free_text(f"{name} ({unit})", _MOST_NAME) for name in names}
         places, wanted = list(axes), self.picked(list(axes))
-        drawing, rows = law_columns(runs, width, wanted)
+        room = len(runs.shown) <= MOST[width] // 4
+        closer = self._fastest(runs, [places.index(name) for name in wanted]) if room else None
+        drawing, rows = law_columns(runs, width, wanted, closer=closer)
         kinds: set[str] = set()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name in wanted:
             name_scale(next(iter(rows[name].values())), axes[name])
             for ensemble in runs.shown:
-                k, panel = places.index(name), rows[name][ensemble.label]
-                kinds |= self._fill(panel, runs, ensemble, k, limits[ensemble.label])
+                for label in (ensemble.label, ensemble.label + CLOSER):
+                    if panel := rows[name].get(label):
+                        k = places.index(name)
+                        kinds |= self._fill(panel, runs, ensemble, k, limits[ensemble.label])
+        units = dict(runs.axes)
+        scale_rounding([(next(iter(rows[name].values())), units.get(name, "")) for name in wanted])
         self._add_legend(drawing, runs, kinds)
+        runs.remarks += [each for each in sorted(kinds) if each.startswith("Limits")]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
+
+    def _fastest(self, runs: ShownRuns, rows: Sequence[int]) -> tuple[float, float] | None:
+        """Return a short time about the largest value of a signal too fast for its panel."""
+        for ensemble in runs.shown:
+            times, signal = runs.times(ensemble), runs.of_run(self._signal, ensemble, self.run)
+            for values in signal[:, rows].T:
+                if (count := _turns(values)) > _MOST_TURNS:
+                    half = 0.5 * np.ptp(times) * _TURNS_CLOSER / count
+                    middle = times[np.nanargmax(np.abs(values))]
+                    middle = np.clip(middle, times[0] + half, times[-1] - half)
+                    return float(middle - half), float(middle + half)
+        return None
 
     def _fill(
         self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits
@@ -359,10 +394,15 @@ class Commands(Panelled, OverTime):
             if np.isfinite(end) and abs(end) <= reach:
                 axes.axhline(end, label=f"limit {number}", **_limit())
                 kinds.add("limit")
-        axes.plot(times, output, color=ensemble.look.colour, label=_OUTPUT[signal])
+        if np.isfinite((low, high)).all() and "limit" not in kinds and reach:
+            text = f"{low:.3g} to {high:.3g} {runs.unit(signal)}"
+            kinds.add(f"Limits beyond some scales: {text}.".replace("-", "−"))
+        start, end = axes.get_xlim()
+        seen, colour = (times >= start) & (times <= end), ensemble.look.colour
+        fast = _draw(axes, times[seen], output[seen], color=colour, label=_OUTPUT[signal])
         if signal == "torque":
-            axes.plot(times, command, color=ink(), label="asked", **_COMMAND)
-        return kinds
+            fast |= _draw(axes, times[seen], command[seen], color=ink(), label="asked", **_COMMAND)
+        return kinds | {"range"} if fast else kinds
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
         alone = runs.shown[0].look.colour if len(runs.shown) == 1 else ink(_ANY)
@@ -370,11 +410,34 @@ class Commands(Panelled, OverTime):
         handles: dict[str, Artist] = {output: Line2D([], [], color=alone)}
         if self._signal == "torque":
             handles["asked by the law"] = Line2D([], [], color=ink(), **_COMMAND)
+        if "range" in kinds:
+            handles["range, where it is too fast to draw"] = Patch(**_range({"color": alone}))
         if "limit" in kinds:
             handles["limit"] = Line2D([], [], **_limit())
         if "at a limit" in kinds:
             handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
+
+
+def _turns(values: Array) -> int:
+    """Return how often values turn back."""
+    return int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
+
+
+def _draw(axes: Axes, times: Array, values: Array, **look: Any) -> bool:
+    """Draw a curve; if it is too fast for a panel, and return so, mean and range in short times."""
+    if fast := _turns(values) > _MOST_TURNS:
+        starts = np.unique(np.linspace(0, len(times) - 1, _BINS).astype(int))
+        low, high = (of.reduceat(values, starts) for of in (np.fmin, np.fmax))
+        axes.fill_between(times[starts], low, high, label=f"{look['label']}, range", **_range(look))
+        counts = np.diff(np.append(starts, len(times)))
+        times, values = times[starts], np.add.reduceat(values, starts) / counts
+    axes.plot(times, values, **look)
+    return fast
+
+
+def _range(look: Mapping[str, Any]) -> dict[str, Any]:
+    return {"facecolor": (look["color"], 0.35), "linewidth": 0}
 
 
 def _limit() -> dict[str, Any]:
@@ -424,11 +487,11 @@ class ReferenceOverTime(Panelled, OfReference):
                     shown.group, part, name, of, degrees=self.degrees, index="d"
                 )
                 for k, axis in enumerate(shown.group.axis_names[part.axes]):
-                    axes.plot(shown.times, values[:, k], label=axis, **line_style(k))
+                    axes.plot(shown.times, values[:, k], label=axis, **component_style(k))
                 name_scale(axes, label)
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
         axes_of = axis_labels(shown.group)
-        lines = [Line2D([], [], **line_style(k)) for k in range(len(axes_of))]
+        lines = [Line2D([], [], **component_style(k)) for k in range(len(axes_of))]
         add_legend(drawing, lines, axes_of)
         return drawing

@@ -10,16 +10,16 @@ unarranged = pytest.mark.usefixtures("unarranged")
 
 
 @unarranged
-def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
+def test_every_good_run_is_a_line_under_the_median(so3, altered, opened):
     values = opened(so3)["pose_error"]
     status = np.zeros_like(opened(so3)["status"])
     status[0, 4] = 1
     drawing = RunsFigure().draw([altered(so3, status=status)])
     for index, axes in enumerate(drawing.axes):
         good = values[index][status[index] == 0]
-        *single, mean = axes.lines
+        *single, median = axes.lines
         np.testing.assert_array_equal([line.get_ydata() for line in single], good)
-        np.testing.assert_array_equal(mean.get_ydata(), good.mean(axis=0))
+        np.testing.assert_array_equal(median.get_ydata(), np.median(good, axis=0))
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
 
 
@@ -28,11 +28,11 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     monkeypatch.setattr(run_figures, "MOST_LINES", 2)
     values = opened(so3)["pose_error"]
     drawing = RunsFigure().draw([opened(so3)])
-    *single, mean = drawing.axes[0].lines
+    *single, median = drawing.axes[0].lines
     np.testing.assert_array_equal([line.get_ydata() for line in single], values[0, :2])
-    np.testing.assert_array_equal(mean.get_ydata(), values[0].mean(axis=0))
+    np.testing.assert_array_equal(median.get_ydata(), np.median(values[0], axis=0))
     names = [text.get_text() for text in drawing.legends[0].get_texts()]
-    assert names == ["first 2 runs", "mean over runs"]
+    assert names == ["first 2 runs", "median over runs"]
 
 
 @pytest.mark.slow("draws many panels")

@@ -30,6 +30,7 @@ from eqt_cli.figures.style import (
     WIDTHS,
     Width,
     colours_of_style,
+    component_style,
     house_style,
     ink,
     line_style,
@@ -204,7 +205,7 @@ def _is_measured(part: Part, values: Array) -> bool:
 
 
 def _thin(k: int) -> dict[str, Any]:
-    return {"linewidth": _SIMULATED, **line_style(k)}
+    return {"linewidth": _SIMULATED, **component_style(k)}
 
 
 NAME = "replay"
