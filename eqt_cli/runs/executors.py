@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 import math
-import multiprocessing
 import os
 import pickle
 import signal
@@ -14,15 +12,13 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
-from itertools import count, islice
+from itertools import islice
 from multiprocessing import connection, get_context, parent_process
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from threadpoolctl import threadpool_limits
@@ -32,7 +28,6 @@ from eqt_cli.base.errors import EqtError, Remedy
 from eqt_cli.base.option_types import Count
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.reporting import reporter
-from eqt_cli.engines.compiler import user_cache
 
 if TYPE_CHECKING:
     from eqt_cli.engines.engine import Engine
@@ -459,50 +454,39 @@ class Auto(Executor):
         return left > 1 and self.workers > 1 and not self.stays and left * each > enough
 
 
-# Computes items on a Dask cluster: a running one, or a temporary one on this machine --------------
+# Computes items on a Dask cluster -----------------------------------------------------------------
 
 
 CONNECT_WITHIN = 20.0
 """Time limit for connecting to a scheduler, s."""
 
-NEEDED = {"distributed": "2026.7", "cryptography": "50.0"}
-"""The packages of the extra dask, and their oldest versions."""
-
-SHARED, NAMED = Path("/dev/shm"), "eqt"
-"""Where Linux shows semaphores, and how the names of those begin that Dask makes here."""
-
-OF_WORKER = "from eqt_cli.base import process\nprocess.of_worker()\n"
-"""Code that each worker of a local cluster runs first."""
+NEEDED = "distributed>=2026.7"
+"""The package of the extra dask."""
 
 
 @dataclass(frozen=True)
 class Dask(Executor):
-    """Workers of Dask.distributed, which must see the same result folder as this process.
+    """Workers of a Dask cluster, which must see the same result folder as this process.
 
     Attributes
     ----------
     scheduler
-        Address of a running scheduler; None starts a cluster of `workers` processes here, which
-        talk to each other by TLS with a certificate of their own.
+        Address of its scheduler, such as tcp://host:8786.
     """
 
     name: ClassVar[str] = "dask"
-    scheduler: str | None = None
+    scheduler: str = field(kw_only=True)
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         if not items:
             return
-        if missing := [name for name in NEEDED if not find_spec(name)]:
-            raise EqtError(
-                f"executor dask needs {' and '.join(missing)} (extra dask): pip install "
-                + " ".join(f"'{name}>={NEEDED[name]}'" for name in missing)
-            )
+        if not find_spec("distributed"):
+            raise EqtError(f"executor dask needs distributed (extra dask): pip install '{NEEDED}'")
         from distributed import KilledWorker, as_completed
 
         payload = pickle.dumps(task)
         waiting = deque(items)
-        with ExitStack() as stack:
-            client = self._client(stack)
+        with self._client() as client:
             futures: dict[Any, int] = {}
             finished = as_completed(loop=client.loop)
 
@@ -527,68 +511,18 @@ class Dask(Executor):
                     reporter().advance(task.runs_of(item))
                     yield Outcome(item, failed)
 
-    def _client(self, stack: ExitStack) -> Any:
-        import dask
+    def _client(self) -> Any:
         from distributed import Client
 
-        if self.scheduler:
-            try:
-                return stack.enter_context(
-                    Client(self.scheduler, timeout=CONNECT_WITHIN, set_as_default=False)
-                )
-            # RuntimeError: encryption is required of a plain address; TypeError: the reverse.
-            except (OSError, ValueError, RuntimeError, TypeError) as error:
-                raise EqtError(
-                    f"scheduler {self.scheduler}: cannot be reached: {error}",
-                    Remedy("start one with `dask scheduler`"),
-                    Remedy("leave {} out", "scheduler"),
-                ) from error
-        settings = {
-            "distributed.scheduler.allowed-failures": MOST_TRIES - 1,
-            # The terminal sends Ctrl-C to all processes; only this one handles it.
-            "distributed.worker.preload": [OF_WORKER],
-            # Their web servers cannot be turned off; these answer nothing.
-            "distributed.scheduler.http.routes": [],
-            "distributed.worker.http.routes": [],
-        }
-        stack.enter_context(dask.config.set(settings))
-        cache = user_cache()  # Dask removes there what killed workers have left, by their locks
-        scratch = cache.folder.parent if cache else stack.enter_context(TemporaryDirectory())
-        stack.enter_context(dask.config.set(temporary_directory=scratch))
-        cluster = stack.enter_context(self._local_cluster())
-        return stack.enter_context(Client(cluster, set_as_default=False))
-
-    def _local_cluster(self) -> Any:
-        """Start a cluster on this machine; try again if its workers die during the start.
-
-        A scheduler executes what it is sent, in this process. Without the key of this certificate,
-        which is in memory only, nobody else on this machine can send it anything.
-        """
-        from distributed import LocalCluster, Security
-
-        for left in SHARED.glob(f"sem.{NAMED}-*"):
-            if not Path("/proc", left.name.split("-")[1]).exists():
-                with suppress(OSError):
-                    left.unlink()
-        # Semaphores of a process that is killed remain; by their names the next one removes them.
-        vars(multiprocessing.current_process())["_config"]["semprefix"] = f"/{NAMED}-{os.getpid()}"
-        security = Security.temporary()
-        for tries in count(1):
-            try:
-                return LocalCluster(
-                    n_workers=self.workers,
-                    threads_per_worker=1,
-                    processes=True,
-                    security=security,
-                    dashboard_address="127.0.0.1:0",  # any free port, for the empty web server
-                    scheduler_kwargs={"dashboard": False},
-                    silence_logs=logging.CRITICAL,
-                )
-            except RuntimeError as error:
-                if tries == MOST_TRIES:
-                    cause = getattr(error.__cause__, "__context__", None) or error
-                    other = Remedy("use the executor local, which needs no semaphores in /dev/shm")
-                    raise EqtError(f"executor dask: no cluster starts: {cause}", other) from error
+        try:
+            return Client(self.scheduler, timeout=CONNECT_WITHIN, set_as_default=False)
+        # RuntimeError: encryption is required of a plain address; TypeError: the reverse.
+        except (OSError, ValueError, RuntimeError, TypeError) as error:
+            raise EqtError(
+                f"scheduler {self.scheduler}: cannot be reached: {error}",
+                Remedy("start one with `dask scheduler`"),
+                Remedy("use the executor local on one machine"),
+            ) from error
 
 
 def _do(payload: bytes, item: int) -> int:

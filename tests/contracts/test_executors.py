@@ -1,12 +1,10 @@
 """What every executor must do, whoever wrote it; tests/config has what is particular to each."""
 
-from importlib.util import find_spec
-
 import pytest
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import step
-from eqt_cli.runs.executors import NEEDED, Outcome
+from eqt_cli.runs.executors import Outcome
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -14,7 +12,6 @@ import os, time
 from pathlib import Path
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.runs.executors import NEEDED
 
 
 class Task:
@@ -49,9 +46,13 @@ def task(tmp_path, monkeypatch):
 
 @pytest.fixture
 def executor(executor_class):
-    if executor_class.name == "dask" and not all(map(find_spec, NEEDED)):
-        pytest.skip("needs the extra dask")
-    return executor_class(2)
+    if executor_class.name != "dask":
+        yield executor_class(2)
+        return
+    with pytest.importorskip("distributed").LocalCluster(
+        2, threads_per_worker=1, processes=False, dashboard_address=None
+    ) as cluster:
+        yield executor_class(2, scheduler=cluster.scheduler_address)
 
 
 def test_every_item_is_done_once_and_progress_sums_up(executor, task, tmp_path, told):

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from importlib.util import find_spec
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,12 +19,12 @@ from faults_harness import (
     Session,
     assert_equal,
     check_left_over,
+    cluster,
     contents,
     parts,
 )
 
 from eqt_cli.engines.native import Native
-from eqt_cli.runs.executors import NEEDED
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="has no process groups"),
@@ -36,7 +36,6 @@ EXECUTORS = {
     "serial": ["--executor", "serial"],
     "threads": ["--executor", "threads", "--workers", "2"],
     "local": ["--executor", "local", "--workers", "2"],
-    "dask": ["--executor", "dask", "--workers", "2"],
 }
 
 
@@ -44,8 +43,6 @@ def started(tmp_path, command, text, options):
     """A session that has kept two parts."""
     config = tmp_path / "config.yaml"
     config.write_text(text, encoding="utf-8")
-    if "dask" in options and not all(map(find_spec, NEEDED)):
-        pytest.skip("needs the extra dask")
     session = Session(command, config, tmp_path / "out", options)
     while session.running and len(parts(tmp_path / "out")) < 2:
         time.sleep(0.01)
@@ -86,7 +83,17 @@ def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, 
 
 @pytest.mark.parametrize("executor", ["threads", "dask"])
 def test_a_second_ctrl_c_changes_nothing(tmp_path, executor):
-    session = started(tmp_path, "run", LONG, EXECUTORS[executor])
+    with ExitStack() as stack:
+        if executor == "dask":
+            pytest.importorskip("distributed", reason="needs the extra dask")
+            options = ["--scheduler", stack.enter_context(cluster(tmp_path))[0]]
+        else:
+            options = EXECUTORS[executor]
+        _second_ctrl_c(tmp_path, options)
+
+
+def _second_ctrl_c(tmp_path, options):
+    session = started(tmp_path, "run", LONG, options)
     os.killpg(session.process.pid, signal.SIGINT)
     time.sleep(0.2)
     if session.running:
@@ -166,9 +173,8 @@ def _lives(pid):
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds processes as Linux does")
-@pytest.mark.parametrize("executor", ["local", "dask"])
-def test_workers_end_with_their_parent(tmp_path, executor):
-    session = started(tmp_path, "run", LONG, EXECUTORS[executor])
+def test_workers_end_with_their_parent(tmp_path):
+    session = started(tmp_path, "run", LONG, EXECUTORS["local"])
     workers = session.workers()
     assert len(workers) == 2
     session.process.kill()

@@ -9,7 +9,6 @@ import random
 import shutil
 import time
 from contextlib import ExitStack
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -31,7 +30,6 @@ from faults_harness import (
 )
 
 from eqt_cli.engines.native import Native
-from eqt_cli.runs.executors import NEEDED
 
 SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""))
 """Of all kills, of which each scenario has one at least; None elsewhere, where it has one."""
@@ -51,7 +49,6 @@ CONFIGURATIONS = {
 }
 
 LOCAL = ["--executor", "local", "--workers", "2"]
-DASK = ["--executor", "dask", "--workers", "2"]
 SERIAL = ["--executor", "serial"]
 THREADS = ["--executor", "threads", "--workers", "2"]
 CLUSTER = ["--scheduler", "a scheduler and two workers on loopback"]
@@ -61,19 +58,17 @@ SCENARIOS = [
     ("flight", LOCAL, "worker", 30),
     ("native flight", THREADS, "coordinator", 25),
     ("native flight", LOCAL, "coordinator", 25),
-    ("native flight", DASK, "worker", 10),
+    ("native flight", CLUSTER, "worker", 10),
     ("run", SERIAL, "coordinator", 30),
     ("run", LOCAL, "coordinator", 30),
     ("run", LOCAL, "worker", 30),
-    ("run", DASK, "coordinator", 15),
-    ("run", DASK, "worker", 15),
-    ("run", CLUSTER, "coordinator", 15),
-    ("run", CLUSTER, "worker", 25),
+    ("run", CLUSTER, "coordinator", 30),
+    ("run", CLUSTER, "worker", 40),
     ("sweep", SERIAL, "coordinator", 25),
     ("sweep", LOCAL, "coordinator", 25),
     ("sweep", LOCAL, "worker", 25),
-    ("sweep", DASK, "coordinator", 15),
-    ("sweep", DASK, "worker", 15),
+    ("sweep", CLUSTER, "coordinator", 15),
+    ("sweep", CLUSTER, "worker", 15),
     ("native sweep", THREADS, "coordinator", 10),
     ("device sweep", SERIAL, "coordinator", 5),
     ("ragged sweep", SERIAL, "coordinator", 25),
@@ -150,8 +145,8 @@ def on_cluster(tmp_path_factory):
 def test_kills_lose_nothing_and_change_nothing(
     reference, on_cluster, tmp_path, which, options, victim, kills
 ):
-    if ("dask" in options or options is CLUSTER) and not all(map(find_spec, NEEDED)):
-        pytest.skip("needs the extra dask")
+    if options is CLUSTER:
+        pytest.importorskip("distributed", reason="needs the extra dask")
     if "native" in which and (missing := Native.unavailable()):
         pytest.skip(missing)
     config, expected, duration = reference(which)

@@ -1,16 +1,14 @@
 import multiprocessing
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack, suppress
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from urllib.error import HTTPError
-from urllib.request import urlopen
+from shutil import which
 
 import pytest
 from said import error_of
@@ -22,7 +20,7 @@ from eqt_cli.base.reporting import Reporter, reporting, step
 from eqt_cli.cli.options import Setup
 from eqt_cli.cli.run import executor_from
 from eqt_cli.runs import executors as auto
-from eqt_cli.runs.executors import MOST_TRIES, NEEDED, Auto, Local, Outcome, executors
+from eqt_cli.runs.executors import MOST_TRIES, NEEDED, Auto, Dask, Local, Outcome, executors
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -56,20 +54,11 @@ class Task:
         return len(list(Path(self.folder).glob(f"{item}-*")))
 """
 
-NEEDS_DASK = pytest.mark.skipif(not all(map(find_spec, NEEDED)), reason="needs the extra dask")
-NAMES = [
-    pytest.param(name, marks=[NEEDS_DASK] if name == "dask" else [])
-    for name in ("auto", "serial", "threads", "local", "dask")
+NEEDS_DASK = pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
+SURVIVORS = [
+    "local",
+    pytest.param("dask", marks=[NEEDS_DASK, pytest.mark.slow("starts a cluster")]),
 ]
-QUICK = [
-    pytest.param(*name.values, marks=[*name.marks, pytest.mark.slow("starts a cluster")])
-    if name.values[0] == "dask"
-    else name
-    for name in NAMES
-]
-"""Dask is tried by contracts/test_executors.py, too."""
-
-SURVIVORS = [name for name in QUICK if name.values[0] in ("local", "dask")]
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="has no SIGKILL")
 
 
@@ -84,6 +73,22 @@ def task(tmp_path, monkeypatch):
     done = tmp_path / "done"
     done.mkdir()
     return __import__(name).Task(str(done))
+
+
+@contextmanager
+def executor(name, workers):
+    """The executor; Dask's has a cluster with so many processes."""
+    if name == "local":
+        yield Local(workers)
+        return
+    from dask.config import set as configured
+    from distributed import LocalCluster
+
+    with (
+        configured({"distributed.scheduler.allowed-failures": MOST_TRIES - 1}),
+        LocalCluster(workers, threads_per_worker=1, dashboard_address=None) as cluster,
+    ):
+        yield Dask(scheduler=cluster.scheduler_address)
 
 
 @pytest.fixture(autouse=True)
@@ -105,7 +110,8 @@ def ends():
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
-    found = list(executors.get(name)(2).outcomes(task, [1, 17, 3]))
+    with executor(name, 2) as workers:
+        found = list(workers.outcomes(task, [1, 17, 3]))
     assert sorted(o.item for o in found) == [1, 3, 17]
     assert all(o.failed == 1 for o in found)
     assert len(list((tmp_path / "done").glob("17-*"))) == 2
@@ -116,23 +122,11 @@ def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path, told):
-    with step("runs", 40):
-        found = list(executors.get(name)(1).outcomes(task, [13, 2]))
+    with executor(name, 1) as workers, step("runs", 40):
+        found = list(workers.outcomes(task, [13, 2]))
     assert sorted(found, key=lambda o: o.item) == [Outcome(2, 0), Outcome(13, None)]
     assert len(list((tmp_path / "done").glob("13-*"))) == MOST_TRIES
     assert told.total("runs") == 10  # of the good item alone
-
-
-@pytest.mark.slow("starts processes")
-@NEEDS_DASK
-def test_a_cluster_starts_beside_another(task):
-    """The other one has taken the port where Dask's schedulers show themselves."""
-    with socket.socket() as other:
-        with suppress(OSError):  # there is another one indeed
-            other.bind(("", 8787))
-            other.listen()
-        found = list(executors.get("dask")(1).outcomes(task, [2]))
-    assert found == [Outcome(2, 0)]
 
 
 def test_workers_end_when_nobody_listens_any_more(task):
@@ -271,6 +265,11 @@ def test_what_is_asked_of_an_executor_rules():
         ("lokal", "executor: kind: unknown executor 'lokal'; did you mean 'local'?"),
         ("auto:threads=3", "executor: threads: expected true or false, got 3"),
         ("dask:schedular=a", "executor: schedular: unknown key; did you mean 'scheduler'?"),
+        (
+            "dask",
+            "executor: scheduler: missing; this key is required: "
+            "Address of its scheduler, such as tcp://host:8786",
+        ),
         ("local:workers=0", "executor: workers: expected a whole number of at least 1, got 0"),
         ("local:2", "--executor: expected NAME:KEY=VALUE, got 'local:2'"),
     ],
@@ -296,92 +295,28 @@ def test_threads_take_an_item_when_it_can_begin(task):
     assert seen == sorted(seen)
 
 
-@pytest.fixture
-def certificate(tmp_path):
-    """A certificate, its key, and who says that it is valid, also as Dask's settings."""
-    from distributed import Security
-
-    security = Security.temporary()
-    content = {
-        "ca-file": security.tls_ca_file,
-        "client.cert": security.tls_client_cert,
-        "client.key": security.tls_client_key,
-    }
-    for name, text in content.items():
-        (tmp_path / f"{name}.pem").write_text(text, encoding="utf-8")
-    files = {name: str(tmp_path / f"{name}.pem") for name in content}
-    return security, {f"distributed.comm.tls.{name}": file for name, file in files.items()}
-
-
 @pytest.mark.slow("starts a cluster")
 @NEEDS_DASK
-def test_nobody_else_gives_orders_to_a_local_cluster(monkeypatch, certificate):
-    from distributed import Client
-
-    with ExitStack() as stack:
-        client = executors.get("dask")(1)._client(stack)
-        address = client.scheduler.address
-        assert address.startswith("tls://127.0.0.1:")
-        for way, security in ((address, certificate[0]), (address.replace("tls", "tcp"), None)):
-            with pytest.raises(OSError, match=r"certificate does not match|closed"):
-                Client(way, security=security, timeout=2, set_as_default=False)
-        for told in (client.cluster.scheduler_info, *client.scheduler_info()["workers"].values()):
-            with pytest.raises(HTTPError, match="404"):
-                urlopen(f"http://127.0.0.1:{told['services']['dashboard']}/health")
-
-
-@pytest.mark.slow("starts a cluster")
-@NEEDS_DASK
-def test_a_cluster_removes_what_a_killed_one_has_left(task, tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    ours, of_a_dead_one = (f"sem.eqt-{pid}-test" for pid in (os.getpid(), ended.pid))
-    monkeypatch.setattr(auto, "SHARED", tmp_path)
-    for name in (ours, of_a_dead_one, "sem.mp-other"):
-        (tmp_path / name).touch()
-    there = tmp_path / "eqt" / "dask-scratch-space"
-    (there / "worker-left").mkdir(parents=True)
-    (there / "worker-left.dirlock").touch()
-    tmp_path.chmod(0o700)
-    assert list(executors.get("dask")(1).outcomes(task, [2])) == [Outcome(2, 0)]
-    assert not [path for path in there.iterdir() if "lock" not in path.suffix]
-    assert {path.name for path in tmp_path.glob("sem.*")} == {ours, "sem.mp-other"}
-
-
-@NEEDS_DASK
-def test_a_cluster_that_cannot_start_says_why(task, monkeypatch):
-    """As it is where /dev/shm cannot be written to."""
-    import distributed
-
-    def fails(**settings):
-        try:
-            raise OSError(30, "Read-only file system")
-        except OSError as error:
-            inner = AssertionError()
-            inner.__context__ = error
-            raise RuntimeError("Nanny failed to start.") from inner
-
-    monkeypatch.setattr(distributed, "LocalCluster", fails)
-    assert error_of(list, executors.get("dask")(1).outcomes(task, [2])) == (
-        "executor dask: no cluster starts: [Errno 30] Read-only file system; use the "
-        "executor local, which needs no semaphores in /dev/shm"
-    )
-
-
-@pytest.mark.slow("starts a cluster")
-@NEEDS_DASK
-def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, certificate, monkeypatch):
+@pytest.mark.skipif(not which("openssl"), reason="needs openssl for a certificate")
+def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, tmp_path):
     from dask.config import set as configured
-    from distributed import LocalCluster
+    from distributed import LocalCluster, Security
 
-    security, settings = certificate
+    key, cert = str(tmp_path / "key.pem"), str(tmp_path / "cert.pem")
+    words = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN=test"
+    subprocess.run([*words.split(), "-keyout", key, "-out", cert], capture_output=True, check=True)
+    files = {
+        f"tls_{side}_{name}": {"key": key, "cert": cert}[name]
+        for side in ("scheduler", "worker", "client")
+        for name in ("key", "cert")
+    }
+    security = Security(tls_ca_file=cert, require_encryption=True, **files)
     with LocalCluster(
-        1, 1, processes=False, protocol="tls", security=security, dashboard_address="127.0.0.1:0"
+        1, processes=False, protocol="tls", security=security, dashboard_address=None
     ) as cluster:
-        address = cluster.scheduler_address
-        executor = executors.get("dask")(1, scheduler=address)
-        with configured(settings):
+        executor = Dask(scheduler=cluster.scheduler_address)
+        settings = {"ca-file": cert, "client.cert": cert, "client.key": key}
+        with configured({f"distributed.comm.tls.{name}": file for name, file in settings.items()}):
             assert list(executor.outcomes(task, [2])) == [Outcome(2, 0)]
         with pytest.raises(EqtError, match=r"^scheduler tls://.*: cannot be reached: TLS expects"):
             list(executor.outcomes(task, [2]))
@@ -389,22 +324,17 @@ def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, certificate, 
 
 @NEEDS_DASK
 def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
-    from eqt_cli.runs import executors as dask
-
-    monkeypatch.setattr(dask, "CONNECT_WITHIN", 0.2)
-    executor = dask.Dask(1, "tcp://127.0.0.1:9")
+    monkeypatch.setattr(auto, "CONNECT_WITHIN", 0.2)
+    executor = Dask(scheduler="tcp://127.0.0.1:9")
     with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
         list(executor.outcomes(task, [1]))
 
 
 def test_dask_that_is_missing_is_named(task, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    from eqt_cli.runs import executors as dask
-
-    monkeypatch.setattr(dask, "find_spec", lambda name: None)
-    assert error_of(list, dask.Dask(1).outcomes(task, [1])) == (
-        "executor dask needs distributed and cryptography (extra dask): pip install "
-        "'distributed>=2026.7' 'cryptography>=50.0'"
+    monkeypatch.setattr(auto, "find_spec", lambda name: None)
+    assert error_of(list, Dask(scheduler="tcp://127.0.0.1:9").outcomes(task, [1])) == (
+        f"executor dask needs distributed (extra dask): pip install '{NEEDED}'"
     )
 
 
