@@ -22,20 +22,18 @@ assert result.failed == 0
 
 # %% Look at the numbers: named dimensions, units, and the metrics of every run. Values are read
 # from the file when they are asked for.
-data = eqt_cli.open_results(result, "arrays")
-print("variables", ", ".join(data.names[:7]), "…")
-torque = data.read("torque_norm", controller=0)  # runs × samples
-label, unit = data.coordinate("controller")[0], data.units("torque_norm")
-print(f"mean torque of {label}: {torque.mean():.2f} {unit}")
-data.close()
+print("variables", ", ".join(result.names[:7]), "…")
+torque = result.read("torque_norm", controller=0)  # runs × samples
+print(f"mean torque of {result.labels[0]}: {torque.mean():.2f} {result.units('torque_norm')}")
 
-# %% With xarray installed, the same by name.
+# %% With pandas and xarray installed, a table of all runs, and signals by name.
 try:
     import xarray  # noqa: F401
 except ImportError:
     print("pip install xarray h5netcdf for the next lines")
 else:
-    with eqt_cli.open_results(result, "xarray") as dataset:
+    print(result.metrics().groupby("controller").mean_attitude_error.mean().round(1).to_dict())
+    with result.to_xarray() as dataset:
         early = dataset.torque_norm.sel(time=slice(0, 5)).mean(["run", "time"])
         print(early.to_series().round(2).to_dict())
 
@@ -55,6 +53,6 @@ for kd in (0.25, 1.0):
     damped = eqt_cli.load_experiment(
         experiment.resolved, {"name": f"tutorial-kd{kd:g}", "gains.kd": kd, "ensemble.runs": 10}
     )
-    with eqt_cli.open_results(eqt_cli.run(damped), "arrays") as results:
+    with eqt_cli.run(damped) as results:
         error = results.read("final_pose_error", controller=0).mean()
     print(f"kd = {kd}: final attitude error of eqt {error:.3f}")

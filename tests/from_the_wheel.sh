@@ -53,6 +53,6 @@ refused "(extra dask)" eqt run mine.yaml --out other --scheduler tcp://127.0.0.1
 refused "(extra opencl)" eqt run mine.yaml --out other --engine native --device opencl
 printf 'ULog' >flight.ulg
 refused "(extra logs)" eqt log check flight.ulg
-refused "(extra xarray)" python -c 'import eqt_cli; eqt_cli.open_results("result", "xarray")'
+refused "(extra xarray)" python -c 'import eqt_cli; eqt_cli.open_result("result").to_xarray()'
 mkdir nothing
 refused "(extra native)" env "PATH=$here/nothing" "$here/venv/bin/eqt" run mine.yaml --out other --engine native

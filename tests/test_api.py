@@ -16,9 +16,9 @@ from said import error_of
 
 import eqt_cli
 from eqt_cli.analysis import verification
-from eqt_cli.api import loading
+from eqt_cli.api import stored
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import ConfigError, EqtError, ResultError
-from eqt_cli.results.result import Result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -46,7 +46,7 @@ def result(computed, tmp_path):
 
 def test_functions_load_what_they_call_and_no_scipy_until_they_compute():
     code = (
-        "import sys; from eqt_cli import api; api.open_results; "
+        "import sys; from eqt_cli import api; api.open_result; "
         "print('eqt_cli.analysis.search' in sys.modules); "
         "from eqt_cli.api import *; print('scipy' in sys.modules)"
     )
@@ -109,7 +109,7 @@ def test_configurations_hold_plain_data():
 
 
 def test_run_keeps_a_finished_result(result):
-    assert (result.was_complete, result.runs, result.failed) == (True, 12, 0)
+    assert (result.outcome.was_complete, result.runs, result.failed) == (True, 12, 0)
     assert repr(result) == f"<result {result.path}: 12 runs>"
 
 
@@ -153,34 +153,38 @@ def test_run_reports_progress(tmp_path, told, estimates):
     """A run whose error is estimated is done after its second solve, and counts once."""
     settings = FEW | {"solver.error_estimate": estimates, "controllers": ["eqt", "gt"]}
     result = eqt_cli.run(eqt_cli.load_experiment(PAPER, settings), tmp_path / "result")
-    assert not result.was_complete
+    assert not result.outcome.was_complete
     assert told.steps[0] == ("runs", 6)
     assert told.total("runs") == pytest.approx(6)
 
 
 @needs_xarray
-def test_results_open_in_xarray_and_have_their_data(result):
-    with eqt_cli.open_results(result) as data:
+def test_a_result_opens_in_xarray(result):
+    with result.to_xarray() as data:
         assert data.torque.dims == ("controller", "run", "time", "axis")
         assert data.torque.sel(controller="gt").attrs["units"] == "N m"
-    assert result.data is result.data
-    assert result.data.effort.shape == (4, 3)
-    result.data.close()
 
 
-def test_results_open_without_xarray(result, monkeypatch):
-    monkeypatch.setattr(loading, "find_spec", lambda name: None)
-    with eqt_cli.open_results(result) as results:
-        assert isinstance(results, Result)
-    assert error_of(eqt_cli.open_results, result, "xarray") == (
-        "xarray is not installed (extra xarray): pip install xarray h5netcdf, or open with "
-        "kind='arrays'"
+def test_without_xarray_a_result_is_read_as_arrays(result, monkeypatch):
+    monkeypatch.setattr(stored, "find_spec", lambda name: None)
+    assert eqt_cli.open_result(result).read("effort", controller="gt").shape == (3,)
+    assert error_of(result.to_xarray) == (
+        "xarray is not installed (extra xarray): pip install xarray h5netcdf"
     )
 
 
-def test_unknown_kind_of_results(result):
-    with pytest.raises(EqtError, match=r"^kind 'pandas': expected 'xarray', 'arrays' or None$"):
-        eqt_cli.open_results(result, "pandas")
+def test_a_result_that_was_opened_is_as_the_one_that_was_run(result):
+    with eqt_cli.open_result(result.path) as opened:
+        assert (opened.runs, opened.failed, opened.labels) == (12, 0, ["eqt", "gt", "nog", "asym"])
+        assert repr(opened) == repr(result) == f"<result {result.path}: 12 runs>"
+        assert opened.file == result.file
+        assert opened.times.tolist() == result.times.tolist()
+        assert "effort" in opened.names
+        assert opened.units("effort") == "(N m)^2 s"
+    assert result.outcome.was_complete
+    assert error_of(lambda: opened.outcome) == (
+        f"{result.path}: was opened; only what `run` returns has an outcome"
+    )
 
 
 @needs_xarray
@@ -188,7 +192,7 @@ def test_hostile_files_are_refused_before_xarray_sees_them(tmp_path):
     path = tmp_path / "results.h5"
     path.write_bytes(b"no HDF5 at all")
     with pytest.raises(EqtError, match="is not an HDF5 file"):
-        eqt_cli.open_results(path)
+        eqt_cli.open_result(path)
 
 
 def test_compare_takes_windows_as_text(result):
@@ -278,7 +282,7 @@ def test_what_verify_refuses(result):
 
 
 def test_controllers_are_selected_by_label(result):
-    with eqt_cli.open_results(result, "arrays") as data:
+    with open_at(result) as data:
         assert np.array_equal(data.read("effort", controller="gt"), data["effort"][1])
         chosen = data.read("effort", controller=["asym", "eqt"])
         assert np.array_equal(chosen, data["effort"][[3, 0]])
@@ -288,7 +292,7 @@ def test_controllers_are_selected_by_label(result):
 
 
 def test_open_results_describe_themselves(result):
-    with eqt_cli.open_results(result, "arrays") as data:
+    with open_at(result) as data:
         text = repr(data)
     assert text.startswith(
         f"<results {data.path}: {len(data.names)} variables over controller 4, run 3"

@@ -5,19 +5,15 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.files import point_group
 from eqt_cli.results.origin import KnownResult
 from eqt_cli.results.result import Result, open_result
 
 if TYPE_CHECKING:
-    import xarray
-
     from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.source import ConfigSource
     from eqt_cli.config.study import Study
@@ -119,7 +115,7 @@ def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSo
     return overridden(ConfigSource(source, source.data, Path.cwd()), overrides)
 
 
-# Opens a result with eqt's reader or with xarray --------------------------------------------------
+# Opens a result with eqt's reader -----------------------------------------------------------------
 
 
 def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
@@ -144,80 +140,3 @@ def _loops_of(result: KnownResult) -> Mapping[str, ClosedLoop]:
     from eqt_cli.config.source import source_of
 
     return build(source_of(result)).loops
-
-
-@overload
-def open_results(
-    path: str | os.PathLike[str], kind: Literal["xarray"], point: int | None = None
-) -> xarray.Dataset: ...
-@overload
-def open_results(
-    path: str | os.PathLike[str], kind: Literal["arrays"], point: int | None = None
-) -> Result: ...
-@overload
-def open_results(
-    path: str | os.PathLike[str], kind: None = None, point: int | None = None
-) -> xarray.Dataset | Result: ...
-
-
-def open_results(
-    path: str | os.PathLike[str],
-    kind: Literal["xarray", "arrays"] | None = None,
-    point: int | None = None,
-) -> xarray.Dataset | Result:
-    """Open a result, after checking that its file is safe to read.
-
-    Parameters
-    ----------
-    path
-        The result folder, or the file in it.
-    kind
-        ``"xarray"`` for an `xarray.Dataset`, ``"arrays"`` for eqt's reader, which needs no other
-        package. Default: ``"xarray"`` if xarray is installed, else ``"arrays"``.
-    point
-        Point of a sweep, counted from 0, to open as the result of a single experiment. Without a
-        point, an `xarray.Dataset` of a sweep whose points differ in shape holds only the metrics
-        that all points have.
-
-    Returns
-    -------
-    xarray.Dataset or Result
-        Both read values from the file only when you use them. Use a ``with`` block to close them.
-
-    Raises
-    ------
-    ResultError
-        If the result or the point does not exist, or the file is damaged or unsafe.
-    EqtError
-        If ``kind`` is ``"xarray"`` and the extra ``xarray`` is not installed.
-
-    Examples
-    --------
-    >>> with eqt_cli.open_results("results/paper", "arrays") as result:
-    ...     torque = result.read("torque_norm", controller="eqt")
-    ...     print(result.labels, torque.shape[-1] == len(result.times))
-    ['eqt', 'gt', 'nog', 'asym'] True
-    """
-    if kind not in (None, "xarray", "arrays"):
-        raise EqtError(f"kind {kind!r}: expected 'xarray', 'arrays' or None")
-    installed = find_spec("xarray") is not None and find_spec("h5netcdf") is not None
-    if kind == "arrays" or (kind is None and not installed):
-        return open_at(Path(path), point)
-    if not installed:
-        raise EqtError(
-            "xarray is not installed (extra xarray): pip install xarray h5netcdf, or open with "
-            "kind='arrays'"
-        )
-    import xarray
-
-    with open_at(path) as checked:
-        file, in_group = checked.path, checked.has_groups
-    if point is None:
-        return xarray.open_dataset(file, engine="h5netcdf")
-    with open_at(path, point) as view:
-        attributes = dict(view.attributes)
-    group = point_group(point) if in_group else None
-    whole = xarray.open_dataset(file, engine="h5netcdf", group=group)
-    dataset = (whole if in_group else whole.isel(point=point)).assign_attrs(attributes)
-    dataset.set_close(whole.close)
-    return dataset

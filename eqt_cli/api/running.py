@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.api.loading import (
-    Configuration,
-    ResultPath,
-    load_experiment,
-    open_results,
-    source_from,
-)
+from eqt_cli.api.loading import Configuration, ResultPath, load_experiment, source_from
+from eqt_cli.api.stored import StoredResult
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
 from eqt_cli.config.preflight import remark_on
@@ -23,41 +16,12 @@ from eqt_cli.config.source import config_in
 from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors
 from eqt_cli.runs.folder import CONFIG, ResultFolder
-from eqt_cli.runs.run_study import Execution, Shard, execute, pack_folder
+from eqt_cli.runs.run_study import Shard, execute, pack_folder
 
 if TYPE_CHECKING:
-    import xarray
-
     from eqt_cli.analysis.search import Searched, Searches
     from eqt_cli.analysis.tune import Search
     from eqt_cli.analysis.worst import WorstSearch
-
-
-@dataclass(frozen=True)
-class StoredResult(Execution, os.PathLike[str]):
-    """A result in its folder. It can be used wherever a path is expected."""
-
-    @property
-    def path(self) -> Path:
-        """The result folder."""
-        return self.folder.path
-
-    def __fspath__(self) -> str:
-        return str(self.path)
-
-    @property
-    def file(self) -> Path:
-        """The result file."""
-        return self.folder.results
-
-    @cached_property
-    def data(self) -> xarray.Dataset:
-        """The result as an xarray Dataset, which reads values from the file when you use them."""
-        return open_results(self, "xarray")
-
-    def __repr__(self) -> str:
-        failed = f", {self.failed} failed" if self.failed else ""
-        return f"<result {self.path}: {self.runs} runs{failed}>"
 
 
 def run(
@@ -120,7 +84,7 @@ def run(
         rerun_failed=rerun_failed,
         shard=shard,
     )
-    return StoredResult(**vars(done))
+    return StoredResult(done.folder.path, outcome=done)
 
 
 def choose_executor(
@@ -192,7 +156,8 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     """
     ResultFolder(Path(folder)).check()
     experiment = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
-    return StoredResult(**vars(pack_folder(experiment, Path(folder))))
+    done = pack_folder(experiment, Path(folder))
+    return StoredResult(done.folder.path, outcome=done)
 
 
 # Searches -----------------------------------------------------------------------------------------

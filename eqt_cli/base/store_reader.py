@@ -540,7 +540,7 @@ class ResultFile:
                 f"{self.path}: {what}, and this is a sweep of {points} points",
                 Remedy(
                     f"choose one of 0 to {points - 1} with {{}}, as `eqt show {self.path.parent} "
-                    "--table` lists them",
+                    "--table metrics` lists them",
                     "point",
                 ),
             )

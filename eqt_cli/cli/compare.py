@@ -134,6 +134,7 @@ def compare(
     """
     from eqt_cli import api
     from eqt_cli.analysis.intervals import Resampling
+    from eqt_cli.api.loading import open_at
     from eqt_cli.results.quantity import Latex, Plain
 
     of_one = [controller, without_start, measured, against]
@@ -142,7 +143,7 @@ def compare(
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:
-        with api.open_results(result, "arrays", point) as results:
+        with open_at(result, point) as results:
             _print_metrics(results, json)
         return
     how = Resampling(confidence, resamples, seed)
@@ -246,8 +247,9 @@ def _of_whole(
     """Return the findings on a sweep or on fronts as a whole; None for other results."""
     from eqt_cli import api
     from eqt_cli.analysis.maps import map_records, map_tables
+    from eqt_cli.api.loading import open_at
 
-    with api.open_results(path, "arrays") as opened:
+    with open_at(path) as opened:
         result = opened.in_units(units)
         plain = not (metrics or laws or narrowed) and table in (None, TableName.FRONTS)
         fronts = _of_fronts(result, how, write) if plain else None

@@ -6,11 +6,13 @@ import csv
 import re
 import sys
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eqt_cli.base.errors import EqtError, printable, suggestion
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
@@ -192,7 +194,7 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
     )
     yield f"not settled: {words} (exact {100 * Resampling.confidence:g} % intervals)"
     if any(few.values()):
-        yield f"`eqt show {result.path.parent} --unsettled` lists their starts"
+        yield f"`eqt show {result.path.parent} --table unsettled` lists their starts"
 
 
 def _accuracy(result: Result) -> Iterator[str]:
@@ -255,47 +257,68 @@ def _failures(result: Result) -> Iterator[str]:
         yield f"  {cut}{those}{how}"
 
 
-FORMATS = ("csv", "jsonl")
+# Tables with one row per run, for other programs --------------------------------------------------
 
 
-def print_run_table(result: Result, form: str) -> None:
-    """Print the metrics of every run on stdout, with all digits."""
-    if form not in FORMATS:
-        hint = suggestion(form, FORMATS) or f"; known: {', '.join(FORMATS)}"
-        raise EqtError(f"--format: unknown format '{form}'{hint}")
-    swept = [
-        name for name in result.coordinates if name != "point" and result.dims(name) == ("point",)
-    ]
-    numbers = [name for name in result.names if result.dims(name) == result.dims("status")]
-    first = ["point", *swept] if result.is_sweep else []
-    named = [
-        name if result.factor(name) == 1 else f"{name} ({result.units(name)})" for name in numbers
-    ]
-    header, rows = [*first, "controller", "run", *named], _rows(result, swept, numbers)
+def print_table(result: Result, name: str, form: str) -> None:
+    """Print a table on stdout, with all digits."""
+    from eqt_cli.cli.show import FORMATS, TABLES
+
+    for option, given, known in (("--table", name, TABLES), ("--format", form, FORMATS)):
+        if given not in known:
+            hint = suggestion(given, known) or f"; known: {', '.join(known)}"
+            raise EqtError(f"{option}: unknown {option[2:]} '{given}'{hint}")
+    table = _metrics(result) if name == "metrics" else _unsettled(result)
+    if form == "parquet":
+        _print_parquet(table)
+        return
+    rows = list(zip(*(column.tolist() for column in table.values()), strict=True))
+    if not rows:
+        output.complain("every run settled")
     if form == "csv":
         writer = csv.writer(sys.stdout, lineterminator="\n")
-        writer.writerow(map(csv_cell, header))
+        writer.writerow(map(csv_cell, table))
         writer.writerows(map(csv_cell, row) for row in rows)
         return
     for row in rows:
-        output.print_verbatim(output.json_text(dict(zip(header, row, strict=True))))
+        output.print_verbatim(output.json_text(dict(zip(table, row, strict=True))))
 
 
-def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:
-    """Yield a row per run, by point and controller."""
-    values = [result.coordinate(name).tolist() for name in swept]
-    shape = (result.points, len(result.labels), result.runs)
-    columns = [
-        (result[name] if (by := result.factor(name)) == 1 else result[name] * by).reshape(shape)
-        for name in numbers
-    ]
-    for point in range(result.points):
-        here = [point, *(_shown(value[point]) for value in values)] if result.is_sweep else []
-        for controller, label in enumerate(result.labels):
-            per_run = [column[point, controller].tolist() for column in columns]
-            for run, row in enumerate(zip(*per_run, strict=True)):
-                yield [*here, label, run, *map(_shown, row)]
+def _metrics(result: Result) -> dict[str, Array]:
+    """Return the metrics of every run; those in another unit have it in their names."""
+    from eqt_cli.results.dataset import columns
+
+    return {
+        f"{name} ({result.units(name)})" if result.is_rescaled(name) else name: column
+        for name, column in columns(result).items()
+    }
 
 
-def _shown(value: Any) -> Any:
-    return printable(value) if isinstance(value, str) else value
+def _unsettled(result: Result) -> dict[str, Array]:
+    """Return the unsettled runs and their starts, in columns that `initial.file` takes."""
+    settles = result.settles
+    if settles is None:
+        raise result.error("does not tell which runs settled")
+    if result.is_sweep:
+        raise EqtError("--table unsettled: a sweep has starts by point; choose one with --point")
+    runs = np.flatnonzero(~settles.all(axis=0))
+    laws = zip(result.labels, settles[:, runs].astype(int), strict=True)
+    poses, velocities = (result.read(f"initial_{of}", run=runs) for of in ("pose", "velocity"))
+    size = range(1, poses.shape[-1] + 1)
+    names = [f"Q{row}{column}" for row in size for column in size]
+    names += [f"V{k}" for k in range(1, velocities.shape[-1] + 1)]
+    starts = np.concatenate([poses.reshape(len(runs), len(size) ** 2), velocities], axis=1)
+    settled = {f"settled_{label}": law for label, law in laws}
+    return {"run": runs} | settled | dict(zip(names, starts.T, strict=True))
+
+
+def _print_parquet(table: dict[str, Array]) -> None:
+    if sys.stdout.isatty():
+        raise EqtError("--format parquet: is for a file; add > FILE.parquet")
+    if missing := [name for name in ("pandas", "pyarrow") if not find_spec(name)]:
+        raise EqtError(
+            f"--format parquet needs {' and '.join(missing)}: pip install pandas pyarrow"
+        )
+    import pandas
+
+    sys.stdout.buffer.write(pandas.DataFrame(table).to_parquet())

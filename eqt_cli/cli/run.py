@@ -138,7 +138,7 @@ def pack(
     from eqt_cli import api
 
     done = api.pack(folder, trust_plugins=trust_plugins)
-    if done.was_complete:
+    if done.outcome.was_complete:
         say(f"{folder} already holds the complete result; there is nothing to pack")
     report(done, json=json)
 
@@ -376,12 +376,12 @@ def run_experiment(
             "run the same command again to continue",
             error.exit_code,
         ) from None
-    for entry in done.removed:
+    for entry in done.outcome.removed:
         output.say(f"removed {entry}")
-    if done.was_complete:
+    if done.outcome.was_complete:
         output.say(f"{out} already holds this experiment; --force runs it again")
-    elif done.resumed:
-        output.say(f"{done.resumed} of {done.runs} runs were already computed")
+    elif done.outcome.resumed:
+        output.say(f"{done.outcome.resumed} of {done.runs} runs were already computed")
     report(done, shard, json=handling.json, with_plugins=bool(experiment.base.plugins))
 
 
@@ -395,8 +395,8 @@ def report(
     counted: dict[str, Any] = {
         "runs": done.runs,
         "failed": done.failed,
-        "resumed": done.resumed,
-        "seconds": done.seconds,
+        "resumed": done.outcome.resumed,
+        "seconds": done.outcome.seconds,
         "causes": causes,
     }
     disagrees = False
@@ -431,7 +431,7 @@ def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> d
     check, points = results.cross_check, results.dimensions.get("point")
     return {
         "results": str(done.file),
-        "was_complete": done.was_complete,
+        "was_complete": done.outcome.was_complete,
         **({} if points is None else {"points": points}),
         **counted,
         **outcome_record(results),
@@ -444,7 +444,7 @@ def _print_summary(done: StoredResult, results: Result) -> None:
 
     points = results.dimensions.get("point")
     print_outcome(results)
-    took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
+    took = "".join(f", {name} {value:.1f} s" for name, value in done.outcome.seconds.items())
     over = "" if points is None else f"{output.count_of(points, 'point')}, "
     tick = "✓ " * (not done.failed and output.room() is not None)
     output.print_text(f"{tick}{over}{output.count_of(done.runs, 'run')}{took}")

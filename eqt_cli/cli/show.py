@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from eqt_cli.runs.lock import Unfinished
 
 UNKNOWN = "at an unknown time"
+TABLES, FORMATS = ("metrics", "unsettled"), ("csv", "jsonl", "parquet")
 
 
 def show(
@@ -25,9 +26,8 @@ def show(
     plugins: Annotated[bool, options.option("--plugins")] = False,
     variables: Annotated[bool, options.option("--variables")] = False,
     failed: Annotated[bool, options.option("--failed")] = False,
-    unsettled: Annotated[bool, options.option("--unsettled")] = False,
-    table: Annotated[bool, options.option("--table")] = False,
-    format_: Annotated[str | None, options.option("--format", known=("csv", "jsonl"))] = None,
+    table: Annotated[str | None, options.option("--table", known=TABLES)] = None,
+    format_: Annotated[str | None, options.option("--format", known=FORMATS)] = None,
     point: options.Point = None,
     unit: options.Units = None,
     json: options.Json = False,
@@ -41,15 +41,15 @@ def show(
         --plugins  Print the stored plugin sources.
         --variables  List the variables.
         --failed  List all failed runs.
-        --unsettled  Print the initial states of runs that did not settle, as CSV.
-        --table  Print the metrics of every run, one row per run.
+        --table NAME  Print a table, one row per run: metrics of every run, or unsettled, the
+            initial states of runs that did not settle, as initial.file takes them.
     Output
-        --format NAME  Format of --table: csv or jsonl. Default: csv.
+        --format NAME  Format of --table: csv, jsonl or parquet. Default: csv.
     """
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
-    flags = (config, plugins, variables, failed, unsettled)
-    views = (_config, _plugins, _variables, _failed, _unsettled)
+    flags = (config, plugins, variables, failed)
+    views = (_config, _plugins, _variables, _failed)
     view = next((view for flag, view in zip(flags, views, strict=True) if flag), None)
     if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table):
         from eqt_cli.runs.lock import unfinished
@@ -58,15 +58,15 @@ def show(
             _unfinished(result, state, json)
             return
 
-    from eqt_cli import api
-    from eqt_cli.cli.result_tables import print_run_table
+    from eqt_cli.api.loading import open_at
+    from eqt_cli.cli.result_tables import print_table
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
-    with api.open_results(result, "arrays", point) as opened:
+    with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if table:
-            print_run_table(results, format_ or "csv")
+            print_table(results, table, format_ or FORMATS[0])
         else:
             (view or _summary)(results, json)
 
@@ -163,33 +163,6 @@ def _failed(results: Result, json: bool) -> None:
         document.append({**place, "message": message})
         lines.append(f"{results.place(where)}: {message}")
     output.print_findings(document, "\n".join(lines), json=json, nothing="no run failed")
-
-
-def _unsettled(results: Result, json: bool) -> None:
-    """Print the unsettled runs and their starts, in columns that `initial.file` takes."""
-    import numpy as np
-
-    from eqt_cli.cli.tables import as_csv
-
-    settles = results.settles
-    if settles is None:
-        raise results.error("does not tell which runs settled")
-    if results.is_sweep:
-        raise EqtError("--unsettled: a sweep has starts by point; choose one with --point")
-    runs = np.flatnonzero(~settles.all(axis=0))
-    poses, velocities = (results.read(f"initial_{of}", run=runs) for of in ("pose", "velocity"))
-    size = range(1, poses.shape[-1] + 1)
-    names = [f"Q{row}{column}" for row in size for column in size]
-    names += [f"V{k}" for k in range(1, velocities.shape[-1] + 1)]
-    records = [
-        {"run": int(run)}
-        | {f"settled_{label}": int(law) for label, law in zip(results.labels, settled, strict=True)}
-        | dict(zip(names, [*pose.ravel().tolist(), *velocity.tolist()], strict=True))
-        for run, settled, pose, velocity in zip(
-            runs, settles.T[runs], poses, velocities, strict=True
-        )
-    ]
-    output.print_source(records, as_csv(records), json=json, nothing="every run settled")
 
 
 def _plugins(results: Result, json: bool) -> None:

@@ -482,7 +482,7 @@ def _moderate_numbers() -> Iterator[None]:
             raise
         raise EqtError(
             "the figure cannot be drawn: its numbers are too large for an axis; look for runs that "
-            "diverge with `eqt show --table`"
+            "diverge with `eqt show --table metrics`"
         ) from error
 
 

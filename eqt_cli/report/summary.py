@@ -34,8 +34,8 @@ COLUMNS = tuple(
     if quantity.per is ValuePer.RUN and quantity.stored and quantity.dtype is FLOAT
     if not quantity.diagnostic
 )
-"""Metrics shown of a run, in the order of the table of quantities; `eqt show --table` also prints
-the diagnostics, for all of which a page is not wide enough."""
+"""Metrics shown of a run, in the order of the table of quantities; `eqt show --table metrics` also
+prints the diagnostics, for all of which a page is not wide enough."""
 
 Document = dict[str, Any]
 

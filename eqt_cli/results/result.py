@@ -578,6 +578,11 @@ class Result(StoredRuns):
         """Return the unit in which a number per run is shown."""
         return self.shown_in(quantity.name, self._unit_of(quantity))[0]
 
+    def is_rescaled(self, name: str) -> bool:
+        """Whether a number per run is shown in another unit than the one it is computed in."""
+        quantity = self.comparable.get(name)
+        return quantity is not None and self.unit_of(quantity) != self._unit_of(quantity)
+
     @cached_property
     def metrics(self) -> list[str]:
         """Names of all numbers that are stored for every run."""
@@ -591,16 +596,27 @@ class Result(StoredRuns):
     def metric(self, name: str, controller: int | None = None) -> Array:
         """Return a number of every run, ``(controllers, runs)``, or ``(runs,)`` for one controller.
 
-        NaN if a run failed or has no value. A sweep has a leading axis of points.
+        It is as stored, as it follows from another one, or computed from trajectories. NaN if a run
+        failed or has no value. A sweep has a leading axis of points.
 
         Raises
         ------
         EqtError
             If there is no number of that name.
         """
-        self.check_metrics([name])
+        if name not in self.metrics and not self._follows(name):
+            return self._computed_metric(name, controller)
         values = np.where(self.good, self._number(name), np.nan) * self.factor(name)
         return values if controller is None else values[..., controller, :]
+
+    def _computed_metric(self, name: str, controller: int | None) -> Array:
+        quantity = self.comparable_named(name)
+        if self.is_sweep:
+            points = [self.at(point) for point in range(self.points)]
+            return np.stack([each.metric(name, controller) for each in points])
+        found = self.per_run(quantity, quantity.window)
+        values = np.where(found.censored, np.nan, found.values)
+        return values if controller is None else values[controller]
 
     def _number(self, name: str) -> Array:
         """Return a number of every run as stored, or as it follows from another one."""

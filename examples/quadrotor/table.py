@@ -7,7 +7,7 @@ import numpy as np
 import eqt_cli
 
 for folder in sys.argv[1:]:
-    with eqt_cli.open_results(folder, "arrays") as result:
+    with eqt_cli.open_result(folder) as result:
         for law in result.labels:
             error, apart, thrust = (
                 np.asarray(result.read(name, controller=law))[0]

@@ -18,7 +18,7 @@ import eqt_cli
 def fly(result: str, program: list[str]) -> float:
     """The largest difference to the stored torques, N m."""
     largest = 0.0
-    with eqt_cli.open_results(result, "arrays") as stored:
+    with eqt_cli.open_result(result) as stored:
         pose, velocity, command = (stored[name][0] for name in ("pose", "velocity", "command"))
     for Q, V, asked in zip(pose, velocity, command, strict=True):
         rows = np.concatenate([Q.reshape(len(Q), -1), V], axis=1)[:-1]  # no instant is at the end

@@ -374,7 +374,7 @@ def test_sweeps_need_a_point(make_result):
     assert refusal(EqtError, compare, results) == (
         f"{results.path}: controllers are compared within one experiment, and this is a sweep of "
         "3 points; choose one of 0 to 2 with point=…, as "
-        f"`eqt show {results.path.parent} --table` lists them"
+        f"`eqt show {results.path.parent} --table metrics` lists them"
     )
 
 

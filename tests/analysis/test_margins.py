@@ -14,6 +14,7 @@ import yaml
 import eqt_cli
 from eqt_cli.analysis import margins as searched
 from eqt_cli.analysis.margins import LARGEST_FACTOR, CutLoop, LawMargins, delay_margin, delayed
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.config.experiment import Experiment
@@ -125,7 +126,7 @@ def test_eigenvalues_are_those_of_the_period_that_stored_runs_show(tmp_path: Any
     brief = {**LATE, "time": {"duration": 5.0, "samples": 11}}
     experiment, loop = loop_of(brief)
     run = eqt_cli.run(eqt_cli.load_experiment(brief), tmp_path / "runs")
-    with eqt_cli.open_results(run, "arrays") as data:
+    with open_at(run) as data:
         G, Q = experiment.group, data["pose"][0]
         errors = G.log(G.inverse(data["desired_pose"]) @ Q)
         asked, given, V = (data[name][0] for name in ("command", "torque", "velocity"))

@@ -11,7 +11,7 @@ from slow_cases import mostly_slow
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import KINDS, registry, summary
 from eqt_cli.cli import completion
-from eqt_cli.cli.result_tables import FORMATS
+from eqt_cli.cli.show import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.config.json_schema import json_schema, keys_of
 from eqt_cli.engines.engine import engines
@@ -71,7 +71,7 @@ COMPLETED = "one case of each kind of name is tried every time"
         slow(COMPLETED, "eqt list cont", ["controllers"]),
         ("eqt list casc", ["cascade"]),
         slow(COMPLETED, "eqt config new --from pap", ["paper", "paper_rates"]),
-        slow(COMPLETED, "eqt show out --table --format j", ["jsonl"]),
+        slow(COMPLETED, "eqt show out --table metrics --format j", ["jsonl"]),
         ("eqt run no", []),  # the shell then completes file names
     ],
 )

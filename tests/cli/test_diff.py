@@ -11,6 +11,7 @@ import yaml
 
 import eqt_cli
 from eqt_cli.analysis import differences
+from eqt_cli.api.loading import open_at
 
 BRIEF = (
     *("--set", "controllers=[eqt]", "--set", "ensemble.runs=1"),
@@ -62,9 +63,9 @@ def test_another_configuration(eqt, monkeypatch):
     assert lines[0] == ["configuration", "first", "second"]
     assert lines[2] == ["gains.kp", "1.0", "2.0"]
     assert done.out.splitlines()[-1] == ("different: 1 key of the configuration, 22 of 37 datasets")
-    with eqt_cli.open_results("first", "arrays") as one:
+    with open_at("first") as one:
         a = one["pose_error"]
-    with eqt_cli.open_results("second", "arrays") as other:
+    with open_at("second") as other:
         b = other["pose_error"]
     gap = np.abs(a - b)
     row = next(line for line in done.out.splitlines() if line.startswith("pose_error "))

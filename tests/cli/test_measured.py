@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from said import cases
 
-import eqt_cli
+from eqt_cli.api.loading import open_at
 
 
 @pytest.fixture
 def log(paper_result, folder):
     """Run 1 of GT, with its clock 0.25 s ahead, and a column that nobody knows."""
-    with eqt_cli.open_results(paper_result, "arrays") as result:
+    with open_at(paper_result) as result:
         k, t = result.labels.index("gt"), result.times
         Q, V, tau = (result.trajectory(name, 1)[k] for name in ("pose", "velocity", "torque"))
     header = [f"Q{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.store_reader import open_results
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -20,7 +21,7 @@ POINT_3 = {
     RECTANGULAR: ("--set", "gains.kp=2", "--set", "gains.kd=1"),
     RAGGED: ("--set", "gains.kp=2", "--set", "time.duration=0.2", *ONE_LAW),
 }
-HOW = "choose one of 0 to 3 with --point, as `eqt show out --table` lists them"
+HOW = "choose one of 0 to 3 with --point, as `eqt show out --table metrics` lists them"
 
 
 @pytest.fixture(
@@ -51,10 +52,10 @@ def test_show(eqt):
     )
     assert eqt_cli.load_experiment("alone").resolved == _loaded(config)
     assert _loaded(config) == _loaded(expected)
-    header, first, *_ = eqt("show", "out", "--point", 3, "--table").out.splitlines()
-    assert header.startswith("controller,run,mean_torque,effort")
+    header, first, *_ = eqt("show", "out", "--point", 3, "--table", "metrics").out.splitlines()
+    assert header.startswith("controller,run,status,mean_torque,effort")
     with open_results("alone") as results:
-        assert float(first.split(",")[3]) == pytest.approx(results["effort"][0, 0], rel=1e-5)
+        assert float(first.split(",")[4]) == pytest.approx(results["effort"][0, 0], rel=1e-5)
 
 
 def _loaded(text):
@@ -179,10 +180,10 @@ def test_dry_run_tells_the_size_of_groups(eqt):
 @pytest.mark.usefixtures("grid")
 def test_python_opens_one_point():
     pytest.importorskip("xarray")
-    with eqt_cli.open_results("out", "arrays", point=3) as arrays:
+    with open_at("out", point=3) as arrays:
         efforts, times = arrays["effort"], arrays["time"]
         title = arrays.attributes["title"]
-    with eqt_cli.open_results("out", "xarray", point=3) as dataset:
+    with eqt_cli.open_result("out", point=3).to_xarray() as dataset:
         assert dataset.pose.dims == ("controller", "run", "time", "row", "col")
         np.testing.assert_array_equal(dataset.effort, efforts)
         np.testing.assert_array_equal(dataset.time, times)

@@ -2,13 +2,15 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from eqt_cli import open_results
+from eqt_cli.api.loading import open_at
 from eqt_cli.cli import result_tables
 
 FAILS = ("--set", "solver.max_steps=20")
@@ -27,9 +29,8 @@ def test_the_summary(eqt, result):
 
 def test_units_of_a_user_are_in_headings_and_numbers(eqt, result):
     def rows(*options):
-        return [
-            line.split(",") for line in eqt("show", result, "--table", *options).out.splitlines()
-        ]
+        out = eqt("show", result, "--table", "metrics", *options).out
+        return [line.split(",") for line in out.splitlines()]
 
     (header, *usual), (heading, *other) = rows(), rows("--unit", "mN m")
     at = header.index("peak_torque")
@@ -96,7 +97,7 @@ def test_runs_that_did_not_settle_are_listed_to_be_run_again(eqt):
     """Starts have all their digits; about a reference that starts at I, every bit comes again."""
     known = ("-q", "--set", "settling_threshold=100 deg", "--out")
     eqt("run", "c.yaml", *known, "out")
-    done = eqt("show", "out", "--unsettled")
+    done = eqt("show", "out", "--table", "unsettled")
     header, *rows = done.out.splitlines()
     entries = [f"Q{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)]
     assert header.split(",") == ["run", "settled_eqt", "settled_gt", *entries, "V1", "V2", "V3"]
@@ -112,21 +113,23 @@ def test_runs_that_did_not_settle_are_listed_to_be_run_again(eqt):
     with h5py.File("again/results.h5") as file:
         np.testing.assert_array_equal(file["initial_pose"][:], starts[runs])
         np.testing.assert_array_equal(~np.isnan(file["settling_time"][:]), settled[:, runs])
-    assert eqt("show", "out", "--unsettled", "--json").out.count('"run"') == len(runs)
+    lines = eqt("show", "out", "--table", "unsettled", "--format", "jsonl").out.splitlines()
+    assert [json.loads(line)["run"] for line in lines] == runs.tolist()
 
 
 def test_unsettled_says_where_there_is_none(eqt):
     eqt("run", "c.yaml", "-q", "--set", "settling_threshold=3", "--out", "out")
-    done = eqt("show", "out", "--unsettled")
-    assert (done.code, done.out, done.err) == (0, "", "every run settled\n")
+    done = eqt("show", "out", "--table", "unsettled")
+    assert (done.code, done.out.count("\n"), done.err) == (0, 1, "every run settled\n")
 
 
 def test_unsettled_runs_of_a_sweep_are_of_a_point(eqt):
     eqt("sweep", "c.yaml", "--grid", "gains.kd=1,2", "--out", "swept", "--quiet")
-    done = eqt("show", "swept", "--unsettled")
-    said = "eqt: --unsettled: a sweep has starts by point; choose one with --point\n"
+    done = eqt("show", "swept", "--table", "unsettled")
+    said = "eqt: --table unsettled: a sweep has starts by point; choose one with --point\n"
     assert (done.code, done.err) == (2, said)
-    assert eqt("show", "swept", "--unsettled", "--point", "1").out.startswith("run,settled_eqt,")
+    of_a_point = eqt("show", "swept", "--table", "unsettled", "--point", "1").out
+    assert of_a_point.startswith("run,settled_eqt,")
 
 
 def test_few_unsettled_runs_of_many_have_an_exact_interval(make_result):
@@ -139,7 +142,7 @@ def test_few_unsettled_runs_of_many_have_an_exact_interval(make_result):
     assert lines == [
         "not settled: EqT 1 of 2000, 0.0005 [1.3e-05, 0.0028]; GT 0 of 2000, 0 [0, 0.0018] "
         "(exact 95 % intervals)",
-        f"`eqt show {result.path.parent} --unsettled` lists their starts",
+        f"`eqt show {result.path.parent} --table unsettled` lists their starts",
     ]
 
 
@@ -201,14 +204,14 @@ def test_every_part_is_json_too(eqt):
 
 
 def test_a_table_is_no_json_document(eqt, result):
-    done = eqt("show", result, "--table", "--json")
+    done = eqt("show", result, "--table", "metrics", "--json")
     assert (done.code, json.loads(done.out)["exit_code"]) == (2, 2)
     assert done.err == (
         "eqt: --json: a table has no such form; use --format jsonl, a document per row\n"
     )
 
 
-@pytest.mark.parametrize("part", ["--table", "--config", "--variables", "--failed"])
+@pytest.mark.parametrize("part", ["--table=metrics", "--config", "--variables", "--failed"])
 def test_parts_of_an_unfinished_result_are_not_there(eqt, refused, result, part):
     Path("out/results.h5").unlink()
     assert eqt("show", "out").out.startswith("c, unfinished  (out)\n")
@@ -240,6 +243,33 @@ def test_a_format_is_of_the_table(refused, result):
     )
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--table", "metrix"), "--table: unknown table 'metrix'; did you mean 'metrics'?"),
+        (("--table", "runs"), "--table: unknown table 'runs'; known: metrics, unsettled"),
+        (
+            ("--table", "metrics", "--format", "xlsx"),
+            "--format: unknown format 'xlsx'; known: csv, jsonl, parquet",
+        ),
+    ],
+)
+def test_unknown_tables_and_formats(refused, result, options, message):
+    assert refused("show", result, *options) == f"eqt: {message}\n"
+
+
+def test_parquet_is_the_same_table(result, tmp_path):
+    pytest.importorskip("pyarrow")
+    pandas = pytest.importorskip("pandas")
+    words = [sys.executable, "-m", "eqt_cli", "show", str(result), "--table", "metrics"]
+    for form, name in (("parquet", "m.parquet"), ("csv", "m.csv")):
+        with (tmp_path / name).open("wb") as file:
+            subprocess.run([*words, "--format", form], stdout=file, check=True)
+    pandas.testing.assert_frame_equal(
+        pandas.read_parquet(tmp_path / "m.parquet"), pandas.read_csv(tmp_path / "m.csv")
+    )
+
+
 def test_poses_that_leave_the_group_are_told(eqt):
     eqt("run", "c.yaml", "-q", "--set", "solver.cross_check=1")
     with h5py.File("results/c/results.h5", "a") as file:
@@ -267,7 +297,7 @@ def test_the_results_in_a_folder(eqt, folder):
     assert sorted(listed) == ["bad", "c", "gains"]
     assert (listed["c"]["laws"], listed["c"]["runs"]) == ("EqT, GT", "3")
     assert listed["gains"]["runs"] == "2 points × 3"
-    with open_results(folder / "results" / "c", "arrays") as result:
+    with open_at(folder / "results" / "c") as result:
         errors = [result.read("pose_error", controller=c) for c in range(2)]
         turns = np.degrees(2 * np.arcsin(np.array(errors) / np.sqrt(8)))
         times = result.times
@@ -293,6 +323,6 @@ def test_every_part_of_a_pose_has_its_numbers(eqt):
     eqt("run", "se23", *short, "-q")
     lines = eqt("show", "results/se23").out.splitlines()
     law = lines[lines.index("position, in N, m and m/s") + 1].split()
-    with open_results(Path("results/se23"), "arrays") as result:
+    with open_at(Path("results/se23")) as result:
         mean = result.metric("mean_pose_error_position", 0).mean()
     assert law[0] == "EqT" and float(law[5]) == pytest.approx(mean, rel=1e-3)

@@ -267,5 +267,6 @@ def test_the_result_of_a_sweep_is_refused(eqt, refused):
     eqt("sweep", "c.yaml", "--grid", "gains.kd=1,2", "--out", "swept", "--quiet")
     assert refused("verify", "swept") == (
         f"eqt: {Path('swept/results.h5')}: one experiment is verified, and this is a sweep of 2 "
-        "points; choose one of 0 to 1 with --point, as `eqt show swept --table` lists them\n"
+        "points; choose one of 0 to 1 with --point, as `eqt show swept --table metrics` lists "
+        "them\n"
     )

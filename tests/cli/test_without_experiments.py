@@ -22,7 +22,7 @@ LOADED = (
         "compare RESULT --format latex",
         "show RESULT",
         "show RESULT --json",
-        "show RESULT --table",
+        "show RESULT --table metrics",
         "plot RESULT --format json --option log=true --out OUT",
         "report RESULT --quick --figure paper --out OUT/page.html",
     ],

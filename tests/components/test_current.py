@@ -292,7 +292,7 @@ def test_certificates_know_the_work_of_a_current(tmp_path):
     start = {"pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.2, 0.1, -0.3]}}
     text = held(name="held") | {"initial": start, "time": {"duration": 5.0, "samples": 51}}
     text |= {"solver": {"engine": "native"}}
-    result = eqt_cli.open_results(eqt_cli.run(text, tmp_path / "held"))
+    result = eqt_cli.run(text, tmp_path / "held").to_xarray()
     rows = {row.name: row.verdict for row in eqt_cli.verify(tmp_path / "held").rows}
     assert rows["energy balance"] == rows["momentum balance"] == "holds"
     assert rows["decrease of L"] == "not covered"

@@ -333,11 +333,9 @@ def test_gains_that_change_at_knots_are_the_same_by_both_engines(vehicle, tmp_pa
     config = {**BODY, **vehicle, "reference": rates, "time": {"duration": 5.0, "samples": 51}}
     config["controllers"] = [{"kind": "lqr", "pieces": 20}]
     found = [
-        eqt_cli.open_results(
-            eqt_cli.run(
-                config | {"solver": {"engine": engine, "cross_check": 0}}, tmp_path / engine
-            )
-        )
+        eqt_cli.run(
+            config | {"solver": {"engine": engine, "cross_check": 0}}, tmp_path / engine
+        ).to_xarray()
         for engine in ("native", "solve_ivp")
     ]
     for name in ("pose", "velocity", "torque"):

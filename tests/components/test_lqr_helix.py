@@ -166,11 +166,9 @@ def test_gains_of_a_sampled_loop_are_those_of_the_difference_equation():
 def test_it_flies_the_helix_by_both_engines(vehicle, tmp_path):
     """Errors halve in a period; a feedforward that is held and late leaves an error of 0.1."""
     found = [
-        eqt_cli.open_results(
-            eqt_cli.run(
-                config(solver={"engine": engine, "cross_check": 0}, **vehicle), tmp_path / engine
-            )
-        )
+        eqt_cli.run(
+            config(solver={"engine": engine, "cross_check": 0}, **vehicle), tmp_path / engine
+        ).to_xarray()
         for engine in ("native", "solve_ivp")
     ]
     for name in ("pose", "velocity", "torque"):

@@ -12,6 +12,7 @@ import yaml
 from case_tables import slow
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 from eqt_cli.engines.native import Native
 
 FOLDER = Path(__file__).parents[2] / "examples" / "quadrotor"
@@ -50,7 +51,7 @@ def test_a_row_of_the_public_table(row, tmp_path):
         given["plant"]["forces"][2]["force"][1] = 0.2
     given["solver"] |= {"rtol": 1e-7, "atol": 1e-7, "error_estimate": False}
     result = eqt_cli.run(given, out=tmp_path / "out")
-    with eqt_cli.open_results(result, "arrays") as data:
+    with open_at(result) as data:
         names = ("position_error", "attitude_command_error", "thrust")
         error, apart, thrust = (np.asarray(data.read(name))[0, 0] for name in names)
         times = data.times

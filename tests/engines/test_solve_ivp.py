@@ -509,7 +509,7 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
         ),
         tmp_path / "r",
     )
-    stored = eqt_cli.open_results(found)
+    stored = eqt_cli.open_result(found).to_xarray()
     assert stored.status.values.tolist() == [[Status.DIVERGED, Status.BY_ROUNDING]]
     first = np.flatnonzero(np.abs(stored.velocity.values[0, 0, :, 0]) > 2 * np.pi * 100)[0]
     assert stored.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
@@ -538,7 +538,7 @@ def test_a_command_that_turns_a_body_ten_thousand_times_ends_its_run(tmp_path, k
         ),
         tmp_path / "r",
     )
-    stored = eqt_cli.open_results(found)
+    stored = eqt_cli.open_result(found).to_xarray()
     [[status]] = stored.status.values
     assert status == (Status.DIVERGED if turns == "diverged" else Status.STEP_LIMIT)
 

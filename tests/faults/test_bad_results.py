@@ -206,7 +206,7 @@ def test_a_figure_of_numbers_that_no_axis_can_show(huge, invoke):
     words = "--figure distributions --option metrics=[effort] --out".split()
     assert invoke("plot", huge, *words, huge.parent / "f", code=2).stderr == (
         "eqt: the figure cannot be drawn: its numbers are too large for an axis; look for runs "
-        "that diverge with `eqt show --table`\n"
+        "that diverge with `eqt show --table metrics`\n"
     )
 
 

@@ -27,7 +27,7 @@ COMMANDS = [
     *(["show"], ["show", "--json"], ["show", "--failed"], ["show", "--variables"], ["compare"]),
     *(["show", "--table"], ["compare", "--json"], ["compare", "--list"], ["config", "check"]),
     *(["show", "--config"], ["compare", "--table", "pairs"], ["compare", "--window", "0:0.5"]),
-    *(["show", "--table", "--format", "jsonl"], ["show", "--plugins"]),
+    *(["show", "--table", "metrics", "--format", "jsonl"], ["show", "--plugins"]),
 ]
 SLOW = [
     *(["verify"], ["report"], ["animate", "--format", "html"], ["run"]),

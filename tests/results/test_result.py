@@ -81,9 +81,10 @@ def test_censored_are_good_runs_without_a_number_that_may_lie_beyond(failing):
 
 
 def test_an_unknown_metric(failing):
-    assert (
-        error_of(failing.metric, "efort")
-        == f"{failing.path}: finds no metric 'efort'; did you mean 'effort'?"
+    said = error_of(failing.metric, "efort")
+    assert said.startswith("unknown metric 'efort'; did you mean 'effort'? known here: ")
+    assert error_of(failing.check_metrics, ["efort"]) == (
+        f"{failing.path}: finds no metric 'efort'; did you mean 'effort'?"
     )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_experiment import mapping
 
-from eqt_cli.api import compare, open_results, run
+from eqt_cli.api import compare, run
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import METRICS, closing_rms
 from eqt_cli.results.result import open_result
@@ -26,7 +26,7 @@ def result(tmp_path_factory):
 
 
 def test_metrics_are_taken_over_the_windows(result):
-    with open_results(result, "arrays") as file:
+    with open_result(result) as file:
         times, torque = file["time"], file["torque_norm"][0]
         early, closing = file["early_torque"][0], file["closing_torque"][0]
     first, last = times <= 2 + 1e-9, times >= 4 - 1e-9

@@ -5,6 +5,7 @@ import pytest
 from small_experiment import mapping
 
 from eqt_cli import api
+from eqt_cli.api.loading import open_at
 from eqt_cli.results.result import open_result
 
 CONFIG = mapping(
@@ -35,16 +36,13 @@ def swept(tmp_path_factory):
 @pytest.mark.parametrize("point", range(len(POINTS)))
 def test_a_point_is_the_experiment_by_itself(swept, point, tmp_path):
     alone = api.run(api.load_experiment(CONFIG | POINTS[point]), tmp_path / "alone").path
-    with (
-        api.open_results(swept, "arrays", point=point) as one,
-        api.open_results(alone, "arrays") as other,
-    ):
+    with open_at(swept, point=point) as one, open_at(alone) as other:
         for name in ("pose", "torque", "effort", "settling_time"):
             np.testing.assert_array_equal(one[name], other[name])
 
 
 def test_what_one_point_stores_all_store(swept):
-    with api.open_results(swept, "arrays") as results:
+    with open_at(swept) as results:
         shares = results.metric("saturated_share")
         assert set(results.metrics) >= {"settled", "closing_torque"}
     assert (shares[[1, 2]] == 0).all()
@@ -52,7 +50,7 @@ def test_what_one_point_stores_all_store(swept):
 
 
 def test_cases_are_called_by_their_names_wherever_points_are(swept):
-    with api.open_results(swept, "arrays") as results:
+    with open_at(swept) as results:
         assert results.coordinate("case").tolist() == list(NAMES)
     with open_result(swept) as result:
         assert [result.point_name(point) for point in range(3)] == list(NAMES)
@@ -82,6 +80,6 @@ def test_a_swept_delay_changes_the_states_of_its_points(tmp_path):
     config = CONFIG | {"control": {"period": 0.1}, "ensemble": {"runs": 1, "seed": 1}}
     config |= {"sweep": [{"grid": {"control.delay": [0, 2]}}]}
     path = api.run(api.load_experiment(config), tmp_path / "delays").path
-    with api.open_results(path, "arrays", point=1) as late:
+    with open_at(path, point=1) as late:
         assert (late["torque"][:, :, :2] == 0).all()  # until the first command arrives
         assert (late["torque"][:, :, 2] != 0).any()

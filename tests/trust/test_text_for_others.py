@@ -36,7 +36,7 @@ def test_tables_of_comparisons_hold_no_formula():
 
 def test_the_table_of_runs_holds_no_formula(folder, run, invoke):
     run(controllers=f'[{{kind: eqt, label: "{FORMULA}"}}]', ensemble="{runs: 1, seed: 1}")
-    text = invoke("show", "out", "--table", "--format", "csv").stdout
+    text = invoke("show", "out", "--table", "metrics", "--format", "csv").stdout
     header, row = csv.reader(io.StringIO(text))
     assert row[header.index("controller")] == f"'{FORMULA}"
     assert all(not cell.startswith(("=", "+", "@")) for cell in row)

@@ -374,8 +374,8 @@ def compare_measured(
     Examples
     --------
     >>> import numpy as np
-    >>> with eqt_cli.open_results("results/paper", "arrays") as result:
-    ...     poses = result.trajectory("pose", 0)[0].reshape(-1, 9)
+    >>> with eqt_cli.open_result("results/paper") as result:
+    ...     poses = result.read("pose", controller="eqt", run=0).reshape(-1, 9)
     ...     rows = np.c_[result.times + 0.25, poses]
     >>> header = "t,Q11,Q12,Q13,Q21,Q22,Q23,Q31,Q32,Q33"
     >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")

@@ -7,6 +7,7 @@ import pytest
 from case_tables import slow
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 
 
 @pytest.mark.slow("compiles two closed loops for each law")
@@ -20,7 +21,7 @@ def test_a_run_with_the_exported_c_has_the_bits_of_the_law(law, faulty, tmp_path
         "sensors": {"velocity": [{"kind": "noise", "std": 0.01}]},
     }
     found = eqt_cli.run(made, out=tmp_path / "r")
-    with eqt_cli.open_results(found.path, "arrays") as result:
+    with open_at(found.path) as result:
         for name in ("pose", "velocity", "torque", "command", "lyapunov"):
             one, other = (result.read(name, controller=k) for k in range(2))
             assert np.isfinite(one).all()

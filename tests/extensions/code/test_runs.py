@@ -8,6 +8,7 @@ import pytest
 from case_tables import refusal, slow
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
 
@@ -18,7 +19,7 @@ FLOAT = 1e-5
 
 
 def _pair(found, name="pose"):
-    with eqt_cli.open_results(found.path, "arrays") as result:
+    with open_at(found.path) as result:
         return result.read(name, controller=0), result.read(name, controller=1)
 
 
@@ -122,10 +123,7 @@ def test_a_result_holds_the_source_and_runs_it_only_on_request(written, config, 
     assert "typedef struct" in kept  # the header, too
     assert "lee_torque" in kept
     other = eqt_cli.run(again, out=tmp_path / "s")
-    with (
-        eqt_cli.open_results(found.path, "arrays") as a,
-        eqt_cli.open_results(other.path, "arrays") as b,
-    ):
+    with open_at(found.path) as a, open_at(other.path) as b:
         np.testing.assert_array_equal(a.read("pose"), b.read("pose"))
         assert a.attributes["digest"] == b.attributes["digest"]
 
@@ -168,7 +166,7 @@ def test_its_numbers_are_swept_and_solved_together(written, config, eqt):
         "sweep", "c.yaml", "--grid", "controllers[0].numbers.kR=1,2", "--out", "r", "--quiet"
     )
     assert done.code == 0, done.err
-    with eqt_cli.open_results("r", "arrays") as result:
+    with open_at("r") as result:
         one, two = (result.point(k).read("pose", controller=0) for k in range(2))
     assert np.abs(one - two).max() > 1e-3
 

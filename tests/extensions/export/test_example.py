@@ -10,6 +10,7 @@ import pytest
 from exported_laws import compilers, emulated_arm
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "vehicle"
 GUIDE = Path(__file__).parents[3] / "docs" / "howto" / "fly.md"
@@ -46,7 +47,7 @@ def flies(flown, command, *start):
 
 @pytest.mark.slow("a run is stored, a law exported, and a script and a compiler are started")
 def test_the_task_gives_the_torques_of_the_stored_run(flown):
-    with eqt_cli.open_results(flown / "result", "arrays") as stored:
+    with open_at(flown / "result") as stored:
         assert np.abs(stored["command"]).max() > 0.1
     assert 0 < flies(flown, compilers()[0]) < ROUNDING
 

@@ -56,7 +56,7 @@ def flight(group: str, duration: float, period: float) -> dict[str, Any]:
         time={"duration": duration, "samples": round(duration / period) + 1},
         solver={"cross_check": 0, "error_estimate": False},
     )
-    data = eqt_cli.open_results(eqt_cli.run(config, folder))
+    data = eqt_cli.run(config, folder).to_xarray()
     names = ("pose", "velocity", "torque")
     return {"time": data.time.values} | {name: data[name].values[0, 0] for name in names}
 

@@ -276,7 +276,7 @@ def replayed(engine="solve_ivp", **changes):
 )
 def test_a_true_plant_repeats_the_motion(recorded, engine):
     recorded(noise=0.0)
-    data = eqt_cli.open_results(eqt_cli.run(replayed(engine), "again"))
+    data = eqt_cli.run(replayed(engine), "again").to_xarray()
     assert float(data.pose_error.max()) < AGAIN
     assert float(abs(data.velocity - data.desired_velocity).max()) < AGAIN
 
@@ -397,9 +397,7 @@ def test_a_sampled_wrench_is_the_same_by_both_engines(recorded, hold):
     recorded()
     laws = [{"kind": "replay", "file": "flight.csv", "hold": hold}]
     first, second = (
-        eqt_cli.open_results(
-            eqt_cli.run(replayed(each, control={"period": 0.05}, controllers=laws), each)
-        )
+        eqt_cli.run(replayed(each, control={"period": 0.05}, controllers=laws), each).to_xarray()
         for each in ("native", "solve_ivp")
     )
     for name in ("pose", "velocity", "torque"):

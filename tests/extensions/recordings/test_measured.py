@@ -9,6 +9,7 @@ from case_tables import refusal, slow
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
+from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError, InputError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, TimeMapping
@@ -177,7 +178,7 @@ def made(request, made_once):
 def log_of(folder, law="eqt"):
     """A run as an autopilot would have written it, in NED and FRD, with another clock and noise."""
     numbers = np.random.default_rng(4)
-    with eqt_cli.open_results(folder, "arrays") as result:
+    with open_at(folder) as result:
         k, t = result.labels.index(law), result.times
         Q, V, tau = (result.trajectory(name, 0)[k] for name in ("pose", "velocity", "torque"))
     kept = (t > 0.5) & (t < 7.5) & ~((t > 3) & (t < 3.5))

@@ -1,0 +1,248 @@
+"""A result as a tidy table and as an xarray Dataset, with the variables that people use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix
+from eqt_cli.base.errors import EqtError, printable
+from eqt_cli.base.files import POINT
+from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.results.result import Result
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+# Numbers of runs, one row per run -----------------------------------------------------------------
+
+
+def columns(result: Result, names: Sequence[str] | None = None) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the numbers of every run as columns: (point, swept keys,) controller, run, status, ….
+
+    Parameters
+    ----------
+    names
+        Names of metrics. Default: all that `Result.comparable` has.
+
+    Returns
+    -------
+    dict
+        Columns of equal length. A metric is NaN if the run failed or has no such number.
+    """
+    shape = result.status.shape
+    places = dict(zip(result.dims("status"), np.indices(shape), strict=True))
+    table = {dim: places[dim].ravel() for dim in (POINT, "run") if dim in places}
+    swept = {
+        name: result.coordinate(name)[places[POINT]].ravel()
+        for name in result.coordinates
+        if name != POINT and result.dims(name) == (POINT,)
+    }
+    laws = np.array(result.labels, dtype=object)[places["controller"]].ravel()
+    first = {POINT: table.pop(POINT)} if POINT in table else {}
+    found = first | {name: _displayed(values) for name, values in swept.items()}
+    found |= {"controller": laws, "run": table["run"], "status": result.status.ravel()}
+    for name in result.comparable if names is None else names:
+        found[name] = result.metric(name).ravel()
+    return found
+
+
+def _displayed(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return values without control characters in their texts."""
+    if values.dtype != object:
+        return values
+    return np.array([printable(v) if isinstance(v, str) else v for v in values], dtype=object)
+
+
+def frame(result: Result, names: Sequence[str] | None = None) -> pandas.DataFrame:
+    """Return `columns` as a DataFrame, whose ``attrs["units"]`` has the unit of each metric.
+
+    Raises
+    ------
+    EqtError
+        If pandas is not installed, or there is no such metric.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise EqtError("a table needs pandas (extra xarray): pip install pandas") from None
+    table = pandas.DataFrame(columns(result, names))
+    known = result.comparable if names is None else names
+    table.attrs["units"] = {name: result.units(name) for name in known}
+    return table
+
+
+# Signals that follow from poses and velocities ----------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A signal that follows from poses and velocities.
+
+    Attributes
+    ----------
+    name, units, long_name, frame
+        As of a variable in a dataset; the frame is ``body`` or ``space``.
+    axes
+        Names of its coordinates, a letter each; empty for a number.
+    values
+        ``(pose (…, time, d, d), velocity (…, time, m)) -> (…, time, axes)``.
+    """
+
+    name: str
+    units: str
+    long_name: str
+    frame: str
+    axes: str
+    values: Callable[[Array, Array], Array]
+
+
+def derived(G: MatrixLieGroup, angles: str = "") -> Iterator[Derived]:
+    r"""Yield the signals of a group that people use, where Q̇ = Q V^.
+
+    Of each translation: its position p and ṗ. Of each rotation: its quaternion (w, x, y, z) or, in
+    the plane, its heading, without jumps, and its angular velocities ω in the body and R ω.
+
+    Parameters
+    ----------
+    angles
+        Axes of Euler angles as SciPy names them, such as ``ZYX`` for yaw, pitch and roll.
+    """
+    for part in G.parts:
+        rows = part.entries[0].stop - part.entries[0].start
+        table = _OF_TRANSLATION if part.pose_unit == "m" else _OF_PLANE if rows == 2 else _OF_SPACE
+        if not (part.turns or part.pose_unit == "m"):
+            continue
+        if angles and table is _OF_SPACE:
+            euler = partial(_euler, angles)
+            words = f"Euler angles {angles}"
+            table = (*table, ("euler_angles", "rad", words, "space", "123", euler))
+        alike = [each for each in G.parts if each.pose_unit == part.pose_unit]
+        end = f"_{part.name.rpartition('_')[2]}" if len(alike) > 1 else ""
+        for name, units, words, frame, axes, formula in table:
+            axes = axes[:rows] if axes == "xyz" else axes
+            yield Derived(name + end, units, words, frame, axes, partial(formula, G, part))
+
+
+def _block(part: Part, Q: Array) -> Array:
+    return Q[(..., *part.entries)]
+
+
+def _rate(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
+    return _block(part, Q @ G.hat(V))[..., 0]
+
+
+def _heading(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
+    R = _block(part, Q)
+    return np.unwrap(np.arctan2(R[..., 1, 0], R[..., 0, 0]))
+
+
+def _quaternion(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
+    q = _rotations(part, Q, lambda found: np.roll(found.as_quat(), 1, axis=-1))
+    turned = np.where((q[..., 1:, :] * q[..., :-1, :]).sum(axis=-1) < 0, -1.0, 1.0)
+    q[..., 1:, :] *= np.cumprod(turned, axis=-1)[..., None]
+    return q
+
+
+def _euler(angles: str, G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
+    return np.unwrap(_rotations(part, Q, lambda found: found.as_euler(angles)), axis=-2)
+
+
+def _rotations(part: Part, Q: Array, coordinates: Callable[[Any], Array]) -> Array:
+    """Return coordinates of rotations by SciPy, which refuses the NaN of a run that failed."""
+    from scipy.spatial.transform import Rotation
+
+    R = _block(part, Q)
+    known = np.isfinite(R.sum(axis=(-2, -1)))[..., None]
+    whole = np.where(known[..., None], R, np.eye(3)).reshape(-1, 3, 3)
+    found = coordinates(Rotation.from_matrix(whole)).reshape(*R.shape[:-2], -1)
+    return np.where(known, found, np.nan)
+
+
+Formula = Callable[[MatrixLieGroup, Part, Array, Array], Array]
+Row = tuple[str, str, str, str, str, Formula]
+
+_OF_TRANSLATION: tuple[Row, ...] = (
+    ("position", "m", "position", "space", "xyz", lambda G, part, Q, V: _block(part, Q)[..., 0]),
+    ("linear_velocity", "m/s", "rate of the position", "space", "xyz", _rate),
+)
+_OMEGA, _RAD = "angular_velocity", "rad/s"
+_OF_PLANE: tuple[Row, ...] = (
+    ("heading", "rad", "heading", "space", "", _heading),
+    (_OMEGA, _RAD, "angular velocity", "body", "", lambda G, part, Q, V: V[..., part.axes.start]),
+)
+_OF_SPACE: tuple[Row, ...] = (
+    ("quaternion", "1", "attitude, from body to space", "space", "wxyz", _quaternion),
+    (_OMEGA, _RAD, "angular velocity", "body", "xyz", lambda G, part, Q, V: V[..., part.axes]),
+    (
+        f"{_OMEGA}_in_space",
+        _RAD,
+        "angular velocity",
+        "space",
+        "xyz",
+        lambda G, part, Q, V: apply_matrix(_block(part, Q), V[..., part.axes]),
+    ),
+)
+
+
+# The dataset --------------------------------------------------------------------------------------
+
+
+def with_derived(dataset: xarray.Dataset, G: MatrixLieGroup, angles: str = "") -> xarray.Dataset:
+    """Add the signals of `derived` of the motion and of the reference, computed when they are read.
+
+    Parameters
+    ----------
+    dataset
+        The variables of a file.
+    angles
+        See `derived`.
+    """
+    from xarray import Variable
+
+    added, axes = {}, {}
+    for prefix in ("", "desired_"):
+        pose, velocity = (dataset.variables.get(f"{prefix}{of}") for of in ("pose", "velocity"))
+        if pose is None or velocity is None or "time" not in pose.dims:
+            continue
+        for each in derived(G, angles):
+            dims = pose.dims[: pose.dims.index("time") + 1]
+            if each.axes:
+                axes[f"axis_{each.axes}"] = list(each.axes)
+                dims = (*dims, f"axis_{each.axes}")
+            about = {"units": each.units, "long_name": each.long_name, "frame": each.frame}
+            values = _lazily(each, pose, velocity)
+            added[prefix + each.name] = Variable(dims, values, about)
+    return dataset.assign_coords(axes).assign(added)
+
+
+def _lazily(signal: Derived, pose: xarray.Variable, velocity: xarray.Variable) -> Any:
+    """Return an array that computes a signal of the chosen runs over the whole time."""
+    from xarray.backends import BackendArray
+    from xarray.core.indexing import IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
+
+    class Computed(BackendArray):
+        """What is read of it is computed."""
+
+        runs = pose.dims.index("time")
+        shape = pose.shape[: runs + 1] + ((len(signal.axes),) if signal.axes else ())
+        dtype = np.dtype(float)
+
+        def __getitem__(self, key: Any) -> Any:
+            outer = IndexingSupport.OUTER
+            return explicit_indexing_adapter(key, self.shape, outer, self.chosen)
+
+        def chosen(self, key: tuple[Any, ...]) -> Array:
+            runs, inner = key[: self.runs], key[self.runs :]
+            values = signal.values(pose[runs].values, velocity[runs].values)
+            for place, index in zip(range(-len(inner), 0), inner, strict=True):
+                # An integer leaves out its axis, so that later ones, counted from the end, stay.
+                values = values[(..., index, *[slice(None)] * (-1 - place))]
+            return values
+
+    return LazilyIndexedArray(Computed())
