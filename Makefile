@@ -24,7 +24,7 @@ help: ## list the targets
 
 paper: $(VENV)/.stamp-base ## run the paper's experiment and draw its figure, in results/paper
 	$(BIN)/eqt run configs/paper.yaml --out results/paper
-	$(BIN)/eqt plot results/paper
+	$(BIN)/eqt plot results/paper --option like=print
 
 figures: $(VENV)/.stamp-base ## draw every figure of the documentation anew, in docs/figures
 	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh draw

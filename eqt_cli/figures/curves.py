@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 
 from eqt_cli.analysis.intervals import Resampling, intervals_of_means
 from eqt_cli.base.arrays import Array
+from eqt_cli.figures.labels import free_text
 from eqt_cli.figures.layout import NO_NUMBERS
 from eqt_cli.figures.shown import Ensemble
 from eqt_cli.figures.style import Look, ink, line_style
@@ -53,11 +54,13 @@ _DOT: dict[str, Any] = {"linestyle": "none", "marker": "o"}
 _START = _DOT | {"markersize": 2.2, "markeredgewidth": 0.5}
 _END = _DOT | {"markersize": 1.8, "markeredgewidth": 0}
 
-Bands = Literal["none", "quantiles", "bootstrap"]
-"""Kinds of bands: ``quantiles`` from 10 % to 90 % of the runs; ``bootstrap``, the 95 % confidence
-interval of the population mean at each time."""
+Bands = Literal["none", "quartiles", "quantiles", "bootstrap"]
+"""Kinds of bands: ``quartiles`` around the median, from 25 % to 75 % of the runs; ``quantiles``
+from 10 % to 90 %; ``bootstrap``, the 95 % confidence interval of the population mean at each time.
+"""
 
 BAND_NAMES: dict[Bands, str] = {
+    "quartiles": "quartiles",
     "quantiles": "10–90 % of runs",
     "bootstrap": "95 % interval of the mean",
 }
@@ -72,8 +75,10 @@ def draw_band(
     axes: Axes, times: Array, values: Array, bands: Bands, colour: str, name: str
 ) -> None:
     """Shade a band around the mean over runs of values ``(runs, samples)``."""
-    if bands == "quantiles":
-        low, high = np.quantile(values, BAND, axis=0)
+    if bands == "quartiles" and len(values) < 2:
+        return
+    if bands in ("quantiles", "quartiles"):
+        low, high = np.quantile(values, BAND if bands == "quantiles" else (0.25, 0.75), axis=0)
     elif bands == "bootstrap":
         means = intervals_of_means(values, RESAMPLING)
         low, high = means.low, means.high
@@ -82,10 +87,16 @@ def draw_band(
     axes.fill_between(times, low, high, label=name, **band_look(colour))
 
 
-def draw_mean(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: Ensemble) -> None:
-    """Draw the mean over runs of values ``(runs, samples)``, and the band around it."""
+def middle_of(bands: Bands) -> str:
+    """Return the name of the curve in a band."""
+    return "median" if bands == "quartiles" else "mean"
+
+
+def draw_middle(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: Ensemble) -> None:
+    """Draw the mean or median over runs of values ``(runs, samples)``, and the band around it."""
     look = line_style(ensemble.look)
-    axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
+    middle = np.median(values, axis=0) if bands == "quartiles" else values.mean(axis=0)
+    axes.plot(times, middle, label=ensemble.label, **look)
     draw_band(axes, times, values, bands, look["color"], ensemble.label)
 
 
@@ -217,6 +228,51 @@ def diverging(curves: Mapping[str, Array]) -> list[str]:
         else:
             others = max(others, peaks[name])
     return far
+
+
+_MOST_NAME = 16
+"""Most characters in a line of the name of a law that diverges."""
+_USUAL = 0.02
+"""Share of the time in which a curve may leave a logarithmic scale: a start at 0, a dip."""
+_MARGIN = 0.05
+"""Room above curves, in shares of a logarithmic scale."""
+
+
+def bound_below(axes: Axes, curves: Sequence[Array], error: float) -> None:
+    """End a logarithmic scale at a tenth of what curves exceed nearly always, or at an error."""
+    usual = [np.quantile(curve[curve > 0], _USUAL) for curve in curves if np.any(curve > 0)]
+    if axes.get_yscale() == "log" and usual:
+        floor = min(max(min(usual) / FAR, error), max(float(curve.max()) for curve in curves) / FAR)
+        if floor > axes.get_ylim()[0]:
+            shared = axes.get_shared_y_axes().get_siblings(axes)
+            top = max(float(each.dataLim.ymax) for each in shared)
+            axes.set_ylim(floor, top * (top / floor) ** _MARGIN)
+
+
+def bound(panels: Sequence[Axes], error: float, titles: Mapping[str, str]) -> None:
+    """Bound the common scale of panels by what their curves say; name the laws that diverge.
+
+    Parameters
+    ----------
+    error
+        Error of the solver, below which a logarithmic scale shows nothing.
+    titles
+        Names of the curves by label. One that diverges is cut off at ten times all others.
+    """
+    lines = {str(line.get_label()): (line, axes) for axes in panels for line in axes.lines}
+    curves = {label: np.asarray(line.get_ydata(), float) for label, (line, _) in lines.items()}
+    far = diverging(curves)
+    kept = [curve for label, curve in curves.items() if label not in far]
+    bound_below(panels[0], kept, error)
+    if far:
+        panels[0].set_ylim(top=FAR * max(float(curve.max()) for curve in kept))
+    for number, label in enumerate(far):
+        line, axes = lines[label]
+        text = f"{free_text(titles[label], _MOST_NAME)} diverges"
+        look: dict[str, Any] = {"color": line.get_color(), "ha": "right", "va": "top"}
+        look["bbox"] = {"facecolor": ink(0), "edgecolor": "none", "pad": 0.8}
+        place = (0.97, 0.96 - 0.13 * number)
+        axes.annotate(text, place, xycoords="axes fraction", fontsize="small", **look)
 
 
 def open_frame(axes: Axes) -> None:

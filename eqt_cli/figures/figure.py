@@ -163,6 +163,22 @@ class ShownRuns(ShownControllers):
         turns = of_pose != signal and of_pose in self.results[0].attitude_errors
         return turns and self.unit(signal) == "rad/s"
 
+    def solver_error(self, signal: str) -> float:
+        """Return how far a solver's error may carry a signal from 0; that of L is quadratic.
+
+        The usual estimate over the runs; else the difference of the cross-check, or the tolerance.
+        """
+        found = []
+        for one in self.results:
+            known = (
+                one.metric("error_estimate") if one.has("error_estimate") else np.array([np.nan])
+            )
+            compared = one.attributes.get("cross_check_difference") or one.described.rtol or 0.0
+            finite = known[np.isfinite(known)]
+            found.append(float(np.median(finite) if finite.size else compared))
+        largest = max(*found, float(np.finfo(float).eps))
+        return largest**2 if signal == "lyapunov" else largest
+
     def require_attitude(self, *, degrees: bool) -> None:
         """Refuse degrees where there is no attitude error."""
         if degrees and not self.results[0].attitude_errors:

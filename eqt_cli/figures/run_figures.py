@@ -22,6 +22,7 @@ from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_log, scale_norm, spans_decade
 from eqt_cli.figures.curves import (
     band_look,
+    bound_below,
     draw_density,
     draw_paths,
     path_legend,
@@ -107,7 +108,7 @@ class RunsFigure(OverTime):
                 estimated |= self._shade(axes, runs, ensemble, part)
                 layout.add_title(axes, layout.panel_title(ensemble.title, part), room)
                 layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
-            self._scale(column)  # after all curves of the common scale
+            self._scale(column, runs.solver_error(signal))  # after all curves
         if len(parts) == 1:
             layout.hide_inner_scales(panels, places)
         handles = thin_line_legend(shown, MOST_LINES)
@@ -118,7 +119,7 @@ class RunsFigure(OverTime):
         runs.remarks.append(f"Median over {runs.count()}.")
         return drawing
 
-    def _scale(self, panels: Sequence[Axes]) -> None:
+    def _scale(self, panels: Sequence[Axes], error: float) -> None:
         """Set one scale; for a torque, which need not converge to zero, linear by default."""
         log = self.log
         if log is None:
@@ -126,6 +127,8 @@ class RunsFigure(OverTime):
             log = self.signal != "torque_norm" and spans_decade(np.concatenate(seen))
         for axes in panels:
             scale_norm(axes, log=log)
+        middles = [np.asarray(axes.lines[-1].get_ydata(), float) for axes in panels]
+        bound_below(panels[0], middles, error)
 
     def _shade(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> bool:
         """Shade up to the mean error of the estimate; return whether the law reads one."""

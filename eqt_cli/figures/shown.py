@@ -167,7 +167,8 @@ class ShownControllers:
         """Return the number of good runs, ``200 runs``; per law where they differ."""
         counts = {e.title: int(np.count_nonzero(e.good)) for e in self.shown}
         if len(set(counts.values())) == 1:
-            return f"{next(iter(counts.values()))} runs"
+            count = next(iter(counts.values()))
+            return f"{count} run{'s' * (count != 1)}"
         return f"runs: {', '.join(f'{count} ({title})' for title, count in counts.items())}"
 
     def unit(self, name: str) -> str:

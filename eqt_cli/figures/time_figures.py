@@ -16,7 +16,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
-from eqt_cli.figures.curves import Bands, draw_mean, of_bands
+from eqt_cli.figures.curves import Bands, bound, draw_middle, middle_of, of_bands, open_frame
 from eqt_cli.figures.figure import (
     CLOSER,
     MOST,
@@ -38,16 +38,28 @@ from eqt_cli.figures.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.figures.shown import Ensemble, ShownReference, names
 from eqt_cli.figures.style import WIDTHS, Width, component_style, ink
 
-# Figure of the paper for any result: means over runs of errors, torque norm and L -----------------
+# Figure of the paper for any result: errors, torque norm and L over all runs ----------------------
 
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 _FUNCTION = "lyapunov"
+_DECADES = 100.0
+"""Largest value over the smallest from which a scale is logarithmic."""
+_TITLES = {
+    "pose_error": ("attitude error", "position error", "pose error"),
+    "velocity_error": ("rate error", "velocity error", "velocity error"),
+    "torque_norm": ("torque", "force", "torque"),
+}
+"""Names of norms in words: of a rotation, of the only vector beside one, and of others."""
 
 
 @dataclass(frozen=True)
 class Paper(Panelled, OverTime):
-    """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
+    """Medians over runs of pose error, velocity error, torque norm and Lyapunov function.
+
+    The shading holds the middle half of the runs. Scales are logarithmic where medians span two
+    decades; they end a decade below the medians, or at the error of the solver, and ten times above
+    all other laws where a law diverges.
 
     Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
     their own, the norms of both are shown, side by side, instead of the mixed ones. The errors of a
@@ -55,32 +67,43 @@ class Paper(Panelled, OverTime):
 
     Attributes
     ----------
+    like
+        ``print``: as in the paper, means on linear scales, within a frame.
     log
-        Logarithmic scales. The default is linear, as in the paper, so that the two can be
-        compared.
+        Logarithmic scales, or linear ones.
     log_torque
-        A logarithmic scale for the torque; by default as `log`, if the torque spans a decade.
+        A logarithmic scale for the torque; with `log`, by default if the torque spans a decade.
     bands
-        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
-        panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
+        ``quartiles``, the default, are around medians; ``none``, ``quantiles`` and ``bootstrap``
+        around means. ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a
+        column of panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
     degrees
         The attitude error as the angle of the rotation, in degrees; its rate in deg/s.
     """
 
     name: ClassVar[str] = "paper"
 
-    log: bool = False
+    like: Literal["", "print"] = ""
+    log: bool | None = None
     log_torque: bool | None = None
-    bands: Bands = "none"
+    bands: Bands | None = None
     degrees: bool = False
+
+    @property
+    def _bands(self) -> Bands:
+        """The bands that are drawn."""
+        return self.bands or ("none" if self.like else "quartiles")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw two by two panels, or a row per norm and a column per part; quantiles by law."""
         runs.require_attitude(degrees=self.degrees)
         norms = self.picked((*_NORMS, _FUNCTION))
-        draw = self._by_law if self.bands == "quantiles" else self._together
+        draw = self._by_law if self._bands == "quantiles" else self._together
         drawing = draw(runs, width, norms)  # such bands would hide each other
-        runs.remarks.append(f"Curves: mean over {runs.count()}{of_bands(self.bands)}.")
+        several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
+        middle = f"{middle_of(self._bands)} over " if several else ""
+        bands = of_bands(self._bands) if several or self.bands else ""
+        runs.remarks.append(f"Curves: {middle}{runs.count()}{bands}.")
         return drawing
 
     def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
@@ -96,7 +119,11 @@ class Paper(Panelled, OverTime):
             for ensemble in self._shown(runs, signal):
                 self._draw(axes, signal, runs, ensemble)
             self._scale([axes], signal, runs)
-        for signal, part in zip(rows[0], parts, strict=True) if rows else ():
+            if not self.like:
+                open_frame(axes)
+                layout.add_title(axes, _title(runs, signal), WIDTHS[width] / len(mosaic[0]))
+                axes.set_ylabel(axes.get_ylabel().replace("attitude error", "angle"))
+        for signal, part in zip(rows[0], parts, strict=True) if rows and self.like else ():
             layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
         whole = len(runs.shown) // len(runs.results)
@@ -119,16 +146,40 @@ class Paper(Panelled, OverTime):
 
     def _draw(self, axes: Axes, signal: str, runs: ShownRuns, ensemble: Ensemble) -> None:
         values = runs.errors(signal, ensemble, degrees=self.degrees)
-        draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
+        draw_middle(axes, runs.times(ensemble), values, self._bands, ensemble)
 
     def _scale(self, panels: Sequence[Axes], signal: str, runs: ShownRuns) -> None:
-        log = self.log
-        if signal.startswith("torque_norm"):
-            drawn = np.concatenate([line.get_ydata() for axes in panels for line in axes.lines])
+        drawn = np.concatenate([line.get_ydata() for axes in panels for line in axes.lines])
+        log, torque = self.log, signal.startswith("torque_norm")
+        error = runs.solver_error(signal)
+        if log is None:
+            seen = np.maximum(drawn, error)
+            log = not self.like and bool(seen.max() > _DECADES * seen.min())
+        if torque:
             log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
         for axes in panels:
             scale_norm(axes, log=log)
+        if not self.like:
+            bound(panels, error, {e.label: e.title for e in runs.shown})
         layout.name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))
+
+
+def _title(runs: ShownRuns, signal: str) -> str:
+    """Return a signal in words; nothing where the user's own name is on the scale."""
+    if signal in runs.results[0].custom_names:
+        return ""
+    norm = next((norm for norm in _NORMS if signal.startswith(norm)), "")
+    if not norm:
+        whole = {"attitude_angle": "attitude error", _FUNCTION: "Lyapunov function"}
+        return whole.get(signal, "position error")
+    suffix, parts = signal.removeprefix(norm), runs.group.parts if runs.group else ()
+    part = next((part for part in parts if f"_{part.name}" == suffix or len(parts) == 1), None)
+    of_rotation, of_vector, others = _TITLES[norm]
+    if part is not None and part.turns:
+        return of_rotation
+    if part is not None and suffix and len(parts) == 2 and part.pose_unit == "m":
+        return of_vector
+    return f"{others}, {part_name(suffix)}" if suffix else others
 
 
 # Figure of torque components: the mean over runs of every law, a panel per axis -------------------
@@ -162,7 +213,8 @@ class Torque(Panelled, OverTime):
         The size of each component on a logarithmic scale.
     bands
         ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
-        panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
+        panels per law; ``bootstrap`` the 95 % interval of the mean at each time; ``quartiles`` the
+        middle half of the runs around the median.
     """
 
     name: ClassVar[str] = "torque"
@@ -178,7 +230,9 @@ class Torque(Panelled, OverTime):
         share, values = self._of_laws(runs)
         size = "size of the " if self.log else ""
         what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
-        runs.remarks.append(f"Curves: mean{what} over {runs.count()}{of_bands(self.bands)}.")
+        runs.remarks.append(
+            f"Curves: {middle_of(self.bands)}{what} over {runs.count()}{of_bands(self.bands)}."
+        )
         by_law = self.bands == "quantiles" and len(runs.shown) > 1
         if by_law:  # bands would hide each other
             drawing, rows = law_columns(runs, width, wanted)
@@ -191,7 +245,7 @@ class Torque(Panelled, OverTime):
             for ensemble in runs.shown if name in wanted else ():
                 torques = values[ensemble.label][..., k]
                 panel, drawn = rows[name][ensemble.label], abs(torques) if self.log else torques
-                draw_mean(panel, runs.times(ensemble), drawn, self.bands, ensemble)
+                draw_middle(panel, runs.times(ensemble), drawn, self.bands, ensemble)
         first = list(dict.fromkeys(rows[wanted[0]].values()))
         lines = [line for axes in first for line in axes.lines[: len(runs.shown)]]
         laws = dict(zip((e.title for e in runs.shown), lines, strict=False))

@@ -251,12 +251,7 @@ class TooLargeFigureError(EqtError):
 
 DEFAULT = (
     Wanted("path", needs="position_error"),
-    Wanted(
-        "paper",
-        {"log": True},
-        "Means over runs of pose error, velocity error, torque and Lyapunov function L, as in "
-        "Figure 3 of the paper; errors and L on logarithmic axes.",
-    ),
+    Wanted("paper"),
     Wanted("pose", needs="position_error"),
     Wanted("torque"),
     Wanted("commands", needs="command"),

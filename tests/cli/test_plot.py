@@ -1,6 +1,7 @@
 """`eqt plot` and `eqt animate`, within this process: styles, options, and plugins of results."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -34,10 +35,10 @@ def test_names_and_remarks_are_for_print(eqt, result):
     done = eqt("plot", result, "--format", "json", "--out", "print", "-q", *chosen)
     assert (done.code, done.err) == (0, "")
     assert Path("print/paper-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
-        "Curves: mean over 3 runs.%"
+        "Curves: median over 3 runs; bands: quartiles.%"
     )
     kept = json.loads(Path("print/paper.json").read_text(encoding="utf-8"))
-    assert {curve["name"] for curve in kept} == {"eqt"}
+    assert {curve["name"] for curve in kept} == {"eqt", "lower edge eqt", "upper edge eqt"}
     assert min(curve["x"][0] for curve in kept) >= 0.1
 
 
@@ -94,7 +95,7 @@ def test_options_go_to_the_figures_that_have_them(eqt, result):
 lgo=true → none of paper, torque has an option 'lgo'; did you mean 'log'?
 x=1 →
     none of paper, torque has an option 'x'; they have: controllers, focus, colours, start, end,
-        panels, log, log_torque, bands, degrees, share
+        panels, like, log, log_torque, bands, degrees, share
 papr.log=true → figure 'papr' is not drawn; did you mean 'paper'?
 sweep.metric=effort → figure 'sweep' is not drawn; drawn are: paper, torque
 log → expected KEY=VALUE, got 'log'
@@ -183,3 +184,12 @@ def test_a_report_without_certificates_says_so(eqt, forget_plugins):
     said = "eqt: the page has no certificates; the result could not be verified: "
     assert done.err.startswith(said)
     assert said not in eqt("report", "results/c", "--figure", "paper", "--trust-plugins").err
+
+
+def test_every_figure_is_listed_with_a_sentence(eqt):
+    from eqt_cli.figures.figure import figures
+
+    done = eqt("plot", "--list")
+    assert done.code == 0
+    names = re.findall(r"^  (\w+)  +[A-Z]", done.out, re.M)
+    assert sorted(names) == sorted(figures.names())

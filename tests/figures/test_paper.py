@@ -7,16 +7,20 @@ from said import cases, error_of
 from scipy.stats import bootstrap
 
 from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.time_figures import Paper
 
 pytestmark = pytest.mark.usefixtures("unarranged")
+
+PRINT = Paper(like="print")
+"""As in the paper: means on linear scales."""
 
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
 
 def test_lines_are_the_means_over_runs(so3, opened, picture):
     results = opened(so3)
-    drawing = picture(Paper(), results)
+    drawing = picture(PRINT, results)
     assert len(drawing.axes) == 4
     for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
         for index, line in enumerate(axes.lines):
@@ -27,7 +31,7 @@ def test_lines_are_the_means_over_runs(so3, opened, picture):
 def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_own(
     simulate, opened, curve_names, picture
 ):
-    drawing = picture(Paper(), opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"])))
+    drawing = picture(PRINT, opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"])))
     shown = [[line.get_label() for line in axes.lines] for axes in drawing.axes]
     assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
     assert curve_names(drawing) == ["EqT", "Goodarzi 2013", "Slotine–Li"]
@@ -44,7 +48,7 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names
     status[0, 2], status[1] = 2, 3
     for values in signals.values():
         values[status != 0] = np.nan
-    drawing = Paper().draw([altered(so3, status=status, **signals)])
+    drawing = PRINT.draw([altered(so3, status=status, **signals)])
     for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
         good = [0, 1, 3, 4, 5]
         assert len(axes.lines) == 3
@@ -60,14 +64,14 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names
 def test_stored_runs_are_paired_with_their_own_status(odd_names, altered, opened):
     status = np.zeros_like(opened(odd_names)["status"])
     status[0, 1], status[0, 5] = 1, 1  # run 5 has no stored trajectory
-    drawing = Paper().draw([altered(odd_names, status=status)])
+    drawing = PRINT.draw([altered(odd_names, status=status)])
     mean = opened(odd_names)["lyapunov"][0, [0, 2, 3]].mean(axis=0)
     np.testing.assert_array_equal(drawing.axes[3].lines[0].get_ydata(), mean)
     assert "_hidden: 1 of 4 runs failed; left out." in drawing.get_supxlabel()
 
 
 def test_axes_carry_symbols_and_units(so3, opened, picture):
-    drawing = picture(Paper(), opened(so3))
+    drawing = picture(PRINT, opened(so3))
     assert [axes.get_ylabel() for axes in drawing.axes] == [
         r"$\|I - Q_{\mathrm{E}}\|_{\mathrm{F}}$",
         r"$\|V - V_{\mathrm{d}}\|$ $(\mathrm{rad/s})$",
@@ -84,7 +88,7 @@ def test_axes_carry_symbols_and_units(so3, opened, picture):
 
 def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
     results = opened(se3)
-    drawing = picture(Paper(), results)
+    drawing = picture(PRINT, results)
     signals = [
         f"{norm}_{part}"
         for norm in ("velocity_error", "torque_norm")
@@ -146,7 +150,7 @@ def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened, pictu
 
 def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened, picture):
     for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
-        drawing = picture(Paper(log=True, **options), opened(so3))
+        drawing = picture(Paper(like="print", log=True, **options), opened(so3))
         scales = [axes.get_yscale() for axes in drawing.axes]
         assert scales == ["log", "log", of_torque, "log"]
 
@@ -159,14 +163,14 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
         simulate(reference=REST, time={"duration": 30, "samples": 31}, controllers=["eqt"])
     )
     for options, of_torque in (({}, {"log"}), ({"log_torque": False}, {"linear"})):
-        drawing = Paper(log=True, **options).draw([rest])
+        drawing = Paper(like="print", log=True, **options).draw([rest])
         torques = [axes for axes in drawing.axes if axes.get_label().startswith("torque_norm")]
         assert {axes.get_yscale() for axes in torques} == of_torque
 
 
 def test_laws_panels_and_times_are_chosen(so3, opened, picture):
     chosen = {"controllers": ["EqT", "asym"], "panels": ["lyapunov"], "start": 1.0, "end": 2.0}
-    (panel,) = picture(Paper(**chosen), opened(so3)).axes
+    (panel,) = picture(Paper(like="print", **chosen), opened(so3)).axes
     assert [line.get_label() for line in panel.lines] == ["eqt", "asym"]
     assert panel.get_xlim() == (1.0, 2.0)
     result = opened(so3)
@@ -193,7 +197,7 @@ def test_what_cannot_be_chosen_is_said(options, message, so3, opened):
 
 
 def test_linear_scales_begin_at_zero(so3, opened, picture):
-    assert [axes.get_ylim()[0] for axes in picture(Paper(), opened(so3)).axes] == [0, 0, 0, 0]
+    assert [axes.get_ylim()[0] for axes in picture(PRINT, opened(so3)).axes] == [0, 0, 0, 0]
 
 
 def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
@@ -255,3 +259,74 @@ def test_bootstrap_bands_are_the_intervals_of_the_means(so3, opened, picture):
     assert found.min() < mean < found.max()
     # Expanded by sqrt(6/5) t_5 / z = 1.44 for 6 runs; the rest is the noise of 2000 resamples.
     assert 1.1 < (found.max() - found.min()) / (other.high - other.low) < 1.8
+
+
+def test_medians_within_their_quartiles_and_names_in_words(so3, opened, picture):
+    results = opened(so3)
+    drawing = picture(Paper(), results)
+    axes = drawing.axes[0]
+    np.testing.assert_array_equal(
+        axes.lines[1].get_ydata(), np.median(results["pose_error"][1], axis=0)
+    )
+    corners = axes.collections[1].get_paths()[0].vertices
+    found = np.unique(corners[np.isclose(corners[:, 0], 2.0)][:, 1])
+    expected = np.quantile(results["pose_error"][1, :, 20], [0.25, 0.75])
+    np.testing.assert_array_equal(found, expected)
+    titles = ["attitude error", "rate error", "torque", "Lyapunov function"]
+    assert [axes.get_title() for axes in drawing.axes] == titles
+    assert not any(axes.spines["top"].get_visible() for axes in drawing.axes)
+    printed = picture(PRINT, results).axes
+    assert [axes.get_title() for axes in printed] == [""] * 4
+    assert all(axes.spines["top"].get_visible() for axes in printed)
+
+
+def falling(results, low, decades):
+    """An error of all runs that falls from 1 by so many decades, and is at `low` at the start."""
+    values = np.broadcast_to(10.0 ** -np.linspace(0, decades, 41), results["pose_error"].shape)
+    values = values.copy()
+    values[..., 0] = low
+    return values
+
+
+@pytest.mark.parametrize(("decades", "scale"), [(1.9, "linear"), (2.1, "log")])
+def test_a_scale_is_logarithmic_from_two_decades(decades, scale, so3, altered, opened):
+    values = falling(opened(so3), 1.0, decades)
+    for law in values:
+        law *= 5.0
+    (axes,) = Paper(panels=["pose_error"]).draw([altered(so3, pose_error=values)]).axes
+    assert axes.get_yscale() == scale
+
+
+@pytest.mark.parametrize("low", [1e-105, 0.0])
+def test_no_scale_reaches_a_sentinel(low, so3, altered, opened):
+    values = falling(opened(so3), low, 3)
+    for figure in (Paper(panels=["pose_error"]), RunsFigure()):
+        axes = figure.draw([altered(so3, pose_error=values)]).axes[0]
+        assert axes.get_yscale() == "log"
+        assert 1e-5 < axes.get_ylim()[0] <= 1e-3
+        assert 1 < axes.get_ylim()[1] < 3
+
+
+def test_a_scale_ends_at_the_error_of_the_solver(so3, altered, opened):
+    results = opened(so3)  # whose tolerance is 1e-3, without an estimate
+    (axes,) = (
+        Paper(panels=["pose_error"]).draw([altered(so3, pose_error=falling(results, 1.0, 9))]).axes
+    )
+    assert axes.get_ylim()[0] == 1e-3
+    (axes,) = (
+        Paper(panels=["lyapunov"]).draw([altered(so3, lyapunov=falling(results, 1.0, 9))]).axes
+    )
+    assert axes.get_ylim()[0] == pytest.approx(1e-6)
+
+
+def test_a_law_that_diverges_is_cut_off_and_named_in_the_panel(so3, altered, opened):
+    values = falling(opened(so3), 1.0, 3)
+    values[2] = 10.0 ** np.linspace(0, 7, 41)
+    drawing = Paper().draw([altered(so3, pose_error=values)])
+    first, second, *_ = drawing.axes
+    assert first.get_ylim()[1] == pytest.approx(10.0)
+    assert [text.get_text() for text in first.texts] == ["nog diverges"]
+    assert not second.texts
+    printed = Paper(like="print").draw([altered(so3, pose_error=values)]).axes[0]
+    assert printed.get_ylim()[1] > 1e7
+    assert not printed.texts

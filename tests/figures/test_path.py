@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from said import error_of
 
+from eqt_cli.cli.plot import _of_one
 from eqt_cli.figures.bodies import CORNERS, FACES, outline, rotors
 from eqt_cli.figures.curves import diverging
 from eqt_cli.figures.path_figures import PathFigure, PoseFigure, continuous
@@ -163,3 +164,8 @@ def test_angles_have_no_jumps_by_whole_turns():
     np.testing.assert_allclose(continuous(wrapped)[:, 0], grows, atol=1e-12)
     singular = np.where(np.arange(201) < 100, wrapped[:, 0], wrapped[:, 0] + 2.5)[:, None]
     assert np.flatnonzero(np.isnan(continuous(singular)[:, 0])).tolist() == [100]
+
+
+def test_by_default_it_is_drawn_where_there_are_positions(se3, so3, opened):
+    assert _of_one(opened(se3)) == ["path", "paper", "pose"]
+    assert _of_one(opened(so3)) == ["paper"]

@@ -35,7 +35,7 @@ def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
     with Image.open(paths[2]) as image:
         assert image.width == 1050  # 3.5 in at 300 dpi
         assert image.info["Title"] == "small: paper"
-        assert image.info["Description"].startswith("Means over runs of pose error")
+        assert image.info["Description"].startswith("Medians over runs of pose error")
         assert image.info["Description"].endswith(str(opened(so3).attributes["digest"]))
 
 
@@ -48,7 +48,7 @@ def test_a_slide_is_13_inches_wide_but_as_pdf(so3, opened, tmp_path):
     assert re.search(rb"/MediaBox \[ 0 0 425.6 [0-9.]+ \]", files[2].read_bytes())  # to be enlarged
     assert b"DejaVuSans" in files[2].read_bytes() and b"STIXGeneral" not in files[2].read_bytes()
     assert files[3].read_bytes() == (
-        b"% caption by eqt: small: paper\nCurves: mean over 6 runs.%\n"
+        b"% caption by eqt: small: paper\nCurves: median over 6 runs; bands: quartiles.%\n"
     )
     assert is_eqts(files[3])
 
@@ -116,7 +116,8 @@ papper, {} → unknown figure 'papper'; did you mean 'paper'?
 paper, {bnads: 1} → figure 'paper': bnads: unknown key; did you mean 'bands'?
 paper, {x: 1} → figure 'paper': x: unknown key; expected one of controllers, focus, colours
 paper, {bands: some} →
-    figure 'paper': bands: expected 'none', 'quantiles' or 'bootstrap', got 'some'
+    figure 'paper': bands: expected 'none', 'quartiles', 'quantiles' or 'bootstrap', got
+        'some'
 paper, {log: 1} → figure 'paper': log: expected true or false, got 1
 paper, {controllers: eqt} → figure 'paper': controllers: expected a list, such as [eqt], got 'eqt'
 """),

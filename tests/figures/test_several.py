@@ -30,7 +30,7 @@ def stiff(tmp_path, simulate):
 
 def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
     first, second = opened(so3), opened(stiff)
-    axes = Paper().draw([first, second]).axes[0]
+    axes = Paper(bands="none").draw([first, second]).axes[0]
     assert len(axes.lines) == 6
     for line, results, controller in zip(axes.lines[3:5], (first, second), (3, 0), strict=True):
         mean = results["pose_error"][controller].mean(axis=0)
