@@ -173,6 +173,30 @@ def test_without_xarray_a_result_is_read_as_arrays(result, monkeypatch):
     )
 
 
+def test_findings_are_short_on_a_screen_and_tables_in_a_notebook(result):
+    shown = [result, eqt_cli.compare(result, ["effort"]), eqt_cli.margins(result)]
+    for finding, first, rows in zip(
+        [*shown, eqt_cli.verify(result)],
+        [repr(result), "paper on SO3: 3 runs of each law", "eqt: indicative", "paper on SO3: "],
+        [4, 6, 4, None],
+        strict=True,
+    ):
+        lines = repr(finding).splitlines()
+        assert lines[0].lower().startswith(first.lower())
+        assert len(lines) <= 20
+        page = finding._repr_html_()
+        assert page.count("<tr>") == 1 + min(len(finding.records()), 20)
+        assert rows in (None, len(finding.records()))
+
+
+@needs_xarray
+def test_findings_are_data_frames(result):
+    table = eqt_cli.compare(result, ["effort"]).to_dataframe()
+    assert len(table) == 6  # pairs of four laws
+    assert {"metric", "difference", "low", "high", "word"} <= {*table.columns}
+    assert list(eqt_cli.margins(result).to_dataframe().label) == ["eqt", "gt", "nog", "asym"]
+
+
 def test_a_result_that_was_opened_is_as_the_one_that_was_run(result):
     with eqt_cli.open_result(result.path) as opened:
         assert (opened.runs, opened.failed, opened.labels) == (12, 0, ["eqt", "gt", "nog", "asym"])

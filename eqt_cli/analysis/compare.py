@@ -7,7 +7,7 @@ from abc import ABC
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from eqt_cli.analysis.intervals import (
 )
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
+from eqt_cli.base.reporting import InNotebook
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window
 from eqt_cli.results.result import PerRun, Result
@@ -284,8 +285,8 @@ def judge_at_most(
 _Key = tuple[str, Window]
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(InNotebook):
     """The outcome of `compare`.
 
     Attributes
@@ -343,6 +344,19 @@ class Comparison:
     negligible: float = NEGLIGIBLE
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
+
+    def answer(self) -> list[str]:
+        """Return the experiment, and then the lines that `eqt compare` prints first."""
+        from eqt_cli.analysis.verdict import lines
+
+        return [f"{self.title} on {self.group}: {self.runs} runs of each law", *lines(self)]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return a record per metric and pair of laws; per metric of a law that is alone."""
+        from eqt_cli.analysis.comparison_tables import records
+
+        tables = records(self)
+        return tables["pairs"] or tables["controllers"]
 
     def against(self, *bases: str) -> list[Pair]:
         """Return every pair against the law that stands first of both, after these."""

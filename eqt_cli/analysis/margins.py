@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from eqt_cli.analysis.certified import LawRates, box_of, rates_of
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.reporting import InNotebook, reporter, step
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import along_reference, check_reference, reference_over_horizon
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -201,6 +201,9 @@ class GainMargin:
     upper: float | None
 
 
+_VERDICTS = {True: "stable", False: "unstable", None: "undecided"}
+
+
 @dataclass(frozen=True)
 class LawMargins:
     """The stability margins of the loop of one law.
@@ -255,13 +258,37 @@ class LawMargins:
     gains: dict[str, GainMargin]
 
     @property
+    def verdict(self) -> str:
+        """Whether the loop is stable, in a word."""
+        return "indicative" if self.is_indicative else _VERDICTS[self.growth.is_stable]
+
+    def record(self) -> dict[str, Any]:
+        """Return the margins for programs."""
+        eigenvalue = self.growth.eigenvalue
+        return {
+            "label": self.label,
+            "verdict": self.verdict,
+            "largest_eigenvalue": None if self.changes else self.size,
+            "eigenvalue": None if self.changes else [eigenvalue.real, eigenvalue.imag],
+            "at": self.growth.at if self.changes else None,
+            "cycle": self.cycle,
+            "growth_rate": None if self.changes else self.growth.rate,
+            "offset": self.offset.tolist(),
+            "delay_margin": self.delay,
+            "delay_margin_periods": self.delay_periods,
+            "delay_margin_is_least": self.delay_is_least,
+            "delay_margin_is_frozen": self.delay_is_frozen,
+            "gain_margins": {name: asdict(gain) for name, gain in self.gains.items()},
+        }
+
+    @property
     def is_unstable(self) -> bool:
         """Whether the loop is certainly unstable."""
         return self.growth.is_stable is False and not self.is_indicative
 
 
-@dataclass(frozen=True)
-class Margins:
+@dataclass(frozen=True, repr=False)
+class Margins(InNotebook):
     """The stability margins of the loops of an experiment.
 
     Attributes
@@ -277,6 +304,18 @@ class Margins:
     experiment: Experiment
     laws: list[LawMargins]
     period: float | None
+
+    def answer(self) -> list[str]:
+        """Return a line per law: whether it is stable, and its delay margin."""
+        titles, lines = self.experiment.titles, []
+        for law in self.laws:
+            delay = "" if law.delay is None else f", delay margin {law.delay:.4g} s"
+            lines.append(f"{titles[law.label]}: {law.verdict}{delay}")
+        return lines
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return a record per law."""
+        return [law.record() for law in self.laws]
 
     @property
     def left_out(self) -> list[str]:

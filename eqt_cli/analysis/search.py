@@ -26,7 +26,7 @@ from eqt_cli.analysis.search_record import Kind, coordinate_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME
-from eqt_cli.base.reporting import RUNS_DONE, reporter, step
+from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, reporter, step
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.schema import SearchSection
@@ -360,8 +360,8 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
         )
 
 
-@dataclass(frozen=True)
-class Searched:
+@dataclass(frozen=True, repr=False)
+class Searched(InNotebook):
     """The outcome of a finished search.
 
     Attributes
@@ -377,6 +377,24 @@ class Searched:
     search: Searches[Any]
     judged: Execution
     record: dict[str, Any]
+
+    def answer(self) -> list[str]:
+        """Return what was sought, and a line per law with the values that were found."""
+        lines = [f"{self.search.kind.command} {self.record['name']}"]
+        for record in self.records():
+            numbers = ((key, value) for key, value in record.items() if isinstance(value, float))
+            lines.append(f"{record['law']}: {', '.join(f'{k} {brief(x)}' for k, x in numbers)}")
+        return lines
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return a record per winner, or per worst run: law, values by key, objectives."""
+        names = self.record.get("objectives") or [self.record["objective"]]
+        found = [one for law in self.record["laws"] for one in law.get("winners", [law])]
+        return [
+            {"law": each["label"], **each["values"]}
+            | dict(zip(names, each.get("objectives") or [each["value"]], strict=True))
+            for each in found
+        ]
 
 
 def carry_out(

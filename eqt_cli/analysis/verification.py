@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,7 +14,7 @@ from eqt_cli.analysis.run_checks import window_times
 from eqt_cli.analysis.sample import ExactStates, Sample, sampled
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.reporting import RUNS_DONE, reporter, step
+from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
 from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT
@@ -55,8 +56,8 @@ INTEGRATED = "runs integrated again"
 """Title of the step that computes states which a result does not hold."""
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(InNotebook):
     """The outcome of a verification.
 
     Attributes
@@ -81,6 +82,33 @@ class Verification:
     def failures(self) -> list[certificates.Row]:
         """The rows that refute a statement."""
         return [row for row in self.rows if row.verdict is certificates.Verdict.FAILS]
+
+    @property
+    def titled(self) -> list[certificates.Row]:
+        """The rows, with titles in place of the labels of laws."""
+        return certificates.with_titles(self.rows, self.experiment.titles)
+
+    def causes(self, titles: Mapping[str, str]) -> list[str]:
+        """Return the reasons why the exit code of `eqt verify` is not 0, laws by these titles."""
+        causes = ["some runs failed"] if self.failed_runs else []
+        for row in certificates.with_titles(self.failures, titles):
+            law = f" ({row.controller})" if row.controller else ""
+            causes.append(f"{row.statement}: {row.name}{law} fails")
+        return causes
+
+    def answer(self) -> list[str]:
+        """Return how many statements hold, the doubts about hypotheses, and what fails."""
+        name, group = self.experiment.name, self.experiment.group.name
+        tally, engines = certificates.tally(self.titled), " and ".join(self.engines)
+        return [
+            f"{name} on {group}: {tally}, {self.runs} runs with engine {engines}",
+            *(f"hypothesis {doubt}" for doubt in certificates.doubtful(self.titled)),
+            *self.causes(self.experiment.titles),
+        ]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return a record per row."""
+        return [asdict(row) for row in self.rows]
 
 
 @blamed()

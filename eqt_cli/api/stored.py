@@ -13,6 +13,7 @@ from eqt_cli.api.loading import open_at, path_from
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME, point_group
+from eqt_cli.base.reporting import InNotebook
 
 if TYPE_CHECKING:
     import pandas
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from eqt_cli.runs.run_study import Execution
 
 
-class StoredResult(os.PathLike[str]):
+class StoredResult(InNotebook, os.PathLike[str]):
     """A result, which reads its file when you ask for numbers. It is a path, too.
 
     `eqt_cli.run` returns one, and `eqt_cli.open_result` opens one.
@@ -231,11 +232,15 @@ class StoredResult(os.PathLike[str]):
         dataset.set_close(whole.close)
         return dataset
 
-    def __repr__(self) -> str:
+    def answer(self) -> list[str]:
         """Return the path and the number of runs: ``<result results/paper: 800 runs>``."""
         at = "" if self.point is None else f", point {self.point}"
         failed = f", {self.failed} failed" if self.failed else ""
-        return f"<result {self.path}{at}: {self.runs} runs{failed}>"
+        return [f"<result {self.path}{at}: {self.runs} runs{failed}>"]
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the summary of each law; none of a shard whose result is not packed yet."""
+        return self.opened.headline() if self.file.exists() else []
 
 
 def open_result(path: str | os.PathLike[str], point: int | None = None) -> StoredResult:

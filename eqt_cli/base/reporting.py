@@ -10,9 +10,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from html import escape
 from pathlib import Path
+from typing import Any
 
-from eqt_cli.base.errors import EqtWarning
+from eqt_cli.base.errors import EqtError, EqtWarning
 
 RUNS_DONE = "runs"
 """The usual unit of progress."""
@@ -266,6 +268,64 @@ class TextTable:
     def rows(self) -> list[list[str]]:
         """Rows of all blocks."""
         return [row for block in self.blocks for row in block.rows]
+
+
+# Findings in a notebook ---------------------------------------------------------------------------
+
+
+MOST_LINES = 20
+"""Largest number of lines or rows of a finding that a notebook shows."""
+
+
+def pandas_frame(data: Any) -> Any:
+    """Return columns or records as a pandas DataFrame.
+
+    Raises
+    ------
+    EqtError
+        If pandas is not installed.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise EqtError("a table needs pandas (extra xarray): pip install pandas") from None
+    return pandas.DataFrame(data)
+
+
+class InNotebook:
+    """A finding that Python shows in a few lines, and a notebook with a table."""
+
+    def answer(self) -> list[str]:
+        """Return the finding in lines, the most important first."""
+        raise NotImplementedError
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return the numbers, one record per row."""
+        raise NotImplementedError
+
+    def to_dataframe(self) -> Any:
+        """Return `records` as a pandas DataFrame (extra xarray)."""
+        return pandas_frame(self.records())
+
+    def __repr__(self) -> str:
+        lines = self.answer()
+        more = [f"… {len(lines) - MOST_LINES + 1} more lines"] * (len(lines) > MOST_LINES)
+        return "\n".join([*lines[: MOST_LINES - len(more)], *more])
+
+    def _repr_html_(self) -> str:
+        rows = self.records()
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        cells = [[row.get(name, "") for name in names] for row in rows[:MOST_LINES]]
+        table = "".join(
+            f"<tr>{''.join(f'<{tag}>{escape(_cell(cell))}</{tag}>' for cell in line)}</tr>"
+            for tag, line in [("th", names), *(("td", line) for line in cells)]
+        )
+        more = f"<p>… {len(rows) - MOST_LINES} more rows</p>" * (len(rows) > MOST_LINES)
+        return f"<pre>{escape(repr(self))}</pre><table>{table}</table>{more}"
+
+
+def _cell(value: Any) -> str:
+    return brief(value) if isinstance(value, float) else str(value)
 
 
 def count_of(number: int, noun: str) -> str:

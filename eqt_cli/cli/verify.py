@@ -19,7 +19,6 @@ from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from eqt_cli.analysis.certificates import Row
     from eqt_cli.analysis.certified import Certified, LawRates
     from eqt_cli.analysis.margins import GainMargin, LawMargins, Margins
     from eqt_cli.analysis.verification import Verification
@@ -63,7 +62,6 @@ def verify(
         --as NAME  The control law that the C file claims to be.
     """
     from eqt_cli import api
-    from eqt_cli.analysis.certificates import with_titles
     from eqt_cli.config.source import overridden
 
     subject: Path | Study
@@ -91,9 +89,7 @@ def verify(
     )
     print_findings(_document(target, result), *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
-        for cause in _causes(
-            with_titles(result.rows, result.experiment.titles), result.failed_runs
-        ):
+        for cause in result.causes(result.experiment.titles):
             complain(f"eqt: {target}: {cause}")
     if result.failed_runs:
         raise typer.Exit(3)
@@ -129,16 +125,6 @@ def _check_options(
         raise EqtError(f"{code}: not found; give a C file with --code")
 
 
-def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:
-    """Return the reasons why the exit code is not 0."""
-    causes = ["some runs failed"] if failed_runs else []
-    for row in rows:
-        if row.verdict is row.verdict.FAILS:
-            law = f" ({row.controller})" if row.controller else ""
-            causes.append(f"{row.statement}: {row.name}{law} fails")
-    return causes
-
-
 def _document(target: Path, result: Verification) -> dict[str, object]:
     return {
         "verified": str(target),
@@ -148,27 +134,23 @@ def _document(target: Path, result: Verification) -> dict[str, object]:
         "runs": result.runs,
         "failed": result.failed_runs,
         "holds": not result.failures,
-        "causes": _causes(result.rows, result.failed_runs),
-        "rows": [asdict(row) for row in result.rows],
+        "causes": result.causes({}),
+        "rows": result.records(),
     }
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
     """Yield the printed text: the rows that do not hold, or all; then totals, doubts and causes."""
-    from eqt_cli.analysis.certificates import certificate_table, doubtful, tally, with_titles
+    from eqt_cli.analysis.certificates import certificate_table
 
-    rows = with_titles(result.rows, result.experiment.titles)
+    rows = result.titled
     if (made := certificate_table(rows, brief=not verbose)) is not None:
         for block in made.blocks:
             notes = made.notes if block is made.blocks[-1] else []
             yield block.title
             yield laid_out(replace(made, caption="", blocks=[Block("", block.rows)], notes=notes))
             yield ""
-    experiment = result.experiment
-    counted = f"{result.runs} runs with engine {' and '.join(result.engines)}"
-    yield f"{experiment.name} on {experiment.group.name}: {tally(rows)}, {counted}"
-    yield from (f"hypothesis {doubt}" for doubt in doubtful(rows))
-    yield from _causes(rows, result.failed_runs)
+    yield from result.answer()
     if not verbose:
         assumed = sum(row.kind == "hypothesis" for row in rows)
         checked = f"{len(rows) - assumed} statements and {assumed} hypotheses were checked"
@@ -176,9 +158,6 @@ def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
 
 
 # Margins ------------------------------------------------------------------------------------------
-
-
-VERDICTS = {True: "stable", False: "unstable", None: "undecided"}
 
 
 def margins(
@@ -229,25 +208,7 @@ def _margins_document(result: Margins, causes: list[str]) -> dict[str, Any]:
         "period": result.period,
         "left_out": result.left_out,
         "causes": causes,
-        "laws": [
-            {
-                "label": law.label,
-                "verdict": _verdict(law),
-                "largest_eigenvalue": None if law.changes else law.size,
-                "eigenvalue": None if law.changes else [eigenvalue.real, eigenvalue.imag],
-                "at": law.growth.at if law.changes else None,
-                "cycle": law.cycle,
-                "growth_rate": None if law.changes else law.growth.rate,
-                "offset": law.offset.tolist(),
-                "delay_margin": law.delay,
-                "delay_margin_periods": law.delay_periods,
-                "delay_margin_is_least": law.delay_is_least,
-                "delay_margin_is_frozen": law.delay_is_frozen,
-                "gain_margins": {name: asdict(gain) for name, gain in law.gains.items()},
-            }
-            for law in result.laws
-            for eigenvalue in [law.growth.eigenvalue]
-        ],
+        "laws": result.records(),
     }
 
 
@@ -314,11 +275,7 @@ def _cells(law: LawMargins, period: float | None, names: list[str]) -> list[str]
     """Return the cells of a row except the name."""
     gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in names]
     size = "-" if law.changes else f"{law.size:.{3 if period is None else 6}g}"
-    return [size, _delay(law), *gains, _verdict(law)]
-
-
-def _verdict(law: LawMargins) -> str:
-    return "indicative" if law.is_indicative else VERDICTS[law.growth.is_stable]
+    return [size, _delay(law), *gains, law.verdict]
 
 
 def _delay(law: LawMargins) -> str:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix
-from eqt_cli.base.errors import EqtError, printable
+from eqt_cli.base.errors import printable
 from eqt_cli.base.files import POINT
+from eqt_cli.base.reporting import pandas_frame
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.results.result import Result
 
@@ -67,11 +68,7 @@ def frame(result: Result, names: Sequence[str] | None = None) -> pandas.DataFram
     EqtError
         If pandas is not installed, or there is no such metric.
     """
-    try:
-        import pandas
-    except ImportError:
-        raise EqtError("a table needs pandas (extra xarray): pip install pandas") from None
-    table = pandas.DataFrame(columns(result, names))
+    table = pandas_frame(columns(result, names))
     known = result.comparable if names is None else names
     table.attrs["units"] = {name: result.units(name) for name in known}
     return table
