@@ -16,20 +16,20 @@ from PIL import Image
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.components.groups import group_named
-from eqt_cli.figures.bodies import CORNERS, FACES, BodyPath, course, moving_parts
+from eqt_cli.components.groups import Part, group_named
+from eqt_cli.figures.bodies import CORNERS, FACES, BodyPath, course, discs, moving_parts, rotors
 from eqt_cli.figures.cells import scale_norm
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.labels import quantity, signal_label
 from eqt_cli.figures.layout import freeze, name_scale
 from eqt_cli.figures.shown import Chosen, Ensemble
-from eqt_cli.figures.style import house_style, ink, line_style
+from eqt_cli.figures.style import house_style, ink, line_style, mixed
 from eqt_cli.results.result import Result
 
 # The motion of one run, and its scene for both the GIF and the page; it draws nothing -------------
 #
-# Bodies with coloured axes, the ghost of the target, trails, a ground grid and an inertial frame,
-# seen by a camera that follows body and target.
+# Bodies with their axes, the ghost of the target, paths, a ground grid and an inertial frame, seen by
+# a camera that shows whole paths, or follows a body that leaves them.
 
 
 MOST_CONTROLLERS = 6
@@ -55,6 +55,8 @@ class Motion:
     thrusts : (controllers, samples, thrusters, 2, 3)
         A line from each thruster along its thrust, in the body frame; the largest coordinate of a
         place and the largest thrust are 1.
+    rotors : (rotors, 2, 3)
+        Place and direction of the rotors of a multirotor, as `bodies.rotors` gives them.
     norms : dict of str to (controllers, samples)
         Norms of pose error and torque by name, per part where rotation and translation have
         different units.
@@ -67,13 +69,15 @@ class Motion:
     reference: BodyPath
     has_translation: bool
     thrusts: Array
+    rotors: Array
     norms: dict[str, Array]
 
     @property
-    def extent(self) -> float:
-        """Largest distance of a position from the midpoint of all, m; 0 where nothing moves."""
-        middle = (self.places.min(axis=0) + self.places.max(axis=0)) / 2
-        return float(np.linalg.norm(self.places - middle, axis=-1).max())
+    def worst(self) -> int:
+        """The sample with the largest first error of all controllers."""
+        first, *_ = self.norms.values()
+        errors = np.where(np.isfinite(first), first, -np.inf).max(axis=0)
+        return int(errors.argmax())
 
     @property
     def places(self) -> Array:
@@ -112,6 +116,8 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
     ends = [f"_{part.name}" for part in (turning, moving) if part is not None]
     ends = [end for end in ends if results.has(f"pose_error{end}")] or [""]
     norms = [norm + end for norm in ("pose_error", "torque_norm") for end in ends]
+    norms = [source.in_space(norm) for norm in norms]
+    turned = rotors(results)
     return Motion(
         run=run,
         times=results.times,
@@ -119,24 +125,32 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         body=course(results.trajectory("pose", run)[shown], turning, moving),
         reference=course(results["desired_pose"], turning, moving),
         has_translation=moving is not None,
-        thrusts=_thrusts(results, run, shown),
+        thrusts=_thrusts(results, run, shown, turned, moving),
+        rotors=turned,
         norms={name: results.trajectory(name, run)[shown] for name in norms},
     )
 
 
-def _thrusts(results: Result, run: int, shown: list[int]) -> Array:
+def _thrusts(
+    results: Result, run: int, shown: list[int], turned: Array, moving: Part | None
+) -> Array:
     thrusters = results.described.thrusters if results.has("thrust") else []
-    if not thrusters:
+    if thrusters:
+        thrust = results.trajectory("thrust", run)[shown][..., None]
+        at, along = np.array(thrusters).swapaxes(0, 1)
+    elif len(turned) and moving is not None:  # of which the sum is known
+        at, along = turned.swapaxes(0, 1)
+        force = results.trajectory("torque", run)[shown][..., moving.axes] @ along[0]
+        thrust = np.repeat(force[..., None, None], len(at), axis=-2)
+    else:
         return np.empty((len(shown), len(results.times), 0, 2, 3))
-    thrust = results.trajectory("thrust", run)[shown][..., None]
-    at, along = np.array(thrusters).swapaxes(0, 1)
     at, thrust = (each / (np.nanmax(np.abs(each)) or 1.0) for each in (at, thrust))
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
     return np.stack(np.broadcast_arrays(at, at + thrust * along), axis=-2)
 
 
-AXES = {"x": "#c1272d", "y": "#2e8b57", "z": "#1f5fbf"}
-"""Axes of the body with their colours."""
+AXES = {"x": "#3a3a3a", "y": "#c2185b", "z": "#8a8a8a"}
+"""Axes of the body with their colours, which are of no law."""
 
 INERTIAL = "XYZ"
 """Names of the inertial axes."""
@@ -144,11 +158,11 @@ INERTIAL = "XYZ"
 TRAIL = 4.0
 """Duration of the trail of a body, s."""
 
-_CLOSE, _AROUND = 1.75, 0.75
-"""Reach of a camera: in lengths of a body's axes where body and target agree; and what is added, as
-a share of the distance between them."""
-_CALM = 1.0
-"""Window over which the camera's distance and place are averaged, s."""
+_CLOSE, _WHOLE, _FAR = 1.75, 1.15, 2.5
+"""Reach of a camera: in lengths of the axes of a body that only turns, and in extents of the paths;
+and the extents beyond which a camera follows a body that goes away."""
+_BODY = 0.2
+"""Length of a body's axes, in extents of the paths."""
 _BELOW = 1.5
 """Depth of the ground below the lowest position, in lengths of an axis."""
 _SIGHTS = 3.0
@@ -195,6 +209,15 @@ def box(rotation: Array, position: Array, length: float) -> list[tuple[Array, fl
     return seen
 
 
+def multirotor(
+    shape: Sequence[Array], rotation: Array, position: Array, length: float
+) -> list[tuple[Array, float]]:
+    """Return arms and discs of a multirotor as `box` does, the farthest from the eye first."""
+    placed = [position + length * polygon @ rotation.T for polygon in shape]
+    placed.sort(key=lambda polygon: polygon.mean(axis=0) @ camera()[2])
+    return [(flat(polygon), 0.5) for polygon in placed]
+
+
 @dataclass(frozen=True)
 class Scene:
     """Run in space, seen from a direction that a viewer may change.
@@ -208,7 +231,7 @@ class Scene:
     length
         Length of a body's axes, m.
     centre : (controllers, samples, 3)
-        Point that each camera looks at, m: the midpoint of body and target.
+        Point that each camera looks at, m: the middle of the paths; a body that leaves them.
     reach : (samples,)
         Distance that all cameras see from there, m.
     ground : (lines, 2, 3)
@@ -235,37 +258,32 @@ class Scene:
 def scene_of(motion: Motion) -> Scene:
     """Return the scene of a motion, the same for every file format."""
     body, target = motion.body.position, motion.reference.position
-    apart = np.linalg.norm(body - target, axis=-1)
-    apart = np.where(np.isfinite(apart), apart, 0.0).max(axis=0)
-    length = _length(motion, apart)
-    middle = (np.where(np.isfinite(body), body, target) + target) / 2
-    steps = max(1, round(_CALM / max(float(np.mean(np.diff(motion.times))), 1e-9)))
-    centre = np.stack([_calm(each, steps) for each in middle])
-    reach = _CLOSE * length + _AROUND * _calm(apart[:, None], steps)[:, 0]
+    ends = np.array([_ends(np.concatenate([target, each]) @ camera().T) for each in body])
+    extents = np.ptp(ends[..., :2], axis=1).max(axis=-1) / 2
+    extent = float(np.median(extents))
+    stays = extents <= _FAR * extent
+    length = _BODY * extent or 1.0
+    middle = ends[stays].mean(axis=(0, 1)) @ camera()
+    follow = np.where(np.isfinite(body), body, target)
+    centre = [
+        np.broadcast_to(middle, target.shape) if here else each
+        for here, each in zip(stays, follow, strict=True)
+    ]
+    reach = _WHOLE * extent + length if extent else _CLOSE * length
     return Scene(
         motion=motion,
         columns=int(np.ceil(np.sqrt(len(motion.ensembles)))),
         length=length,
-        centre=centre,
-        reach=reach,
-        ground=_grid(motion, length, float(reach.max())),
+        centre=np.stack(centre),
+        reach=np.full(len(motion.times), reach),
+        ground=_grid(motion, length, reach),
         trails=body if motion.has_translation else body + motion.body.rotation[..., 0] * length,
     )
 
 
-def _length(motion: Motion, apart: Array) -> float:
-    """Return a length of axes visible beside the paths and the distances to the target, m."""
-    if not motion.has_translation:
-        return 1.0
-    return float(max(0.3 * apart.max(), 0.12 * motion.extent)) or 1.0
-
-
-def _calm(values: Array, steps: int) -> Array:
-    """Return the running mean over `steps` samples, ``(samples, k)``."""
-    before, after = (steps - 1) // 2, steps // 2
-    padded = np.pad(values, ((before, after), (0, 0)), mode="edge")
-    sums = np.cumsum(np.insert(padded, 0, 0.0, axis=0), axis=0)
-    return np.asarray((sums[steps:] - sums[:-steps]) / steps)
+def _ends(places: Array) -> Array:
+    """Return the least and the largest coordinates, ``(2, 3)``."""
+    return np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
 
 
 def _grid(motion: Motion, length: float, reach: float) -> Array:
@@ -309,7 +327,7 @@ def gif(
     seconds: float = 8.0,
     rate: float = 12.5,
 ) -> bytes:
-    """Return a run as an animated GIF that repeats for ever.
+    """Return a run as an animated GIF that repeats for ever, from its largest error.
 
     Parameters
     ----------
@@ -328,7 +346,9 @@ def gif(
     shown = motion(results, run, controllers)
     count = max(2, round(seconds * rate))
     samples = np.linspace(0, len(shown.times) - 1, count).round().astype(int)
-    with house_style(), step("pictures drawn", count):
+    if shown.worst:  # what a page shows of a picture that does not move
+        samples = np.insert(samples, 0, shown.worst)
+    with house_style(), step("pictures drawn", len(samples)):
         stage = _Stage(scene_of(shown), float(np.ptp(shown.times)) / (count / rate))
         pictures = []
         for sample in samples:
@@ -372,11 +392,16 @@ class _Stage:
         self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
         shares = [_BODIES, _WIDTH - _BODIES]
         left, right = np.ravel(np.asarray(drawing.subfigures(1, 2, width_ratios=shares)))
-        places = left.subplots(rows, columns, squeeze=False).ravel()
-        for empty in places[count:]:
-            empty.set_axis_off()
+        # The last row is as wide as the others.
+        rest = count - columns * (rows - 1)
+        wide = columns * rest
+        mosaic = [
+            [k * columns + int(j * number / wide) for j in range(wide)]
+            for k, number in enumerate([columns] * (rows - 1) + [rest])
+        ]
+        places = list(left.subplot_mosaic(cast(Any, mosaic)).values())
         panels = right.subplots(len(self.motion.norms), 1, sharex=True)
-        self.bodies = [_Body(axes, scene, k) for k, axes in enumerate(places[:count])]
+        self.bodies = [_Body(axes, scene, k) for k, axes in enumerate(places)]
         self.curves = [
             _Curves(axes, self.motion, name)
             for axes, name in zip(panels, self.motion.norms, strict=True)
@@ -385,6 +410,8 @@ class _Stage:
         self.clock = left.suptitle(self._time(0), fontsize="medium")
         self.canvas.draw()
         freeze(drawing)
+        for body in self.bodies:
+            body.measure()
 
     def _time(self, sample: int) -> str:
         now = f"$t$ = {self.motion.times[sample]:.1f} s"
@@ -408,37 +435,53 @@ class _Body:
         self.axes, self.scene, self.index, self.motion = axes, scene, index, scene.motion
         ensemble = self.motion.ensembles[index]
         self.colour = ensemble.look.colour
-        axes.set_aspect("equal")
         axes.set(xticks=[], yticks=[])
         axes.grid(visible=False)
-        axes.set_title(ensemble.title, color=self.colour, parse_math=False)
+        self.wide = self.high = 1.0
+        name: dict[str, Any] = {"color": self.colour, "fontsize": "medium", "zorder": 6}
+        self.name = axes.text(
+            0, 0, ensemble.title, ha="center", va="bottom", parse_math=False, **name
+        )
         ground: dict[str, Any] = {"color": ink(_GROUND), "linewidth": 0.5, "zorder": 0}
         axes.add_collection(LineCollection(list(flat(scene.ground)), **ground), autolim=False)
         if self.motion.has_translation:
             path: dict[str, Any] = {"color": ink(_GHOST), "linewidth": 0.5, "zorder": 1}
             axes.plot(*flat(self.motion.reference.position).T, **path)
+            course = flat(self.motion.body.position[index]).T
+            axes.plot(*course, **path | {"color": mixed(self.colour, ink(0), 0.4)})
         (self.trail,) = axes.plot([], [], color=self.colour, linewidth=1.0, zorder=1.5)
-        self.ghost = _BodyBlock(axes, ink(_GHOST), 2, [ink(_GHOST)] * 3, linestyle=(0, (3, 1.5)))
-        self.body = _BodyBlock(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
-        rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 4, "linewidth": 2}
+        shape = list(discs(self.motion.rotors))
+        grey = [ink(_GHOST)] * 3
+        self.ghost = _BodyBlock(axes, shape, ink(_GHOST), 2, grey, linestyle=(0, (3, 1.5)))
+        self.body = _BodyBlock(axes, shape, self.colour, 4, list(AXES.values()), linewidth=1.4)
+        rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 2, "linewidth": 1.4}
         (self.rotors,) = axes.plot([], [], color=ink(), zorder=5, **rotors)
         (self.arms,) = axes.plot([], [], color=self.colour, linewidth=0.8, zorder=3.5)
         _draw_inertial(axes)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
         self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
 
+    def measure(self) -> None:
+        """Take the shape of the panel, so that both scales are equal."""
+        panel = self.axes.get_window_extent()
+        shorter = min(panel.width, panel.height)
+        self.wide, self.high = panel.width / shorter, panel.height / shorter
+
     def show(self, sample: int) -> None:
         body, target, length = self.motion.body, self.motion.reference, self.scene.length
-        reach = self.scene.reach[sample]
+        wide, high = (side * self.scene.reach[sample] for side in (self.wide, self.high))
         across, up = flat(self.scene.centre[self.index, sample])
-        self.axes.set_xlim(across - reach, across + reach)
-        self.axes.set_ylim(up - reach, up + reach)
+        self.axes.set_xlim(across - wide, across + wide)
+        self.axes.set_ylim(up - high, up + high)
         self.ghost.show(target.rotation[sample], target.position[sample], length)
         rotation, place = body.rotation[self.index, sample], body.position[self.index, sample]
         self.trail.set_data(*flat(self.scene.trail(self.index, sample)).T)
         there = bool(np.isfinite(rotation).all() and np.isfinite(place).all())
         self.body.hide(not there)
         self.gone.set_visible(not there)
+        self.name.set_visible(there)
+        across, up = flat(place).tolist()
+        self.name.set_position((across, up + 1.25 * length))
         lines = flat(place + length * self.motion.thrusts[self.index, sample] @ rotation.T)
         arms = np.stack([lines[:, 0], np.broadcast_to(flat(place), lines[:, 0].shape)], axis=1)
         for drawn, ends in ((self.rotors, lines), (self.arms, arms)):
@@ -452,9 +495,15 @@ class _BodyBlock:
     """Block with its three axes and their names."""
 
     def __init__(
-        self, axes: Axes, colour: str, order: int, colours: Sequence[str], **look: Any
+        self,
+        axes: Axes,
+        shape: Sequence[Array],
+        colour: str,
+        order: int,
+        colours: Sequence[str],
+        **look: Any,
     ) -> None:
-        self.colour = colour
+        self.colour, self.shape = colour, shape
         self.faces = PolyCollection([], edgecolor=colour, linewidth=0.6, zorder=order)
         axes.add_collection(self.faces, autolim=False)
         line: dict[str, Any] = {"zorder": order + 0.5, "linewidth": 1.0} | look
@@ -468,7 +517,8 @@ class _BodyBlock:
 
     def show(self, rotation: Array, place: Array, length: float) -> None:
         """Move the box to a place and an orientation."""
-        seen = box(rotation, place, length)
+        shape, at = self.shape, (rotation, place, length)
+        seen = multirotor(shape, *at) if shape else box(*at)
         self.faces.set_verts([outline for outline, _ in seen])
         self.faces.set_facecolor([(*_shaded(self.colour, light), 0.75) for _, light in seen])
         start = flat(place)

@@ -75,11 +75,11 @@ def rotors(result: Result) -> Array:
 
 def outline(result: Result) -> list[Array]:
     """Return a body as polygons in its own frame, ``(corners, 3)``: a multirotor or a box."""
-    discs = list(_discs(rotors(result)))
-    return discs or [CORNERS[list(face)] for face in FACES]
+    return list(discs(rotors(result))) or [CORNERS[list(face)] for face in FACES]
 
 
-def _discs(of: Array) -> Iterator[Array]:
+def discs(of: Array) -> Iterator[Array]:
+    """Yield arm and disc of each rotor, ``(corners, 3)``."""
     angles = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)[:, None]
     for place, along in of:
         first = np.cross(along, np.eye(3)[abs(along).argmin()])

@@ -37,7 +37,7 @@ from eqt_cli.figures.animation import (
     motion,
     scene_of,
 )
-from eqt_cli.figures.bodies import CORNERS, FACES
+from eqt_cli.figures.bodies import CORNERS, FACES, discs
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
@@ -168,6 +168,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
     styles, heads = summary.looks(result), summary.columns(result, list(shown.norms))
     return {
         "run": shown.run,
+        "worst": int(np.abs(samples - shown.worst).argmin()),
         "times": _rounded(shown.times[samples]),
         "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
         "bodies": [_course(*body, samples, shown) for body in zip(*shown.body, strict=True)],
@@ -180,11 +181,12 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "reach": _rounded(scene.reach[samples]),
         "ground": [[_rounded(end) for end in line] for line in scene.ground],
         "trail": TRAIL,
-        "axes": AXES,
+        "axes": AXES | {"x": "currentColor"},
         "inertial": list(INERTIAL),
         "view": [float(AZIMUTH), float(ELEVATION)],
         "corners": CORNERS.tolist(),
         "faces": [list(face) for face in FACES],
+        "rotors": [polygon.round(4).tolist() for polygon in discs(shown.rotors)],
         "panels": [
             {
                 **head,

@@ -1,5 +1,6 @@
 """Runs as moving pictures: what moves, and what the files hold."""
 
+from dataclasses import replace
 from io import BytesIO
 from types import SimpleNamespace
 
@@ -20,10 +21,11 @@ from eqt_cli.figures.animation import (
     flat,
     gif,
     motion,
+    multirotor,
     scene_of,
     tips,
 )
-from eqt_cli.figures.bodies import CORNERS, FACES
+from eqt_cli.figures.bodies import CORNERS, FACES, discs
 from eqt_cli.report.document import animation
 
 
@@ -41,7 +43,7 @@ def test_motion_is_that_of_the_result(results):
         shown.norms["torque_norm"][0], results.read("torque_norm", controller=0, run=7)
     )
     assert not shown.has_translation
-    assert (shown.extent, scene_of(shown).length) == (0.0, 1.0)
+    assert scene_of(shown).length == 1.0
 
 
 def test_all_controllers_unless_told_otherwise(results):
@@ -142,9 +144,12 @@ def test_axes_of_a_frame_are_its_columns():
 
 def test_gif_has_its_pictures_and_repeats(results, told):
     picture = Image.open(BytesIO(gif(results, 3, ["eqt"], seconds=0.5, rate=10)))
-    assert (picture.n_frames, picture.info["duration"], picture.info["loop"]) == (5, 100, 0)
-    assert told.steps == [("pictures drawn", 5)]
-    assert told.total("pictures drawn") == 5
+    shown = motion(results, 3, ["eqt"])
+    assert shown.worst == np.nanargmax(results.read("pose_error", controller=0, run=3)) > 0
+    # One more, of the largest error, comes first.
+    assert (picture.n_frames, picture.info["duration"], picture.info["loop"]) == (6, 100, 0)
+    assert told.steps == [("pictures drawn", 6)]
+    assert told.total("pictures drawn") == 6
 
 
 @pytest.mark.slow("draws every picture twice")
@@ -176,20 +181,36 @@ def flight(se3):
 
 def test_rotation_and_translation_have_curves_of_their_own(flight):
     assert list(flight.motion.norms) == [
-        "pose_error_rotation",
-        "pose_error_translation",
+        "attitude_angle",
+        "position_error",
         "torque_norm_rotation",
         "torque_norm_translation",
     ]
 
 
-def test_the_camera_follows_and_keeps_body_and_target_in_sight(flight):
+def test_the_camera_stands_still_and_sees_the_whole_paths(flight):
     shown = flight.motion
-    away = np.ptp(flight.centre, axis=1)
-    assert (np.linalg.norm(away, axis=-1) > 0).all()
+    assert (np.ptp(flight.centre, axis=1) == 0).all()
     for places in (shown.body.position, shown.reference.position):
         seen = flat(places - flight.centre)
         assert (np.abs(seen) < flight.reach[:, None]).all()
+
+
+def test_the_camera_follows_a_body_that_leaves_the_others(flight):
+    shown = flight.motion
+    position = shown.body.position.copy()
+    position[1] *= 1 + 100 * np.linspace(0, 1, len(shown.times))[:, None]
+    gone = scene_of(replace(shown, body=shown.body._replace(position=position)))
+    np.testing.assert_array_equal(gone.centre[1], position[1])
+    assert (np.ptp(gone.centre[0], axis=0) == 0).all()
+    assert gone.reach[0] < 3 * flight.reach[0]
+
+
+def test_a_rotor_is_an_arm_and_a_disc():
+    disc = list(discs(np.array([[[0.5, 0.5, 0], [0, 0, 1]]])))
+    assert [len(polygon) for polygon in disc] == [2, 24]
+    drawn = multirotor(disc, np.eye(3), np.zeros(3), 2.0)
+    assert sorted(len(outline) for outline, _ in drawn) == [2, 24]
 
 
 def test_the_ground_is_level_and_below_all_bodies(flight):
@@ -215,6 +236,18 @@ def test_bodies_that_only_turn_leave_the_trail_of_their_x_axis(results):
 def test_bodies_stand_two_by_two(count, columns, results):
     labels = ["eqt", "gt", "nog", "asym"][:count]
     assert scene_of(motion(results, 0, labels)).columns == columns
+
+
+def test_three_bodies_leave_no_place_empty(results):
+    stage = _Stage(scene_of(motion(results, 0, ["eqt", "gt", "nog"])), 1.0)
+    boxes = [body.axes.get_window_extent() for body in stage.bodies]
+    assert boxes[2].width > 1.9 * boxes[0].width
+    stage.picture(0)
+    for body in stage.bodies:  # with equal scales
+        across, up = np.ptp(body.axes.get_xlim()), np.ptp(body.axes.get_ylim())
+        panel = body.axes.get_window_extent()
+        assert across / up == pytest.approx(panel.width / panel.height)
+        assert body.name.get_text() == body.motion.ensembles[body.index].title
 
 
 def test_the_gif_says_how_fast_it_is_played_and_names_of_curves_stand_right_of_bodies(flight):

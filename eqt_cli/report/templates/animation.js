@@ -58,7 +58,11 @@
     const parts = [];
     const line = (points) => points.map((p, k) => `${k ? "L" : "M"}${p[0].toFixed(1)} ${p[1].toFixed(1)}`).join("");
     parts.push(element("path", { class: "ground", d: data.ground.map((ends) => line(ends.map(at))).join("") }));
-    if (data.moves) parts.push(element("path", { class: "trail target", d: line(data.reference.position.map(at)) }));
+    if (data.moves) {
+      parts.push(element("path", { class: "trail target", d: line(data.reference.position.map(at)) }));
+      const course = data.bodies[c].position.filter((place) => !place.includes(null));
+      parts.push(element("path", { class: "trail course", stroke: look.colour, d: line(course.map(at)) }));
+    }
     const first = data.times.findIndex((t) => t >= data.times[Math.floor(now)] - data.trail);
     const past = [];
     for (let k = first; k <= Math.floor(now); k += 1) {
@@ -69,8 +73,12 @@
 
     // A block with its axes: the body in colour, the target as its ghost.
     function block(found, paint, ghost) {
+      for (const polygon of data.rotors) {
+        const outline = polygon.map((v) => at(turned(found.rotation, v).map((x, i) => found.place[i] + data.length * x)));
+        parts.push(element("path", { d: line(outline) + "Z", fill: ghost ? "none" : paint, "fill-opacity": 0.25, stroke: paint }));
+      }
       const corners = data.corners.map((v) => turned(found.rotation, v));
-      for (const face of data.faces) {
+      for (const face of data.rotors.length ? [] : data.faces) {
         const [a, b, , d] = face.map((k) => corners[k]);
         const middle = face.reduce((sum, k) => sum.map((x, i) => x + corners[k][i] / 4), [0, 0, 0]);
         let normal = unit(cross(b.map((x, i) => x - a[i]), d.map((x, i) => x - a[i])));
@@ -93,7 +101,11 @@
     }
     block(pose(data.reference, now), "var(--soft)", true);
     const body = pose(data.bodies[c], now);
-    if (body) block(body, look.colour, false);
+    if (body) {
+      block(body, look.colour, false);
+      const [x, y] = at(body.place);
+      parts.push(element("text", { class: "law", x: x.toFixed(1), y: (y - 1.35 * scale * data.length).toFixed(1), fill: look.colour }, look.title));
+    }
     const lines = body ? between(data.thrusts[c], now) : []; // six numbers of each thruster
     for (let k = 0; k < lines.length; k += 6) {
       const [foot, tip] = [0, 3].map((i) => {
@@ -181,10 +193,8 @@
 
   const bodies = data.controllers.map((look, c) => {
     const svg = element("svg", { viewBox: `0 0 ${SIZE} ${SIZE}`, role: "img", tabindex: 0, "aria-label": `Body under ${look.title} and the reference frame` });
-    const caption = document.createElement("figcaption");
-    caption.textContent = look.title;
     const box = document.createElement("figure");
-    box.append(svg, caption);
+    box.append(svg);
     $("bodies").append(box);
     let held = null;
     svg.addEventListener("pointerdown", (event) => { held = [event.clientX, event.clientY]; svg.setPointerCapture(event.pointerId); });
@@ -207,6 +217,15 @@
   function turn(azimuth, elevation) {
     view = [view[0] + azimuth, Math.min(Math.max(view[1] + elevation, -1.55), 1.55)];
     bodies.forEach(drawBody);
+  }
+
+  for (const look of [...data.controllers, { title: "reference", colour: "var(--soft)", dashes: [3, 2] }]) {
+    const sample = element("svg", { viewBox: "0 0 36 8", "aria-hidden": "true" });
+    const dashes = look.dashes.map((k) => k * 1.8).join(" ") || "none";
+    sample.append(element("path", { class: "curve", stroke: look.colour, "stroke-dasharray": dashes, d: "M0 4L36 4" }));
+    const item = document.createElement("li");
+    item.append(sample, look.title);
+    $("legend").append(item);
   }
 
   $("bodies").style.setProperty("--columns", data.columns);
@@ -261,6 +280,17 @@
     event.preventDefault();
     play(!playing);
   });
-  show(0);
+  show(data.worst);
   told();
+
+  // It starts when it is seen for the first time, unless the reader wants no motion.
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches && "IntersectionObserver" in window) {
+    const observer = new IntersectionObserver((entries) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      observer.disconnect();
+      show(0);
+      play(true);
+    }, { threshold: 0.3 });
+    observer.observe(document.querySelector(".stage"));
+  }
 })();
