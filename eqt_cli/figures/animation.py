@@ -28,8 +28,8 @@ from eqt_cli.results.result import Result
 
 # The motion of one run, and its scene for both the GIF and the page; it draws nothing -------------
 #
-# Bodies with their axes, the ghost of the target, paths, a ground grid and an inertial frame, seen by
-# a camera that shows whole paths, or follows a body that leaves them.
+# Bodies with their axes, the ghost of the target, paths, a ground grid and an inertial frame, as a
+# camera sees them that shows whole paths, or follows a body that leaves them.
 
 
 MOST_CONTROLLERS = 6

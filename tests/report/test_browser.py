@@ -347,8 +347,7 @@ def player(browser, invoke, paper_result, tmp_path):
     return browser
 
 
-def test_animation_plays_and_pauses(player):
-    find(player, "#play").click()
+def test_animation_plays_when_it_is_seen_and_pauses(player):
     WebDriverWait(player, 20).until(lambda page: find(page, "#time").get_attribute("value") > "0")
     find(player, "#play").click()
     assert find(player, "#play").get_attribute("aria-pressed") == "false"
@@ -363,12 +362,21 @@ def test_animation_is_moved_and_turned_by_the_keyboard(player):
     def body():
         return find(player, ".bodies svg").get_attribute("innerHTML")
 
+    WebDriverWait(player, 20).until(lambda page: find(page, "#time").get_attribute("value") > "0")
+    find(player, "#play").click()  # it plays by itself
+    find(player, "#time").send_keys(Keys.HOME)
     first = body()
     find(player, "#time").send_keys(Keys.ARROW_RIGHT * 20)
     moved = body()
     assert find(player, "#clock").text == "t = 0.40 s"
     find(player, ".bodies svg").send_keys(Keys.ARROW_LEFT)
     assert len({first, moved, body()}) == 3
+
+
+def test_animation_has_a_legend_and_the_name_of_each_law_at_its_body(player):
+    listed = [item.text for item in player.find_elements(By.CSS_SELECTOR, "#legend li")]
+    at_bodies = [name.text for name in player.find_elements(By.CSS_SELECTOR, ".bodies .law")]
+    assert listed == [*at_bodies, "reference"] == ["EqT", "GT", "nog", "asym", "reference"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -184,7 +184,7 @@
   }
 
   function typeset(name) {
-    return name.split(/([A-Za-zω]_[A-Za-z])/).flatMap((part, i) => {
+    return name.split(/([A-Za-zωθ]_[A-Za-z])/).flatMap((part, i) => {
       if (i % 2 === 0) return [element("tspan", i ? { dy: -4 } : {}, part)];
       const [letter, index] = part.split("_");
       return [element("tspan", {}, letter), element("tspan", { dy: 4, "font-size": "75%" }, index)];
