@@ -12,6 +12,7 @@ from eqt_cli.api import compare_measured as compare_measured
 from eqt_cli.api import compare_sweep as compare_sweep
 from eqt_cli.api import diff as diff
 from eqt_cli.api import export as export
+from eqt_cli.api import figure as figure
 from eqt_cli.api import fit as fit
 from eqt_cli.api import load_experiment as load_experiment
 from eqt_cli.api import margins as margins

@@ -380,3 +380,16 @@ def test_the_example_of_a_function_works(examples, name, monkeypatch):
 @pytest.mark.parametrize("name", PUBLIC)
 def test_what_a_function_returns_is_said(name):
     assert "Returns\n    -------\n" in getattr(eqt_cli, name).__doc__
+
+
+def test_a_figure_is_there_to_be_edited(result, tmp_path):
+    figure = eqt_cli.figure(result, "paper", options={"controllers": ["eqt"]}, width="page")
+    panels = {axes.get_label(): axes for axes in figure.axes}
+    assert {"torque_norm", "lyapunov"} <= {*panels}
+    assert figure.get_size_inches()[0] == pytest.approx(7.16)
+    panels["torque_norm"].axhline(0.5)
+    figure.savefig(tmp_path / "edited.png")
+    assert (tmp_path / "edited.png").stat().st_size > 10_000
+    assert "unknown width 'pages'; did you mean 'page'?" in error_of(
+        partial(eqt_cli.figure, width="pages"), result, "paper"
+    )

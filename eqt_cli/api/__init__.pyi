@@ -9,6 +9,7 @@ from eqt_cli.api.comparing import verify as verify
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import animate as animate
 from eqt_cli.api.drawing import cite as cite
+from eqt_cli.api.drawing import figure as figure
 from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.drawing import write_report as write_report
 from eqt_cli.api.loading import Configuration as Configuration

@@ -21,6 +21,8 @@ from eqt_cli.components.recording_check import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
     from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
     from eqt_cli.figures.shown import DesiredMotion
@@ -180,16 +182,8 @@ def plot(
     from eqt_cli.figures.render import DRAWN, caption_name, render
     from eqt_cli.figures.style import Style
 
-    with _opened(result, point) as opened:
-        if units and not any(isinstance(one, Result) for one in opened):
-            raise EqtError("--unit: is of results; a reference is drawn as it is written")
-        opened = [one.in_units(units) if isinstance(one, Result) else one for one in opened]
-        _rename(opened, titles or {})
+    with _opened(result, point, units, titles or {}, trust_plugins=trust_plugins) as opened:
         first = opened[0]
-        if trust_plugins:
-            for one in opened:
-                if isinstance(one, Result):
-                    _load_plugins(one)
         figure = figure or (
             "measured" if measured else "paper" if isinstance(first, Result) else "reference"
         )
@@ -224,6 +218,52 @@ def plot(
                 )
                 reporter().advance(1)
         return files
+
+
+def figure(
+    result: Shown | Sequence[Shown],
+    name: str,
+    *,
+    width: str = "column",
+    options: Mapping[str, Any] | None = None,
+    titles: Mapping[str, str] | None = None,
+    style: Sequence[str] = (),
+    point: int | Sequence[int] | None = None,
+    units: Sequence[str] = (),
+    trust_plugins: bool = False,
+) -> Drawing:
+    """Draw a figure of one or several results to edit it; saving is yours.
+
+    Parameters
+    ----------
+    result, width, options, titles, style, point, units, trust_plugins
+        As for `plot`.
+    name
+        Name of the figure, as ``eqt list figures`` shows it.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Its panels, ``figure.axes``, have names, ``axes.get_label()``.
+
+    Raises
+    ------
+    EqtError
+        As for `plot`.
+
+    Examples
+    --------
+    >>> figure = eqt_cli.figure("results/paper", "paper")
+    >>> panels = {axes.get_label(): axes for axes in figure.axes}
+    >>> _ = panels["torque_norm"].axhline(0.5, color="black")
+    >>> figure.savefig("edited.pdf")
+    """
+    from eqt_cli.figures.render import figure_from, one_of
+    from eqt_cli.figures.style import WIDTHS, Style
+
+    wanted, of_width = figure_from(name, options or {}), one_of("width", width, list(WIDTHS))
+    with _opened(result, point, units, titles or {}, trust_plugins=trust_plugins) as opened:
+        return wanted.draw(opened, of_width, style=Style(tuple(style), width=of_width))
 
 
 def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) -> None:
@@ -265,9 +305,14 @@ def _recording(
 
 @contextmanager
 def _opened(
-    result: Shown | Sequence[Shown], point: int | Sequence[int] | None
+    result: Shown | Sequence[Shown],
+    point: int | Sequence[int] | None,
+    units: Sequence[str],
+    titles: Mapping[str, str],
+    *,
+    trust_plugins: bool,
 ) -> Iterator[list[Result | DesiredMotion]]:
-    """Open the chosen points of all results, or build those of configurations."""
+    """Open the chosen points of all results as they are to be shown, or build configurations."""
     listed: list[Any] = [result]
     if isinstance(result, Sequence) and not isinstance(result, str):
         listed = list(result)
@@ -275,7 +320,15 @@ def _opened(
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]
     with ExitStack() as stack:
-        yield [_shown(one, number, stack) for one in listed for number in points]
+        opened = [_shown(one, number, stack) for one in listed for number in points]
+        results = [one for one in opened if isinstance(one, Result)]
+        if units and not results:
+            raise EqtError("--unit: is of results; a reference is drawn as it is written")
+        for one in results if trust_plugins else ():
+            _load_plugins(one)
+        opened = [one.in_units(units) if isinstance(one, Result) else one for one in opened]
+        _rename(opened, titles)
+        yield opened
 
 
 def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | DesiredMotion:

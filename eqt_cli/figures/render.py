@@ -304,8 +304,8 @@ def render(
         what the figure shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
-    wanted = [_one_of("format", name, (*FORMATS, NUMBERS)) for name in formats]
-    of_width = _one_of("width", width, list(WIDTHS))
+    wanted = [one_of("format", name, (*FORMATS, NUMBERS)) for name in formats]
+    of_width = one_of("width", width, list(WIDTHS))
     style = replace(style, width=of_width)
     captions: list[str] = []
     drawing = figure.draw(
@@ -361,7 +361,7 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     return figure
 
 
-def _one_of(what: str, name: str, known: Sequence[Choice]) -> Choice:
+def one_of(what: str, name: str, known: Sequence[Choice]) -> Choice:
     """Return the given word if it is known; else raise an error."""
     for word in known:
         if word == name:
