@@ -124,6 +124,12 @@ shipped() {
 }
 se3() { shipped se3; }
 se2_vehicle() { shipped se2_vehicle; }
+quadrotor_lee() {
+	experiment quadrotor_lee configs/quadrotor_lee.yaml --engine native --set solver.cross_check=0
+	numbers path pose --controller model --controller filter
+	picture path path --option bodies=6 --width page
+	picture pose pose
+}
 se3_bluerov2() { shipped se3_bluerov2; }
 se23() { shipped se23; }
 satellite_panels() { shipped satellite_panels; }
@@ -230,7 +236,7 @@ fi
 all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
 	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
-		satellite_breaks se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
+		satellite_breaks quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family)
 elif [ $# = 0 ]; then
 	echo "there is no C compiler: the other experiments are left out"

@@ -118,7 +118,8 @@ def plot(
     if measured is None:
         options.require_measured(mapping, log_format)
     default = ["measured"] if measured else None
-    names = figure or default or _default(result[0], point, remark=not json)
+    alone = len(result) == 1 and not panel
+    names = figure or default or _default(result[0], point, alone=alone, remark=not json)
     shown = [_ready(one, set_, trust_plugins) for one in result]
     flags: dict[str, tuple[str, Any]] = {
         "--controller": ("controllers", controller),
@@ -169,8 +170,8 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
     return path
 
 
-def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
-    """Return the figures to draw by default."""
+def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: bool) -> list[str]:
+    """Return the figures to draw by default, of a result `alone` all that answer first."""
     from eqt_cli.analysis.fronts import side_by_side
     from eqt_cli.analysis.search_record import WORST
     from eqt_cli.figures.shown import are_choices
@@ -182,7 +183,7 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
         return ["paper"]
     with open_result(result) as results:
         if not results.is_sweep:
-            return _of_one(results)
+            return _of_one(results) if alone else ["paper"]
         if WORST.beside(results):
             return ["worst"]
         if side_by_side(results):
@@ -206,11 +207,13 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
+    from eqt_cli.figures.bodies import moving_parts
+
     numbers = result.stored_runs
     if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):
         return ["paper"]
-    parts = result.group.parts if result.group else ()
-    placed = any(part.pose_unit == "m" and part.axes.stop - part.axes.start > 1 for part in parts)
+    _, moving = moving_parts(result.group) if result.group else (None, None)
+    placed = moving is not None and moving.axes.stop - moving.axes.start > 1
     commanded = ["commands"] if result.has("command") else []
     return [*(["path"] if placed else []), "paper", *(["pose"] if placed else []), *commanded]
 

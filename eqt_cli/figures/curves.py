@@ -20,6 +20,9 @@ from eqt_cli.figures.style import Look, ink, line_style
 BAND = (0.1, 0.9)
 """Quantiles over runs at the edges of a band."""
 
+_FAINT_BAND = 0.1
+"""Opacity of a band among those of other laws."""
+
 RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 """Bootstrap settings of bands around means."""
 
@@ -84,7 +87,10 @@ def draw_band(
         low, high = means.low, means.high
     else:
         return
-    axes.fill_between(times, low, high, label=name, **band_look(colour))
+    look = band_look(colour)
+    if bands == "quartiles":  # those of all laws lie over each other
+        look["facecolor"] = (colour, _FAINT_BAND)
+    axes.fill_between(times, low, high, label=name, **look)
 
 
 def middle_of(bands: Bands) -> str:

@@ -43,7 +43,7 @@ _WIDER = 1.6
 """Most that a panel is wider than its paths need."""
 _TALLEST: dict[Width, tuple[float, float]] = {
     "column": (4.0, 6.5),
-    "page": (4.0, 6.5),
+    "page": (5.2, 6.5),
     "slide": (2.4, 2.4),
 }
 """Largest height of all panels together, of all laws and with a panel for each, in."""
@@ -491,7 +491,8 @@ class PoseFigure(OverTime):
                     values = runs.errors(signal, e, degrees=self.degrees, run=self.run)
                     axes.plot(runs.times(e), values, label=e.label, **line_style(e.look))
                 axes.set_ylim(bottom=0)
-                layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
+                words = runs.error_label(signal, degrees=self.degrees)
+                layout.name_scale(axes, words.replace("attitude error", "error"))
             if len(parts) > 1:
                 top, room = panels[mosaic[0][parts.index(part)]], WIDTHS[width] / len(parts)
                 layout.add_title(top, part_name(part.name), room)

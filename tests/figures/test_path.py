@@ -140,7 +140,7 @@ def test_pose_shows_components_reference_and_errors(se3, opened, picture):
         r"$x$ $(\mathrm{m})$", r"roll $(\mathrm{deg})$",
         r"$y$ $(\mathrm{m})$", r"pitch $(\mathrm{deg})$",
         r"$z$ $(\mathrm{m})$", r"yaw $(\mathrm{deg})$",
-        r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$", r"attitude error $(\mathrm{deg})$",
+        r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$", r"error $(\mathrm{deg})$",
     ]  # fmt: skip
     pose = results["pose"][0, 2]
     y = curve(panels[r"$y$ $(\mathrm{m})$"], "eqt")[:, 1]
@@ -154,7 +154,7 @@ def test_pose_shows_components_reference_and_errors(se3, opened, picture):
         # enlarges that.
         np.testing.assert_allclose(turns, np.round(turns), atol=1e-5)
         assert there.sum() > 35
-    errors = curve(panels[r"attitude error $(\mathrm{deg})$"], "gt")[:, 1]
+    errors = curve(panels[r"error $(\mathrm{deg})$"], "gt")[:, 1]
     np.testing.assert_array_equal(errors, results["attitude_angle"][1, 2])
 
 
