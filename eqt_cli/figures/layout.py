@@ -26,7 +26,7 @@ EMPTY = "."
 """Empty place in a mosaic."""
 
 _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65, "slide": 1.4}
-_LONGEST: dict[Width, float] = {"column": 9.0, "page": 9.0, "slide": 2.8}
+_LONGEST: dict[Width, float] = {"column": 8.4, "page": 8.4, "slide": 2.8}
 """Largest height of all panels, in: a page, unless panels get lower than `_LOWEST_PANEL`."""
 _LOWEST_PANEL = 0.6
 _LABEL = 8.0

@@ -14,6 +14,8 @@ from eqt_cli.figures.style import ENLARGED
 
 LEAST = 5.5
 """Least size of a letter in the file, pt."""
+TALLEST = 9.6
+"""Height of a column with its caption on a page of a journal, in."""
 SLACK = 3.0
 """Half a line of a frame beyond the page, in pixels of 1/300 in."""
 ROOM = 9.0
@@ -67,6 +69,8 @@ def flaws(drawing, width):
     for label in {scale.label.get_text() for scale in scales if scale.label in boxes}:
         if any(line.count("(") != line.count(")") for line in label.split("\n")):
             found.append(f"broken in a unit: {label!r}")
+    if width != "slide" and drawing.get_figheight() > TALLEST:
+        found.append(f"{drawing.get_figheight():.1f} in tall")
     if b"/Type3" in encode(drawing, "pdf"):
         found.append("a Type 3 font")
     return found
