@@ -69,6 +69,10 @@ BAND_NAMES: dict[Bands, str] = {
 }
 
 
+_MOST_IN_BAND = 401
+"""Most samples at the edges of a band."""
+
+
 def of_bands(bands: Bands) -> str:
     """Return words for the bands, as the end of a sentence; empty where there are none."""
     return f"; bands: {BAND_NAMES[bands]}" if bands in BAND_NAMES else ""
@@ -90,7 +94,8 @@ def draw_band(
     look = band_look(colour)
     if bands == "quartiles":  # those of all laws lie over each other
         look["facecolor"] = (colour, _FAINT_BAND)
-    axes.fill_between(times, low, high, label=name, **look)
+    some = slice(None, None, -(-len(times) // _MOST_IN_BAND))  # an edge is not simplified
+    axes.fill_between(times[some], low[some], high[some], label=name, **look)
 
 
 def middle_of(bands: Bands) -> str:
