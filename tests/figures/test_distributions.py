@@ -66,7 +66,10 @@ def test_controllers_are_named_beside_the_boxes_of_the_first_column(so3, opened,
 def test_defaults_are_those_that_the_result_holds(so3, altered, opened):
     drawing = Distributions().draw([altered(so3, peak_torque=None)])
     shown = [axes.get_label() for axes in drawing.axes]
-    assert shown == ["mean_attitude_error", "early_torque", "effort", "settling_time"]
+    assert shown == ["mean_attitude_error", "early_torque", "effort"]
+    # A panel in which nothing could be drawn is left out.
+    assert not np.isfinite(opened(so3)["settling_time"]).any()
+    assert "No run has a settling time." in drawing.get_supxlabel()
 
 
 @pytest.mark.slow("computes a result of its own")

@@ -285,7 +285,8 @@ def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, 
     averaged = name in ("paper", "runs", "torque", "distributions")
     assert ("over 6 runs" in drawing.get_supxlabel()) == averaged
     single = name in ("sphere", "path", "pose")  # which says its axis, or the run
-    assert len(drawing.get_supxlabel().splitlines()) == (averaged or single)
+    unsettled = name == "distributions"  # in four seconds no run settles
+    assert len(drawing.get_supxlabel().splitlines()) == (averaged or single) + unsettled
 
 
 @every_figure
