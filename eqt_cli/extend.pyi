@@ -185,7 +185,6 @@ from eqt_cli.figures.layout import rows_of as rows_of
 from eqt_cli.figures.layout import sheet as sheet
 from eqt_cli.figures.run_figures import EstimateFigure as EstimateFigure
 from eqt_cli.figures.run_figures import RunsFigure as RunsFigure
-from eqt_cli.figures.run_figures import Sphere as Sphere
 from eqt_cli.figures.search_figures import Fronts as Fronts
 from eqt_cli.figures.search_figures import WorstFigure as WorstFigure
 from eqt_cli.figures.shown import ShownMetrics as ShownMetrics

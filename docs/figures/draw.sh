@@ -50,7 +50,6 @@ numbers_of_paper() {
 	numbers paper distributions --option paper.like=print
 	numbers torque --option bands=quantiles --option share=total
 	name=${name}_feedback numbers torque
-	numbers sphere --option runs=5
 }
 
 # picture FILE FIGURE [OPTION...]: draw a figure as docs/figures/FILE.png.
@@ -101,7 +100,6 @@ paper() {
 	picture torque_feedback torque
 	picture single_runs runs
 	picture distributions distributions
-	picture sphere sphere
 	if [ "$task" = draw ]; then
 		"$eqt" animate "$result" --run 1 --controller eqt --controller gt --format gif --seconds 6 \
 			--out "$result/figures" --quiet

@@ -6,14 +6,11 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, PowerNorm
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from eqt_cli.analysis.intervals import Resampling, intervals_of_means
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures.labels import free_text
-from eqt_cli.figures.layout import NO_NUMBERS
 from eqt_cli.figures.shown import Ensemble
 from eqt_cli.figures.style import Look, ink, line_style
 
@@ -29,31 +26,13 @@ RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 THIN = 0.35
 """Line width of a single run, pt."""
 
-_PATH = 0.6
-"""Line width of a path, pt."""
-
-_ARROWS = (0.2, 0.55)
-"""Positions of the arrows on a path, in shares of its length."""
-_ARROW: dict[str, Any] = {
-    "arrowstyle": "-|>,head_length=0.35,head_width=0.18",
-    "linewidth": 0,
-    "mutation_scale": 10,
-    "shrinkA": 0,
-    "shrinkB": 0,
-}
-_DARKEST, _FAINT = 3.0, 0.5
-"""Share of runs that would give a cell the full colour: above 1, so that paths stay visible on it;
-and the exponent of the colour scale, which makes few runs visible."""
-_FINER = 4
-"""Points per sample of a path whose cells are counted."""
-
-Path = tuple[Array, Array]
-"""Horizontal and vertical coordinates of the samples."""
-
 _POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
 """Style of hollow markers, all visible where curves coincide."""
 
 _DOT: dict[str, Any] = {"linestyle": "none", "marker": "o"}
+Path = tuple[Array, Array]
+"""Horizontal and vertical coordinates of the samples."""
+
 _START = _DOT | {"markersize": 2.2, "markeredgewidth": 0.5}
 _END = _DOT | {"markersize": 1.8, "markeredgewidth": 0}
 
@@ -156,22 +135,6 @@ def thin_line_legend(shown: Sequence[Ensemble], most: int) -> dict[str, Artist]:
     return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
 
 
-def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> None:
-    """Draw paths with arrows, a hollow dot at each start and a filled one at each end.
-
-    Parameters
-    ----------
-    paths
-        Paths by number of the run; NaN leaves a gap, but must not be at the ends.
-    """
-    look = thin_line(ensemble.look, len(paths)) | {"linewidth": _PATH}
-    for number, (x, y) in paths.items():
-        axes.plot(x, y, label=f"run {number}", **look)
-        for place in _ARROWS:
-            _draw_arrow(axes, x, y, place, look["color"][0])
-    draw_ends(axes, list(paths.values()), look["color"][0])
-
-
 def draw_ends(axes: Axes, paths: Sequence[Path], colour: Any) -> None:
     """Draw a hollow dot at the start of each path and a filled one at its end."""
     for name, at, dot in (("start", 0, _start(colour)), ("end", -1, {"color": ink(), **_END})):
@@ -179,44 +142,8 @@ def draw_ends(axes: Axes, paths: Sequence[Path], colour: Any) -> None:
         axes.plot(*zip(*ends, strict=True), label=name, **dot)
 
 
-def _draw_arrow(axes: Axes, x: Array, y: Array, place: float, colour: str) -> None:
-    """Draw an arrow along a path, at a share of its length."""
-    steps = np.nan_to_num(np.hypot(np.diff(x), np.diff(y)))
-    along = np.cumsum(steps)
-    at = int(np.searchsorted(along, place * along[-1]))
-    ends = [(float(x[k]), float(y[k])) for k in (at, min(at + 1, len(x) - 1))]
-    if np.isfinite(ends).all() and ends[0] != ends[1]:
-        axes.annotate("", ends[1], ends[0], arrowprops=_ARROW | {"color": colour})
-
-
-def draw_density(axes: Axes, paths: Sequence[Path], edges: tuple[Array, Array], look: Look) -> None:
-    """Shade the cells that paths cross, darker for more paths."""
-    visits = np.zeros([len(edge) - 1 for edge in edges])
-    for path in paths:
-        across, up = _between(path)
-        visits += np.histogram2d(across, up, bins=list(edges))[0] > 0
-    shades = LinearSegmentedColormap.from_list("", [ink(0), look.colour])
-    norm = PowerNorm(_FAINT, vmin=0, vmax=_DARKEST)
-    seen = np.ma.masked_equal(visits.T / max(len(paths), 1), 0)
-    cells: dict[str, Any] = {"cmap": shades, "norm": norm, "zorder": 0.4, "linewidth": 0}
-    axes.pcolormesh(*edges, seen, label=NO_NUMBERS, rasterized=True, **cells)
-
-
-def _between(path: Path) -> list[Array]:
-    """Return a path refined between its samples, so that it skips no cell."""
-    x, y = (np.asarray(each, float) for each in path)
-    fine = np.linspace(0, len(x) - 1, _FINER * (len(x) - 1) + 1)
-    return [np.nan_to_num(np.interp(fine, np.arange(len(x)), each), nan=-np.inf) for each in (x, y)]
-
-
 def _start(colour: Any) -> dict[str, Any]:
     return _START | {"markeredgecolor": colour, "markerfacecolor": ink(0)}
-
-
-def path_legend(shown: Sequence[Ensemble], most: int, *, density: bool) -> dict[str, Artist]:
-    """Return legend handles by name, where at most `most` good runs are drawn."""
-    shade = {"where runs pass": Patch(facecolor=ink(0.25), linewidth=0)} if density else {}
-    return {**thin_line_legend(shown, most), **end_legend(), **shade}
 
 
 def end_legend() -> dict[str, Artist]:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
-from eqt_cli.base.option_types import Count, validated
+from eqt_cli.base.option_types import validated
 from eqt_cli.base.registry import Component, Registry, blamed
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, generator_at
@@ -576,22 +576,6 @@ class OverTime(Timed[ShownRuns]):
     def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownRuns:
         """Return the runs that did not fail."""
         return ShownRuns(results, self.name, self.chosen)
-
-
-@dataclass(frozen=True)
-class OfFirstRuns(OverTime):
-    """A figure of single runs as paths with their starts, ends and directions, before a density.
-
-    Attributes
-    ----------
-    runs
-        Most runs of each controller that are drawn, from the first.
-    density
-        Shade where all runs pass.
-    """
-
-    runs: Count = 5
-    density: bool = True
 
 
 @dataclass(frozen=True)

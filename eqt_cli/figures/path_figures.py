@@ -103,6 +103,8 @@ class PathFigure(OverTime):
         default the plane in which all paths lie, else ``planes``; without positions ``sphere``.
     axis
         Body axis of ``sphere``.
+    error
+        On the sphere, where the attitude error R_E = R R_dᵀ takes the axis; no error leaves it.
     runs
         Most runs of each law, from the first; by default one of several laws, ten of a single one.
     bodies
@@ -113,13 +115,16 @@ class PathFigure(OverTime):
 
     view: View = ""
     axis: Literal["x", "y", "z"] = "z"
+    error: bool = False
     runs: Count | None = None
     bodies: CountOrNone = 0
 
     def check(self, problems: Problems) -> None:
-        """Refuse bodies on the sphere."""
+        """Refuse bodies on the sphere, and errors in space."""
         if self.bodies and self.view == "sphere":
             problems.at("bodies").add("belongs to paths of positions; view sphere has none")
+        if self.error and self.view not in ("", "sphere"):
+            problems.at("error").add(f"belongs to view sphere, got view {self.view}")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw all laws together, or a panel for each."""
@@ -152,7 +157,8 @@ class PathFigure(OverTime):
             if len(columns) > 1 and name == next(iter(eyes)):
                 layout.add_title(axes, path.law.title, panels.room)
         self._add_legend(drawing, runs, many, len(columns) > 1)
-        what = f": the body axis $e_{self.axis}$ in space" if view == "sphere" else ""
+        turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
+        what = f": the body axis $e_{self.axis}$ {turned}" if view == "sphere" else ""
         first = {int(runs.numbers(law, 1)[0]) for law in runs.shown}
         which = f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
         which = f"First {max(len(p.places) for p in paths)} runs" if many else which
@@ -165,7 +171,7 @@ class PathFigure(OverTime):
         turning, moving = moving_parts(G)
         placed = moving is not None and moving.entries[0].stop - moving.entries[0].start > 1
         spatial = turning is not None and turning.entries[0].stop - turning.entries[0].start == 3
-        view = self.view or ("" if placed or not spatial else "sphere")
+        view = self.view or ("" if (placed and not self.error) or not spatial else "sphere")
         if view == "sphere" and not spatial:
             raise runs.error(f"shows rotations in space on the sphere, and {G.name} has none")
         if view != "sphere" and not placed:
@@ -183,7 +189,11 @@ class PathFigure(OverTime):
         poses = runs.values("pose", law, most), runs.desired("pose", law)
         actual, desired = (course(each, *parts) for each in poses)
         if view == "sphere":
-            return Flown(law, actual[0], actual[0][..., axis], desired[0][..., axis])
+            R, Rd = actual[0], desired[0]
+            if self.error:
+                back = Rd.swapaxes(-1, -2)
+                R, Rd = R @ back, Rd @ back
+            return Flown(law, R, R[..., axis], Rd[..., axis])
         return Flown(law, actual[0], factor * actual[1], factor * desired[1])
 
     def _draw_bodies(self, axes: Axes, eye: Array, of: Flown, extent: float) -> None:

@@ -209,7 +209,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             assert one.read_bytes() == two.read_bytes(), (name, format)
 
 
-@mostly_slow("name", NAMES, ["sphere"], AGAIN.args[0])
+@mostly_slow("name", NAMES, ["path"], AGAIN.args[0])
 @unarranged
 def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
     expected = encode(figures.get(name)().draw([opened(so3)]), "png")
@@ -284,7 +284,7 @@ def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, 
     drawing = drawn(name, se3).drawing
     averaged = name in ("paper", "runs", "torque", "distributions")
     assert ("over 6 runs" in drawing.get_supxlabel()) == averaged
-    single = name in ("sphere", "path", "pose")  # which says its axis, or the run
+    single = name in ("path", "pose")  # which says its axis, or the run
     unsettled = name == "distributions"  # in four seconds no run settles
     assert len(drawing.get_supxlabel().splitlines()) == (averaged or single) + unsettled
 
@@ -316,7 +316,7 @@ def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     )
 
 
-@mostly_slow("name", NAMES, ["sphere"], AGAIN.args[0])
+@mostly_slow("name", NAMES, ["path"], AGAIN.args[0])
 @unarranged
 def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opened):
     results = opened(so3)

@@ -69,6 +69,24 @@ def test_a_path_on_the_sphere_is_that_of_the_body_axis(so3, opened, picture):
     assert (np.isfinite(near[:, 0]) >= (tips @ towards > 1e-9)).all()
 
 
+def test_an_error_on_the_sphere_is_that_of_the_axis_from_where_it_should_be(so3, opened, picture):
+    """R R_dᵀ e_z, beside e_z itself."""
+    results = opened(so3)
+    drawing = picture(PathFigure(error=True), results)
+    assert "under the error" in drawing.get_supxlabel()
+    tips = (results["pose"][0, 0] @ np.swapaxes(results["desired_pose"], -1, -2))[..., 2]
+
+    def drawn(name):
+        near, far = (curve(drawing.axes[0], f"{name}{side}") for side in ("", ", far side"))
+        return np.where(np.isfinite(near), near, far)
+
+    rows = np.linalg.lstsq(tips, drawn("eqt 0"), rcond=None)[0].T
+    np.testing.assert_allclose(tips @ rows.T, drawn("eqt 0"), atol=1e-12)
+    still = drawn("desired 0")
+    # R_d R_dᵀ is I but for the drift of this coarse solver, 3e-5.
+    np.testing.assert_allclose(still, np.broadcast_to(rows[:, 2], still.shape), atol=1e-4)
+
+
 def test_runs_have_panels_by_law_and_a_dark_reference(se3, opened, picture):
     drawing = picture(PathFigure(view="xz", runs=2), opened(se3))
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
@@ -116,6 +134,8 @@ def test_outlines_are_a_box_or_rotors(se3, opened):
     [
         ({"view": "sphere", "bodies": 2}, "se3", "figure 'path': bodies: belongs to paths of "
          "positions; view sphere has none"),
+        ({"view": "xy", "error": True}, "se3", "figure 'path': error: belongs to view sphere, got "
+         "view xy"),
         ({"view": "xy"}, "so3", "{path}: figure 'path' shows positions in a plane or in space, and "
          "SO3 has none; figure 'pose' shows its coordinates over time"),
         ({"bodies": 2}, "so3", "{path}: figure 'path' draws bodies at positions; leave out the "

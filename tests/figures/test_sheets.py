@@ -50,7 +50,7 @@ def test_no_figure_has_a_flaw(name, width, theme, made_once):
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "width"), [("paper", {"log": True}, "slide"), ("sphere", {}, "column")]
+    ("name", "options", "width"), [("paper", {"log": True}, "slide"), ("path", {}, "column")]
 )
 def test_a_few_figures_have_no_flaw(name, options, width, se3, opened):
     assert flaws(figures.get(name)(**options).draw([opened(se3)], width), width) == []

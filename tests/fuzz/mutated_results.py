@@ -33,9 +33,9 @@ SLOW = [
     *(["verify"], ["report"], ["animate", "--format", "html"], ["run"]),
     *(
         ["plot", "--format", "json", "--figure", name]
-        for name in ("paper", "sphere", "torque", "runs")
+        for name in ("paper", "path", "torque", "runs")
     ),
-    *(["plot", "--format", "json", "--figure", name] for name in ("sphere", "pareto", "sweep")),
+    *(["plot", "--format", "json", "--figure", name] for name in ("path", "pareto", "sweep")),
     *(["plot", "--format", "json", "--figure", name] for name in ("distributions",)),
 ]
 """Of which one in twelve is tried."""
