@@ -336,6 +336,8 @@ _SEEN = 2.0
 Limits = tuple[Array, Array] | None
 
 _OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
+_STEP = 0.03
+"""Least step of a curve that counts, as a share of its range."""
 _MOST_TURNS, _TURNS_CLOSER, _BINS = 200, 30, 150
 """Most turns of a curve in a panel, turns in an enlarged one, and parts of a range over time."""
 _FEW = 4
@@ -474,18 +476,20 @@ class Commands(Panelled, OverTime):
 
 
 def _turns(values: Array) -> int:
-    """Return how often values turn back."""
-    return int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
+    """Return how often values turn back, in steps that are seen."""
+    seen = values[np.isfinite(values)]
+    steps = np.diff(np.round(seen / ((_STEP * np.ptp(seen) if seen.size else 0.0) or 1.0)))
+    return int(np.count_nonzero(np.diff(np.sign(steps[steps != 0]))))
 
 
 def _draw(axes: Axes, times: Array, values: Array, **look: Any) -> bool:
     """Draw a curve; if it is too fast for a panel, and return so, mean and range in short times."""
     if fast := _turns(values) > _MOST_TURNS:
-        starts = np.unique(np.linspace(0, len(times) - 1, _BINS).astype(int))
+        starts = np.unique(np.linspace(0, len(times), _BINS, endpoint=False).astype(int))
         low, high = (of.reduceat(values, starts) for of in (np.fmin, np.fmax))
-        axes.fill_between(times[starts], low, high, label=f"{look['label']}, range", **_range(look))
         counts = np.diff(np.append(starts, len(times)))
-        times, values = times[starts], np.add.reduceat(values, starts) / counts
+        times, values = (np.add.reduceat(each, starts) / counts for each in (times, values))
+        axes.fill_between(times, low, high, label=f"{look['label']}, range", **_range(look))
     axes.plot(times, values, **look)
     return fast
 

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from said import error_of
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.figures import time_figures
+from eqt_cli.figures.cells import scale_rounding
 from eqt_cli.figures.time_figures import Commands, Paper
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -92,7 +95,8 @@ def test_a_figure_says_what_the_loop_contains(flown):
 
 
 def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened, picture):
-    assert picture(Paper(), opened(so3)).get_supxlabel() == "Curves: mean over 6 runs."
+    remark = picture(Paper(), opened(so3)).get_supxlabel()
+    assert remark == "Curves: median over 6 runs; bands: quartiles."
 
 
 THRUSTERS = {
@@ -128,3 +132,26 @@ def test_without_thrusters_the_figure_says_so(flown):
     assert error_of(Commands(thrusters=True).draw, [flown]).removeprefix(str(flown.path)) == (
         ": figure 'commands' finds no thrusters on this vehicle; leave out the option 'thrusters'"
     )
+
+
+def test_a_signal_too_fast_for_its_panel_is_a_range_and_a_mean():
+    times = np.linspace(0, 10, 4001)
+    slow, fast = np.sin(times), np.sin(times) + 0.5 * (-1.0) ** np.arange(4001)
+    for values, expected in ((slow, False), (slow + 1e-3 * (fast - slow), False), (fast, True)):
+        axes = Figure().add_subplot()
+        assert time_figures._draw(axes, times, values, color="k", label="given") == expected
+        assert len(axes.collections) == expected
+    low, high = np.ptp(axes.collections[0].get_paths()[0].vertices[:, 1]), np.ptp(fast)
+    assert low == pytest.approx(high)
+    np.testing.assert_allclose(
+        axes.lines[0].get_ydata(), np.sin(axes.lines[0].get_xdata()), atol=0.1
+    )
+
+
+def test_rounding_errors_are_drawn_as_zero():
+    panels = Figure().subplots(2)
+    panels[0].plot([0, 1], [0, 5.0])
+    panels[1].plot([0, 1], [0, 1e-16])
+    scale_rounding([(panel, "N") for panel in panels])
+    assert panels[1].get_ylim() == (-0.5, 0.5)
+    assert panels[0].get_ylim()[1] > 5
