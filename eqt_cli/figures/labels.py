@@ -14,7 +14,6 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import style
 from eqt_cli.figures.style import mathematical, shift
-from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import Result
 
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
@@ -39,14 +38,6 @@ _LONGEST = 30
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DESCRIPTIVE = re.compile(r"_\{?([Ed])(?:\}|(?!\w))")
 """Index that describes, such as of an error or a desired value, and is therefore upright."""
-
-_OF_MOTIONS = {
-    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|p_E\|", r"\|%s_E\|"),
-    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
-    "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
-}
-"""Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
-several vectors, by its initial."""
 
 
 def quantity(symbol: str, unit: str) -> str:
@@ -93,8 +84,7 @@ def signal_label(result: Result, signal: str) -> str:
     """Return the axis label of a signal: its symbol with its unit."""
     if signal in result.custom_names:
         return in_words(free_text(result.custom_names[signal], _LONGEST), result.units(signal))
-    symbol = norm_symbol(result, result.quantity(signal))
-    text = _labelled(result, signal, symbol, result.units(signal))
+    text = _labelled(result, signal, result.quantity(signal).symbol, result.units(signal))
     per_law = signal == "lyapunov" and result.lyapunov_functions
     return f"{text},\neach law's own" if per_law else text
 
@@ -108,36 +98,9 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
         unit = result.unit_of(of)
     words = result.custom_names.get(metric, "")
     if "{}" in of.label and not words:
-        part = _part(result, of)
-        label = of.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else of.label
-        return label.replace("{}", _labelled(result, metric, norm_symbol(result, of), unit))
+        return of.label.replace("{}", _labelled(result, metric, of.symbol, unit))
     words = free_text(words or of.label or of.long_name, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")
-
-
-def norm_symbol(result: Result, of: Quantity) -> str:
-    """Return the symbol of a quantity; of its part on a group of rigid motions."""
-    part = _part(result, of)
-    if part is None or result.group is None:
-        return of.symbol
-    rotation, only, one_of_several = _OF_MOTIONS[of.signals[0].removesuffix(f"_{part.name}")]
-    if part.turns:
-        return rotation
-    return only if len(result.group.parts) == 2 else one_of_several % part.name[0]
-
-
-def _part(result: Result, quantity: Quantity) -> Part | None:
-    """Return the part of a norm, on a group of one rotation and of vectors; else None."""
-    parts = () if result.group is None else result.group.parts
-    rotations, vectors = parts[:1], parts[1:]
-    initials = {part.name[0] for part in vectors}
-    if not (rotations and rotations[0].turns and vectors and len(initials) == len(vectors)):
-        return None
-    if any(part.turns for part in vectors) or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
-        return None
-    of = quantity.signals[0] if quantity.signals else ""
-    names = {f"{norm}_{part.name}": part for norm in _OF_MOTIONS for part in parts}
-    return names.get(of)
 
 
 def force_component(axis: str, unit: str) -> str:

@@ -39,7 +39,6 @@ from eqt_cli.figures.animation import (
 )
 from eqt_cli.figures.bodies import CORNERS, FACES, discs
 from eqt_cli.figures.figure import figures
-from eqt_cli.figures.labels import norm_symbol
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.report import summary
 from eqt_cli.results.quantity import Plain, plain
@@ -190,7 +189,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "panels": [
             {
                 **head,
-                "name": plain(norm_symbol(result, result.quantity(name))),
+                "name": plain(result.quantity(name).symbol),
                 "curves": [_rounded(curve[samples]) for curve in values],
             }
             for head, (name, values) in zip(heads, shown.norms.items(), strict=True)

@@ -150,6 +150,7 @@ _IN_PLAIN = (
     (r"\tilde{b}", "b̃"),
     (r"\sigma", "σ"),
     (r"\psi", "ψ"),
+    (r"\omega", "ω"),
     (r"\theta", "θ"),
     (r"\varepsilon", "ε"),
     (r"\mathrm{NEES}", "NEES"),
@@ -398,7 +399,7 @@ def plain(latex: str) -> str:
     r"""Write LaTeX in plain characters: ``‖I − Q_E‖`` for ``\|I - Q_E\|_{\mathrm{F}}``."""
     for command, characters in _IN_PLAIN:
         latex = latex.replace(command, characters)
-    return latex
+    return re.sub(r"_\{(\w+)\}", r"_\1", latex)
 
 
 # How quantities and numbers are written in tables, as plain text and in LaTeX ---------------------

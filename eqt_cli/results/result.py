@@ -440,6 +440,15 @@ HEADLINE = (
 """Numbers of a summary: means over runs, and the largest energy residual."""
 
 
+_OF_MOTIONS = {
+    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|p_E\|", r"\|%s_E\|"),
+    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
+    "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
+}
+"""Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
+several vectors, by its initial."""
+_NONE = ("", "", "")
+
 FOR_SAMPLING = 20
 """Number of stored runs that show the error of an integral over samples."""
 
@@ -682,8 +691,29 @@ class Result(StoredRuns):
     def quantity(self, name: str) -> Quantity:
         """Return the row of a variable in the table, with the attributes of the file."""
         if not self.has(name):
-            return quantity_of(name)
-        return quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
+            return self._of_part(quantity_of(name))
+        found = quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
+        return self._of_part(found)
+
+    def _of_part(self, quantity: Quantity) -> Quantity:
+        """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
+        parts = () if self.group is None else self.group.parts
+        vectors = [part for part in parts if not part.turns]
+        initials = {part.name[0] for part in vectors}
+        if len(parts) != 1 + len(vectors) or not vectors or len(initials) < len(vectors):
+            return quantity
+        if len(vectors) == 1 and vectors[0].pose_unit != "m":
+            return quantity
+        of = quantity.signals[0] if quantity.signals else ""
+        for part in parts:
+            turning, only, one_of_several = _OF_MOTIONS.get(of.removesuffix(f"_{part.name}"), _NONE)
+            if of.endswith(f"_{part.name}") and turning:
+                vector = only if len(vectors) == 1 else one_of_several.replace("%s", part.name[0])
+                words = part.name.replace("_", " ")
+                label = quantity.label.replace(f"{{}} {words}", "{}")
+                symbol = turning if part.turns else vector
+                return replace(quantity, special_symbol=symbol, label=label)
+        return quantity
 
     def knows(self, name: str) -> bool:
         """As of what a result is of; and what can be computed from it."""
@@ -713,7 +743,7 @@ class Result(StoredRuns):
             if follows or self._has_signals(quantity) or self._metrics_like(quantity):
                 quantities[quantity.name] = quantity
             for part in self._parts_of(quantity):
-                quantities[f"{quantity.name}_{part}"] = quantity.part(part)
+                quantities[f"{quantity.name}_{part}"] = self._of_part(quantity.part(part))
         for name in self.metrics:
             quantities.setdefault(name, self.quantity(name))
         return quantities

@@ -73,7 +73,7 @@ def test_numbers_of_parts_are_those_of_the_trajectories(folder):
 
 def test_a_part_knows_the_window_of_its_file(result):
     row = result.quantity("early_torque_rotation")
-    assert (row.plain, row.window.stop) == ("mean ‖τ‖ rotation, first 1 s", 1.0)
+    assert (row.plain, row.window.stop) == ("mean ‖τ‖, first 1 s", 1.0)
     assert row.long_name == "mean ||tau|| over the first 1 s, rotation part"
     assert quantity_of("closing_torque_rotation").plain == "closing rms of ‖τ‖ rotation"
 
