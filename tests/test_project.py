@@ -94,6 +94,7 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
         _bound(requirement, ">=")
         for requirements in (
             project["project"]["dependencies"],
+            extras["bags"],
             extras["certify"],
             extras["dask"],
             extras["logs"],

@@ -10,6 +10,7 @@ import typer
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME
+from eqt_cli.base.registry import of_extension
 from eqt_cli.cli import options, output
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ def show(
     failed: Annotated[bool, options.option("--failed")] = False,
     table: Annotated[str | None, options.option("--table", known=TABLES)] = None,
     format_: Annotated[str | None, options.option("--format", known=FORMATS)] = None,
+    export: Annotated[Path | None, options.option("--export")] = None,
+    controller: options.Controllers = None,
+    run: Annotated[int, options.option("--run")] = 0,
     point: options.Point = None,
     unit: options.Units = None,
     json: options.Json = False,
@@ -43,6 +47,12 @@ def show(
         --failed  List all failed runs.
         --table NAME  Print a table, one row per run: metrics of every run, or unsettled, the
             initial states of runs that did not settle, as initial.file takes them.
+    A run as a file
+        --export FILE  Write a run for other programs: .csv, .tum (evo), .mat, or .mcap (Foxglove,
+            PlotJuggler, Rerun, ros2 bag play), which holds all laws and the reference.
+        --controller NAME  Law in the file, or reference. Default: the first one. Repeatable for
+            .mcap.
+        --run K  Number of the run.
     Output
         --format NAME  Format of --table: csv, jsonl or parquet. Default: csv.
     """
@@ -65,7 +75,10 @@ def show(
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
-        if table:
+        if export:
+            of_extension("recordings.export_run.export_run")(opened, export, controller or [], run)
+            output.say(f"run {run} is in {export}")
+        elif table:
             print_table(results, table, format_ or FORMATS[0])
         else:
             (view or _summary)(results, json)

@@ -366,7 +366,11 @@ class StoredRuns(KnownResult):
         return self.read(signal, controller=controller, **{self.run_dimension: first})
 
     def trajectory(self, signal: str, run: int) -> Array:
-        """Return a signal of one run of every controller, ``(controllers, samples, …)``.
+        """Return a signal of one run of every controller, ``(controllers, samples, …)``."""
+        return self.read(signal, **{self.run_dimension: self.stored_place(run)})
+
+    def stored_place(self, run: int) -> int:
+        """Return the index of a run among those with trajectories.
 
         Raises
         ------
@@ -377,7 +381,7 @@ class StoredRuns(KnownResult):
         if run not in stored:
             has = f"; stored are runs {stored[0]} to {stored[-1]}" if stored else ""
             raise self.error(f"the trajectory of run {run} is not stored{has}")
-        return self.read(signal, **{self.run_dimension: stored.index(run)})
+        return int(stored.index(run))
 
     def parts(self, norm: str) -> list[str]:
         """Return the parts of a norm that are stored separately, such as ``rotation``."""
