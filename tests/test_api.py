@@ -16,7 +16,7 @@ from said import error_of
 
 import eqt_cli
 from eqt_cli.analysis import verification
-from eqt_cli.api import stored
+from eqt_cli.api import loading
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import ConfigError, EqtError, ResultError
 
@@ -166,7 +166,7 @@ def test_a_result_opens_in_xarray(result):
 
 
 def test_without_xarray_a_result_is_read_as_arrays(result, monkeypatch):
-    monkeypatch.setattr(stored, "find_spec", lambda name: None)
+    monkeypatch.setattr(loading, "find_spec", lambda name: None)
     assert eqt_cli.open_result(result).read("effort", controller="gt").shape == (3,)
     assert error_of(result.to_xarray) == (
         "xarray is not installed (extra xarray): pip install xarray h5netcdf"

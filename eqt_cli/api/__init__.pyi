@@ -14,14 +14,14 @@ from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.drawing import write_report as write_report
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import ResultPath as ResultPath
+from eqt_cli.api.loading import StoredResult as StoredResult
 from eqt_cli.api.loading import load_experiment as load_experiment
+from eqt_cli.api.loading import open_result as open_result
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
 from eqt_cli.api.running import tune as tune
 from eqt_cli.api.running import worst as worst
-from eqt_cli.api.stored import StoredResult as StoredResult
-from eqt_cli.api.stored import open_result as open_result
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.recordings import *

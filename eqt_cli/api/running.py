@@ -7,8 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.api.loading import Configuration, ResultPath, load_experiment, source_from
-from eqt_cli.api.stored import StoredResult
+from eqt_cli.api.loading import (
+    Configuration,
+    ResultPath,
+    StoredResult,
+    load_experiment,
+    source_from,
+)
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
 from eqt_cli.config.preflight import remark_on
