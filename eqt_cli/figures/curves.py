@@ -29,13 +29,6 @@ THIN = 0.35
 _POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
 """Style of hollow markers, all visible where curves coincide."""
 
-_DOT: dict[str, Any] = {"linestyle": "none", "marker": "o"}
-Path = tuple[Array, Array]
-"""Horizontal and vertical coordinates of the samples."""
-
-_START = _DOT | {"markersize": 2.2, "markeredgewidth": 0.5}
-_END = _DOT | {"markersize": 1.8, "markeredgewidth": 0}
-
 Bands = Literal["none", "quartiles", "quantiles", "bootstrap"]
 """Kinds of bands: ``quartiles`` around the median, from 25 % to 75 % of the runs; ``quantiles``
 from 10 % to 90 %; ``bootstrap``, the 95 % confidence interval of the population mean at each time.
@@ -133,23 +126,6 @@ def thin_line_legend(shown: Sequence[Ensemble], most: int) -> dict[str, Artist]:
     runs = max(np.count_nonzero(ensemble.good) for ensemble in shown)
     name = "single runs" if runs <= most else f"first {most} runs"
     return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
-
-
-def draw_ends(axes: Axes, paths: Sequence[Path], colour: Any) -> None:
-    """Draw a hollow dot at the start of each path and a filled one at its end."""
-    for name, at, dot in (("start", 0, _start(colour)), ("end", -1, {"color": ink(), **_END})):
-        ends = [(x[at], y[at]) for x, y in paths]
-        axes.plot(*zip(*ends, strict=True), label=name, **dot)
-
-
-def _start(colour: Any) -> dict[str, Any]:
-    return _START | {"markeredgecolor": colour, "markerfacecolor": ink(0)}
-
-
-def end_legend() -> dict[str, Artist]:
-    """Return the legend handles of the ends of paths by name."""
-    start = Line2D([], [], **_start(ink(0.7)))
-    return {"start": start, "end": Line2D([], [], color=ink(), **_END)}
 
 
 FAR = 10.0

@@ -338,9 +338,6 @@ _BESIDE = 0.7
 _TALLEST = 5.0
 """Largest height of all rows together, in."""
 
-CLOSER = ", enlarged"
-"""End of the labels of panels that show a short time."""
-
 LawRow = dict[str, Axes]
 """Panels of a row, by label of the law."""
 
@@ -350,7 +347,6 @@ def law_columns(
     width: Width,
     rows: Sequence[str],
     shows: Callable[[str, Ensemble], bool] = lambda row, law: True,
-    closer: tuple[float, float] | None = None,
 ) -> tuple[Drawing, dict[str, LawRow]]:
     """Return the figure and the panels of each row, which share the scale of its first panel.
 
@@ -360,8 +356,6 @@ def law_columns(
         Names of the rows.
     shows
         Whether a row shows a law.
-    closer
-        A short time that a further column of each law shows.
 
     Raises
     ------
@@ -374,26 +368,18 @@ def law_columns(
             f"has a column of panels per law, and width '{width}' has room for "
             f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
         )
-    ends = ("", CLOSER) if closer else ("",)
-    columns = [(law, end) for law in laws for end in ends]
-    mosaic = [
-        [f"{row} {e.label}{end}" if shows(row, e) else layout.EMPTY for e, end in columns]
-        for row in rows
-    ]
+    mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
     drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
     by_row: dict[str, LawRow] = {row: {} for row in rows}
     for row, cells in zip(rows, mosaic, strict=True):
-        for (law, end), name in zip(columns, cells, strict=True):
+        for law, name in zip(laws, cells, strict=True):
             if name != layout.EMPTY:
-                by_row[row][law.label + end] = panels[name]
-                if closer and end:
-                    panels[name].set_xlim(*closer)
+                by_row[row][law.label] = panels[name]
         layout.share_scale(by_row[row].values())
-    for k, (law, end) in enumerate(columns):
+    for k, law in enumerate(laws):
         top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
         if top != layout.EMPTY:
-            room = (WIDTHS[width] - _BESIDE) / len(columns)
-            layout.add_title(panels[top], law.title + end, room)
+            layout.add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
     layout.hide_inner_scales(panels, mosaic)
     return drawing, by_row
 

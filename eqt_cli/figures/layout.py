@@ -90,7 +90,9 @@ def sheet(
     return drawing, panels
 
 
-def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, dict[str, Axes]]:
+def blank_sheet(
+    width: Width, mosaic: Mosaic, height: float, **ratios: Any
+) -> tuple[Figure, dict[str, Axes]]:
     """Return a figure of independent panels, and its panels by name.
 
     Parameters
@@ -99,13 +101,15 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, di
         Names of the panels, as in `sheet`.
     height
         Height of a row of panels, in; reduced where the rows would not fit a page.
+    ratios
+        Of the widths of columns and heights of rows, as Matplotlib's `subplot_mosaic` takes them.
     """
     rows = len(mosaic)
     height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
     drawing = Figure(figsize=(WIDTHS[width], height * rows))
     FigureCanvasAgg(drawing)  # without one, Matplotlib makes a new one for every text it measures
     nested: Any = mosaic  # Matplotlib's type for it is a recursive one
-    return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
+    return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY, **ratios)
 
 
 def sheet_of_maps(

@@ -1,13 +1,12 @@
 """Figures of where a body went: paths in space and on the sphere, and its pose over time."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
@@ -22,9 +21,9 @@ from eqt_cli.figures import layout
 from eqt_cli.figures.animation import camera
 from eqt_cli.figures.bodies import course, moving_parts, outline
 from eqt_cli.figures.cells import even
-from eqt_cli.figures.curves import THIN, diverging, draw_ends, end_legend, open_frame, thin_line
+from eqt_cli.figures.curves import THIN, diverging, open_frame, thin_line
 from eqt_cli.figures.figure import OverTime, ShownRuns
-from eqt_cli.figures.labels import component, in_words, part_curves, part_name, quantity, symbols
+from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.shown import Ensemble
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 
@@ -36,21 +35,21 @@ _FLAT = 0.02
 """A motion whose extent along an axis is a smaller share of its largest one lies in a plane."""
 _LEAST = 0.3
 """Least extent of a panel, as a share of the largest."""
-_AROUND, _OBLIQUE, _GLOBE = 1.1, 1.3, 2.4
-"""Extents of a panel over those of the paths in a plane and, for the numbers around them, of an
-oblique view; and over the radius of a sphere."""
+_MARGIN, _OBLIQUE, _GLOBE = 0.06, 0.17, 2.4
+"""Room around paths in a plane and, for the numbers around them, in an oblique view, in their
+largest extents; and extent of a panel over the radius of a sphere."""
 _WIDER = 1.6
 """Most that a panel is wider than its paths need."""
 _TALLEST: dict[Width, tuple[float, float]] = {
     "column": (4.0, 6.5),
-    "page": (5.2, 6.5),
-    "slide": (2.4, 2.4),
+    "page": (4.6, 6.5),
+    "slide": (2.5, 2.5),
 }
-"""Largest height of all panels together, of all laws and with a panel for each, in."""
-_HIGH = 3.3
-"""The same of spheres and oblique views, in."""
-_ASIDE, _BELOW, _CLOSE = 0.45, 0.3, 0.1
-"""Room for the numbers and names beside and below a panel, and for a gap or half a title, in."""
+"""Largest height of all panels together, of a law or two and of more laws, in."""
+_ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.3
+"""Room for numbers and names beside a panel, between panels, for a title, and below all panels, in."""
+_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
+"""Most laws side by side."""
 _MANY = 10
 """Most runs of a single law that are drawn by default."""
 _BODY = 0.045
@@ -62,9 +61,6 @@ _STEEPEST, _TURNED, _GRID = np.deg2rad(55), np.deg2rad(25), np.deg2rad(30)
 """Greatest height from which a sphere is seen, the turn of the eye from the paths, and the angle
 between the lines on the sphere, rad."""
 _AXES = "xyz"
-
-Grid = list[list[tuple[str, int]]]
-"""Panels row by row: the view and the number of the column of laws."""
 
 
 class Flown(NamedTuple):
@@ -132,31 +128,40 @@ class PathFigure(OverTime):
         most = self.runs or (1 if len(runs.shown) > 1 else _MANY)
         unit, factor = runs.results[0].shown_in("", "m")
         paths = [self._flown(runs, law, view, most, factor) for law in runs.shown]
-        paths = _cut(runs, paths) if view != "sphere" else paths
-        places = np.concatenate([x.reshape(-1, 3) for path in paths for x in path[2:]])
-        ends = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
-        eyes = _eyes(view or _plane(*ends), places)
+        away = {
+            path.law.label: np.linalg.norm(path.places - path.desired, axis=-1).max(axis=0)
+            for path in paths
+        }
+        far = _leaving(runs, [away]) if view != "sphere" else []
+        kept = [x.reshape(-1, 3) for p in paths if p.law.label not in far for x in p[2:]]
+        places = np.concatenate(kept)
+        ends = np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
+        extent = float(np.max(ends[1] - ends[0]))
+        low, high = ends[0] - _MARGIN * extent, ends[1] + _MARGIN * extent
+        for k, path in enumerate(paths):
+            inside = ((path.places >= low) & (path.places <= high)).all(axis=-1, keepdims=True)
+            paths[k] = path._replace(places=np.where(inside, path.places, np.nan))
+        view = view or _plane(ends)
+        views = ("xy", "xz") if view == "planes" else (view,)
+        eyes = {name: _eye(name, places) for name in views}
         many = max(len(path.places) for path in paths) > 1
-        columns = [[path] for path in paths] if many or view == "sphere" else [paths]
-        drawing, panels = _sheet(width, eyes, len(columns), ends, unit)
-        for (name, number), axes in panels.items():
-            eye = eyes[name]
-            if name == "space":
-                ground = np.where(np.arange(3) == 2, ends[0], columns[number][0].desired)
-                _draw(axes, eye, [ground], "shadow", {"color": ink(_PALE), "linewidth": 0.5})
-            for path in columns[number]:
-                if path.law in _one_of_each([each.law for each in columns[number]]):
-                    _draw(axes, eye, [path.desired], "desired", _reference(many), name)
-                look = line_style(path.law.look) | {"linewidth": _LINE}
-                if many:
-                    look = thin_line(path.law.look, len(path.places))
-                _draw(axes, eye, path.places, path.law.label, look, name)
-                seen = [(x, y) for x, y, _ in (path.places @ eye.T).swapaxes(1, 2)]
-                draw_ends(axes, seen, path.law.look.colour)
-                self._draw_bodies(axes, eye, path, float(np.max(ends[1] - ends[0])))
-            if len(columns) > 1 and name == next(iter(eyes)):
-                layout.add_title(axes, path.law.title, panels.room)
-        self._add_legend(drawing, runs, many, len(columns) > 1)
+        apart = len(paths) > 1 and (many or view == "sphere")
+        drawing, panels = _sheet(width, eyes, len(paths) if apart else 1, ends, unit)
+        for number, path in enumerate(paths):
+            behind = apart or path.law in _one_of_each(runs.shown)
+            for name, eye in eyes.items():
+                axes = panels[f"{name} {number if apart else 0}"]
+                self._draw_path(axes, eye, path, name, ends, many=many, behind=behind)
+            if apart:
+                top = panels[f"{views[0]} {number}"]
+                layout.add_title(top, path.law.title, WIDTHS[width] / min(len(paths), 4))
+        handles = {} if apart else _laws(runs, linewidth=_LINE)
+        if apart:
+            name = "single runs" if many else "run"
+            handles[name] = Line2D([], [], color=ink(0.6), linewidth=2 * THIN if many else _LINE)
+        handles["reference"] = Line2D([], [], **_reference(many))
+        handles |= {name: Line2D([], [], **dot) for name, dot in _ends(ink(0.7))}
+        layout.add_legend(drawing, list(handles.values()), list(handles))
         turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
         what = f": the body axis $e_{self.axis}$ {turned}" if view == "sphere" else ""
         first = {int(runs.numbers(law, 1)[0]) for law in runs.shown}
@@ -196,6 +201,23 @@ class PathFigure(OverTime):
             return Flown(law, R, R[..., axis], Rd[..., axis])
         return Flown(law, actual[0], factor * actual[1], factor * desired[1])
 
+    def _draw_path(
+        self, axes: Axes, eye: Array, of: Flown, view: str, ends: Array, *, many: bool, behind: bool
+    ) -> None:
+        """Draw the paths of a law with ends and bodies, the reference `behind` them if wanted."""
+        if behind:
+            _draw(axes, eye, [of.desired], "desired", _reference(many), view)
+        if behind and view == "space":
+            ground = of.desired * [1, 1, 0] + ends[0] * [0, 0, 1]
+            _draw(axes, eye, [ground], "shadow", {"color": ink(_PALE), "linewidth": 0.5})
+        look = line_style(of.law.look) | {"linewidth": _LINE}
+        look = thin_line(of.law.look, len(of.places)) if many else look
+        _draw(axes, eye, of.places, of.law.label, look, view)
+        seen = of.places @ eye.T
+        for (label, dot), at in zip(_ends(of.law.look.colour), (0, -1), strict=True):
+            axes.plot(seen[:, at, 0], seen[:, at, 1], label=label, **dot)
+        self._draw_bodies(axes, eye, of, float(np.max(ends[1] - ends[0])))
+
     def _draw_bodies(self, axes: Axes, eye: Array, of: Flown, extent: float) -> None:
         """Draw outlines along the first path, what is nearer to the eye over what is behind."""
         look: dict[str, Any] = {"edgecolor": of.law.look.colour, "linewidth": 0.4, "zorder": 3}
@@ -210,16 +232,19 @@ class PathFigure(OverTime):
                 shapes = [face[:, :2] for face in faces]
                 axes.add_collection(PolyCollection(shapes, label=layout.NO_NUMBERS, **look))
 
-    def _add_legend(self, drawing: Drawing, runs: ShownRuns, many: bool, apart: bool) -> None:
-        laws = [] if apart else runs.shown
-        handles: dict[str, Artist] = {
-            e.title: Line2D([], [], **(line_style(e.look) | {"linewidth": _LINE})) for e in laws
-        }
-        if apart:
-            name = "single runs" if many else "run"
-            handles[name] = Line2D([], [], color=ink(0.6), linewidth=2 * THIN if many else _LINE)
-        handles |= {"reference": Line2D([], [], **_reference(many)), **end_legend()}
-        layout.add_legend(drawing, list(handles.values()), list(handles))
+
+def _laws(runs: ShownRuns, **look: Any) -> dict[str, Artist]:
+    """Return a legend handle of each law by its title."""
+    return {e.title: Line2D([], [], **(line_style(e.look) | look)) for e in runs.shown}
+
+
+def _ends(colour: Any) -> list[tuple[str, dict[str, Any]]]:
+    """Return names and styles of the ends of a path: a ring, and a dot."""
+    point: dict[str, Any] = {"linestyle": "none", "marker": "o"}
+    ring = point | {"markersize": 2.2, "markeredgewidth": 0.5}
+    ring |= {"markeredgecolor": colour, "markerfacecolor": ink(0)}
+    dot = point | {"markersize": 1.8, "markeredgewidth": 0, "color": ink()}
+    return [("start", ring), ("end", dot)]
 
 
 def _reference(over: bool = False) -> dict[str, Any]:
@@ -234,132 +259,81 @@ def _one_of_each(laws: Sequence[Ensemble]) -> list[Ensemble]:
     return [law for k, law in enumerate(laws) if law.results not in [e.results for e in laws[:k]]]
 
 
-def _cut(runs: ShownRuns, paths: Sequence[Flown]) -> list[Flown]:
-    """Return paths that end where they leave the surroundings of all others for good."""
-    away = {
-        path.law.title: np.linalg.norm(path.places - path.desired, axis=-1).max(axis=0)
-        for path in paths
-    }
-    far = diverging(away)
-    kept = [x.reshape(-1, 3) for p in paths if p.law.title not in far for x in p[2:]]
-    low, high = (end(np.concatenate(kept), axis=0) for end in (np.nanmin, np.nanmax))
-    beyond = 0.05 * (high - low).max()
+def _leaving(runs: ShownRuns, errors: Iterable[Mapping[str, Array]]) -> set[str]:
+    """Return the labels of laws of which an error diverges, and say that they are cut off."""
+    far = {label for each in errors for label in diverging(each)}
     if far:
-        runs.remarks.append(f"Cut off, since it leaves the reference: {', '.join(far)}.")
-    return [
-        path._replace(
-            places=np.where(
-                ((path.places > low - beyond) & (path.places < high + beyond)).all(
-                    axis=-1, keepdims=True
-                ),
-                path.places,
-                np.nan,
-            )
-        )
-        if path.law.title in far
-        else path
-        for path in paths
-    ]
+        titles = ", ".join(e.title for e in runs.shown if e.label in far)
+        runs.remarks.append(f"Cut off, since it leaves the reference: {titles}.")
+    return far
 
 
-def _plane(low: Array, high: Array) -> str:
+def _plane(ends: Array) -> str:
     """Return the plane of two axes in which all places lie; ``planes`` if there is none."""
-    extent = high - low
+    extent = np.ptp(ends, axis=0)
     across = int(extent.argmin())
     if extent[across] > _FLAT * extent.max():
         return "planes"
     return _AXES.replace(_AXES[across], "")
 
 
-def _eyes(view: str, places: Array) -> dict[str, Array]:
-    """Return the axes of each view as rows: right, up, and towards the eye, ``(3, 3)``."""
-    x, y, z = np.eye(3)
-    planes = {"xy": np.stack([x, y, z]), "xz": np.stack([x, z, -y]), "yz": np.stack([y, z, x])}
-    if view in planes or view == "planes":
-        return {name: planes[name] for name in (("xy", "xz") if view == "planes" else (view,))}
+def _eye(view: str, places: Array) -> Array:
+    """Return the axes of a view as rows: right, up, and towards the eye, ``(3, 3)``."""
     if view == "space":
-        return {view: camera()}
-    x, y, z = np.nanmean(places, axis=0)
-    height = np.clip(np.arctan2(z, np.hypot(x, y)), -_STEEPEST, _STEEPEST)
-    return {view: camera(float(height), float(np.arctan2(y, x)) + _TURNED)}
-
-
-class Panels(dict[tuple[str, int], Axes]):
-    """Panels by view and column of laws, and their width, in."""
-
-    room: float = 0.0
-
-
-def _grids(views: Sequence[str], laws: int) -> Iterator[Grid]:
-    """Yield arrangements: the views of a law above or beside each other, or laws in rows."""
-    yield [[(view, k) for k in range(laws)] for view in views]
-    yield [[(view, k) for view in views] for k in range(laws)]
-    if len(views) == 1:
-        for columns in range(2, laws):
-            cells = [(views[0], k) for k in range(laws)]
-            yield [cells[start : start + columns] for start in range(0, laws, columns)]
+        return camera()
+    if view == "sphere":
+        x, y, z = np.nanmean(places, axis=0)
+        height = np.clip(np.arctan2(z, np.hypot(x, y)), -_STEEPEST, _STEEPEST)
+        return camera(float(height), float(np.arctan2(y, x)) + _TURNED)
+    right, up = (np.eye(3)[_AXES.index(axis)] for axis in view)
+    return np.stack([right, up, np.cross(right, up)])
 
 
 def _sheet(
-    width: Width, eyes: Mapping[str, Array], laws: int, ends: tuple[Array, Array], unit: str
-) -> tuple[Drawing, Panels]:
-    """Return a figure of panels to one scale, the largest for which there is room."""
+    width: Width, eyes: Mapping[str, Array], laws: int, ends: Array, unit: str
+) -> tuple[Drawing, dict[str, Axes]]:
+    """Return a figure of panels to one scale, by view and number of the column of laws."""
+    boxes = {layout.EMPTY: np.zeros((2, 2)), "sphere": np.array([[-0.5], [0.5]]) * [_GLOBE, _GLOBE]}
     corners = np.array([[ends[k][n] for n, k in enumerate(of)] for of in np.ndindex(2, 2, 2)])
-    flat = {name: corners @ eye[:2].T for name, eye in eyes.items()}
-    boxes = {name: np.stack([x.min(axis=0), x.max(axis=0)]) for name, x in flat.items()}
-    around = _OBLIQUE if "space" in eyes else _AROUND
-    sizes = {name: around * np.ptp(box, axis=0) for name, box in boxes.items()}
-    if "sphere" in eyes:
-        boxes, sizes = {"sphere": np.zeros((1, 2))}, {"sphere": np.full(2, _GLOBE)}
-    least = _LEAST * max(size.max() for size in sizes.values()) or 1.0
-    sizes = {name: np.maximum(size, least) for name, size in sizes.items()}
-    framed = not {"space", "sphere"} & set(eyes)
-    aside = _ASIDE if framed else _CLOSE
-
-    def below(grid: Grid) -> float:
-        """Return the height of all titles, and of the numbers and names below panels."""
-        views = [row[0][0] for row in grid]
-        named = sum(here != lower for here, lower in zip(views, [*views[1:], ""], strict=True))
-        return _CLOSE * len(grid) * (1 + (laws > 1)) + (named * _BELOW if framed else 0.0)
-
-    def scale(grid: Grid) -> tuple[float, Array, Array]:
-        rows = np.array([max(sizes[name][1] for name, _ in row) for row in grid])
-        wide = [
-            max(sizes[row[k][0]][0] for row in grid if k < len(row)) for k in range(len(grid[0]))
-        ]
-        room = WIDTHS[width] - aside * len(wide)
-        high = (_TALLEST[width][laws > 1] if framed else _HIGH) - below(grid)
-        found = min(room / sum(wide), high / rows.sum())
-        more = min(room / (found * sum(wide)), _WIDER if framed else 1.0)
-        return found, more * np.array(wide), rows
-
-    grid = max(_grids(list(eyes), laws), key=lambda each: scale(each)[0])
-    inches, wide, rows = scale(grid)
-    drawing = Drawing(figsize=(WIDTHS[width], inches * rows.sum() + below(grid)))
-    FigureCanvasAgg(drawing)
-    places = drawing.add_gridspec(len(rows), len(wide), width_ratios=wide, height_ratios=rows)
-    panels = Panels()
-    panels.room = inches * wide[0]
-    for r, row in enumerate(grid):
-        for c, (name, k) in enumerate(row):
-            axes = panels[name, k] = drawing.add_subplot(places[r, c], label=f"{name} {k}")
-            half, middle = np.array([wide[c], rows[r]]) / 2, boxes[name].mean(axis=0)
-            (left, bottom), (right, top) = middle - half, middle + half
-            axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
-            if name == "sphere":
-                _draw_sphere(axes, eyes[name])
-            elif name == "space":
-                _draw_room(axes, eyes[name], ends, unit)
-            else:
-                lower = grid[r + 1] if r + 1 < len(grid) else []
-                outer = not (c < len(lower) and lower[c][0] == name)
-                first = not (c and row[c - 1][0] == name)
-                axes.xaxis.set_major_locator(even())
-                axes.yaxis.set_major_locator(even())
-                axes.tick_params(labelbottom=outer, labelleft=first)
-                axes.set_xlabel(quantity(name[0], unit) if outer else "")
-                layout.name_scale(axes, quantity(name[1], unit) if first else "")
-                open_frame(axes)
+    extent = float(np.ptp(ends, axis=0).max()) or 1.0
+    for view in (view for view in eyes if view != "sphere"):
+        seen = corners @ eyes[view][:2].T
+        margin = _OBLIQUE if view == "space" else _MARGIN
+        half = np.maximum(np.ptp(seen, axis=0) / 2 + margin * extent, _LEAST * extent / 2)
+        boxes[view] = (seen.min(axis=0) + seen.max(axis=0)) / 2 + np.array([-half, half])
+    mosaic = [[f"{view} {k}" for k in range(laws)] for view in eyes]
+    if len(eyes) == 1:
+        mosaic = layout.rows_of(mosaic[0], _IN_A_ROW[width] // (2 if "space" in eyes else 1))
+    elif laws > 2 if width == "column" else laws == 1:  # a row per law
+        mosaic = [list(row) for row in zip(*mosaic, strict=True)]
+    sizes = np.array([[np.ptp(boxes[name.split()[0]], axis=0) for name in row] for row in mosaic])
+    wide, high = sizes[..., 0].max(axis=0), sizes[..., 1].max(axis=1)
+    labelled = {name.split()[0] for name in mosaic[0]} - {layout.EMPTY}
+    room = WIDTHS[width] - _ASIDE * len(labelled) - _GAP * len(wide)
+    inches = min(room / wide.sum(), _TALLEST[width][laws > 2] / high.sum())
+    wide = wide * min(room / (inches * wide.sum()), _WIDER)
+    tall = (inches * high.sum() + _BELOW) / len(high) + _ABOVE
+    ratios = {"width_ratios": wide.tolist(), "height_ratios": high.tolist()}
+    drawing, panels = layout.blank_sheet(width, mosaic, tall, **ratios)
+    for name, axes in panels.items():
+        view = name.split()[0]
+        r, c = next((r, row.index(name)) for r, row in enumerate(mosaic) if name in row)
+        half, middle = np.array([wide[c], high[r]]) / 2, boxes[view].mean(axis=0)
+        (left, bottom), (right, top) = middle - half, middle + half
+        axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+        if view == "sphere":
+            _draw_sphere(axes, eyes[view])
+        elif view == "space":
+            _draw_room(axes, eyes[view], ends, unit)
+        else:
+            lower = mosaic[r + 1][c] if r + 1 < len(mosaic) else layout.EMPTY
+            first = c == 0 or mosaic[r][c - 1].split()[0] != view
+            axes.xaxis.set_major_locator(even())
+            axes.yaxis.set_major_locator(even())
+            axes.tick_params(labelbottom=lower[0] != view[0], labelleft=first)
+            axes.set_xlabel(quantity(view[0], unit) if lower[0] != view[0] else "")
+            layout.name_scale(axes, quantity(view[1], unit) if first else "")
+            open_frame(axes)
     return drawing, panels
 
 
@@ -405,26 +379,26 @@ def _draw_sphere(axes: Axes, eye: Array) -> None:
     axes.set(xlabel="right", ylabel="up")  # hidden, but names the numbers behind the figure
 
 
-def _draw_room(axes: Axes, eye: Array, ends: tuple[Array, Array], unit: str) -> None:
+def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str) -> None:
     """Draw the ground with numbers along its near edges, and heights on the walls behind."""
     axes.set_axis_off()
     low, high = ends
     extent = float(np.max(high - low))
     x, y, z = np.eye(3)
     gap, lines = 0.06 * extent, []
+    step = float(np.diff(MaxNLocator(7, steps=[1, 2, 5, 10]).tick_values(0, extent))[0])
     edges = [(high * y + low * z, y), (high * x + low * z, x), (high * x + low * y, -y)]
     for k, (edge, out) in enumerate(edges):
-        axis, count = np.eye(3)[k], max(1, round(5 * (high - low)[k] / extent))
-        ticks = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low[k], high[k])
-        for at in ticks[(ticks >= low[k]) & (ticks <= high[k])]:
+        axis = np.eye(3)[k]
+        for at in step * np.arange(np.ceil(low[k] / step), np.floor(high[k] / step) + 1):
             place = edge + at * axis
             corners = [place, place + (low - high) * (y if k == 0 else x)]
             corners += [corners[1] + (high - low) * y] if k == 2 else []
             lines.append(np.array(corners) @ eye[:2].T)
             across, up = eye[:2] @ (place + gap * out)
-            text = f"{at:.4g}".replace("-", "−")
+            text = f"{at + 0.0:.4g}".replace("-", "−")
             axes.text(across, up, text, ha="center", va="center", fontsize="small")
-        across, up = eye[:2] @ (edge + (low[k] + high[k]) / 2 * axis + 2.6 * gap * out)
+        across, up = eye[:2] @ (edge + (low[k] + high[k]) / 2 * axis + 3.4 * gap * out)
         axes.text(across, up, quantity(_AXES[k], unit), ha="center", va="center")
     grid: dict[str, Any] = {"color": ink(_PALE), "linewidth": _FINE, "zorder": 0.5}
     axes.add_collection(LineCollection(lines, label=layout.NO_NUMBERS, **grid))
@@ -467,116 +441,104 @@ class PoseFigure(OverTime):
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
         parts = sorted(G.parts, key=lambda part: part.turns)
-        desired = {e.label: self._components(runs, G, parts, e) for e in runs.shown}
-        shown = {e.label: self._components(runs, G, parts, e, desired[e.label]) for e in runs.shown}
-        first = next(iter(desired.values()))
-        errors = {
-            part.name: runs.in_space(f"pose_error{end}")
-            for part in parts
-            if (end := f"_{part.name}" if len(parts) > 1 else "") in runs.parts
-        }
-        rows = max(map(len, first.values()))
+        names = {part.name: self._names(runs, G, part) for part in parts}
+        ends = {name: f"_{name}" if len(parts) > 1 else "" for name in names}
+        errors = {name: end for name, end in ends.items() if end in runs.parts}
         mosaic = [
-            [f"{part.name} {k}" if k < len(first[part.name]) else layout.EMPTY for part in parts]
-            for k in range(rows)
+            [f"{name} {k}" if k < len(of) else layout.EMPTY for name, of in names.items()]
+            for k in range(max(map(len, names.values())))
         ]
-        last = [f"{part.name} error" if part.name in errors else layout.EMPTY for part in parts]
-        mosaic += [last] if errors else []
+        if errors:
+            mosaic.append([f"{name} error" if name in errors else layout.EMPTY for name in names])
         if len(parts) == 1 and width != "column":
             mosaic = layout.rows_of([name for (name,) in mosaic], 2)
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST_POSE)
         for part in parts:
-            for k, label in enumerate(first[part.name]):
-                axes = panels[f"{part.name} {k}"]
-                for e in _one_of_each(runs.shown):
-                    values = desired[e.label][part.name][label]
-                    axes.plot(runs.times(e), values, label="desired", **_reference())
-                for e in runs.shown:
-                    values = shown[e.label][part.name][label]
-                    axes.plot(runs.times(e), values, label=e.label, **line_style(e.look))
-                layout.name_scale(axes, label)
-            if signal := errors.get(part.name):
-                axes = panels[f"{part.name} error"]
-                for e in runs.shown:
-                    values = runs.errors(signal, e, degrees=self.degrees, run=self.run)
-                    axes.plot(runs.times(e), values, label=e.label, **line_style(e.look))
-                axes.set_ylim(bottom=0)
-                words = runs.error_label(signal, degrees=self.degrees)
-                layout.name_scale(axes, words.replace("attitude error", "error"))
-            if len(parts) > 1:
-                top, room = panels[mosaic[0][parts.index(part)]], WIDTHS[width] / len(parts)
-                layout.add_title(top, part_name(part.name), room)
-        self._clip(runs, panels)
-        for axes in panels.values():
+            for e in runs.shown:
+                near = self._values(runs, G, part, runs.desired("pose", e))
+                values = self._values(runs, G, part, runs.of_run("pose", e, self.run), near)
+                for k, label in enumerate(names[part.name]):
+                    axes = panels[f"{part.name} {k}"]
+                    if e in _one_of_each(runs.shown):
+                        axes.plot(runs.times(e), near[:, k], label="desired", **_reference())
+                    axes.plot(runs.times(e), values[:, k], label=e.label, **line_style(e.look))
+                    layout.name_scale(axes, label)
+        far = _leaving(
+            runs,
+            [self._draw_error(runs, panels[f"{name} error"], end) for name, end in errors.items()],
+        )
+        for name, axes in panels.items():
             open_frame(axes)
-        handles: dict[str, Artist] = {
-            e.title: Line2D([], [], **line_style(e.look)) for e in runs.shown
-        }
-        handles["reference"] = Line2D([], [], **_reference())
+            kept = np.array([x.get_ydata() for x in axes.lines if x.get_label() not in far])
+            low, high = float(np.nanmin(kept)), float(np.nanmax(kept))
+            if far:
+                axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+            if name.endswith(" error"):
+                axes.set_ylim(bottom=0)
+        handles = _laws(runs) | {"reference": Line2D([], [], **_reference())}
         layout.add_legend(drawing, list(handles.values()), list(handles))
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
-    def _components(
+    def _draw_error(self, runs: ShownRuns, axes: Axes, end: str) -> dict[str, Array]:
+        """Draw the error of a part, by the end of its name; return that of each law."""
+        signal = runs.in_space(f"pose_error{end}")
+        label = runs.error_label(signal, degrees=self.degrees)
+        layout.name_scale(axes, label.replace("attitude error", "error"))
+        drawn = {}
+        for e in runs.shown:
+            drawn[e.label] = runs.errors(signal, e, degrees=self.degrees, run=self.run)
+            axes.plot(runs.times(e), drawn[e.label], label=e.label, **line_style(e.look))
+        return drawn
+
+    def _unit(self, runs: ShownRuns, part: Part) -> tuple[str, float]:
+        """Return the unit of a part, and the factor from rad or its own unit to it."""
+        unit = part.pose_unit if not part.turns else "deg" if self.degrees else "rad"
+        shown, factor = runs.results[0].shown_in("", unit)
+        return shown, np.degrees(factor) if unit == "deg" else factor
+
+    def _names(self, runs: ShownRuns, G: MatrixLieGroup, part: Part) -> list[str]:
+        """Return the labels of the scales of a part."""
+        unit, _ = self._unit(runs, part)
+        if not part.turns:
+            return [quantity(name, unit) for name in _coordinates(G, part)]
+        words = ["heading"] if _is_planar(part) else ["roll", "pitch", "yaw"]
+        if self.angles == "rotvec" and len(words) > 1:
+            words = [f"rotation, ${axis}$" for axis in _AXES]
+        return [in_words(each, unit) for each in words]
+
+    def _values(
         self,
         runs: ShownRuns,
         G: MatrixLieGroup,
-        parts: Iterable[Part],
-        ensemble: Ensemble,
-        near: Mapping[str, Mapping[str, Array]] | None = None,
-    ) -> dict[str, dict[str, Array]]:
-        """Return curves ``(samples,)`` by part and label: of a run, or else of the reference."""
-        of_run = near is not None
-        poses = (
-            runs.of_run("pose", ensemble, self.run) if of_run else runs.desired("pose", ensemble)
-        )
-        found: dict[str, dict[str, Array]] = {}
-        for part in parts:
-            if not part.turns:
-                values, _ = part_curves(G, part, "pose", poses, degrees=False)
-                unit, factor = runs.results[0].shown_in("", part.pose_unit)
-                named = [quantity(name, unit) for name in _coordinates(G, part)]
-            else:
-                words, values = self._angles(G, part, poses)
-                unit, factor = runs.results[0].shown_in("", "deg" if self.degrees else "rad")
-                factor *= np.degrees(1.0) if self.degrees else 1.0
-                named = [in_words(each, unit) for each in words]
-                if near is not None:
-                    other = np.stack([near[part.name][name] / factor for name in named], axis=-1)
-                    turns = np.nanmedian(other - values, axis=0) / (2 * np.pi)
-                    values = values + 2 * np.pi * np.round(turns)
-            found[part.name] = dict(zip(named, factor * values.T, strict=True))
-        return found
+        part: Part,
+        poses: Array,
+        near: Array | None = None,
+    ) -> Array:
+        """Return the coordinates of a part, ``(samples, coordinates)``, whole turns near others."""
+        _, factor = self._unit(runs, part)
+        beside = None if near is None else near / factor
+        if not part.turns or (self.angles == "rotvec" and not _is_planar(part)):
+            values, _ = part_curves(G, part, "pose", poses, degrees=False, near=beside)
+            return factor * values
+        values = continuous(_angles(poses[(..., *part.entries)]))
+        if beside is not None:
+            turns = np.nanmedian(beside - values, axis=0) / (2 * np.pi)
+            values = values + 2 * np.pi * np.round(turns)
+        return factor * values
 
-    def _angles(self, G: MatrixLieGroup, part: Part, poses: Array) -> tuple[list[str], Array]:
-        """Return names and continuous values ``(samples, angles)`` of a rotation, rad."""
-        R = poses[(..., *part.entries)]
-        if R.shape[-1] == 2:
-            return ["heading"], continuous(np.arctan2(R[:, 1, 0], R[:, 0, 0])[:, None])
-        if self.angles == "rotvec":
-            values, _ = part_curves(G, part, "pose", poses, degrees=False)
-            return [f"rotation, ${axis}$" for axis in _AXES], values
-        roll = np.arctan2(R[:, 2, 1], R[:, 2, 2])
-        pitch = -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
-        yaw = np.arctan2(R[:, 1, 0], R[:, 0, 0])
-        return ["roll", "pitch", "yaw"], continuous(np.stack([roll, pitch, yaw], axis=-1))
 
-    def _clip(self, runs: ShownRuns, panels: Mapping[str, Axes]) -> None:
-        """Scale panels to the laws that stay near the reference, and say which do not."""
-        errors = [panels[name] for name in panels if name.endswith(" error")]
-        curves: list[dict[str, Array]] = [
-            {str(x.get_label()): np.asarray(x.get_ydata(), float) for x in axes.lines}
-            for axes in errors
-        ]
-        away = {label for of in curves for label in diverging(of)}
-        for axes in panels.values() if away else ():
-            kept = [x.get_ydata() for x in axes.lines if x.get_label() not in away]
-            low, high = (float(end(np.asarray(kept))) for end in (np.nanmin, np.nanmax))
-            beyond = 0.2 * (high - low)
-            axes.set_ylim(0 if axes in errors else low - beyond, high + beyond)
-        if away:
-            titles = ", ".join(e.title for e in runs.shown if e.label in away)
-            runs.remarks.append(f"Cut off, since it leaves the reference: {titles}.")
+def _is_planar(part: Part) -> bool:
+    return part.entries[0].stop - part.entries[0].start == 2
+
+
+def _angles(R: Array) -> Array:
+    """Return roll, pitch and yaw, or the heading, ``(samples, angles)``, rad."""
+    yaw = np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    if R.shape[-1] == 2:
+        return yaw[:, None]
+    roll, pitch = np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
+    return np.stack([roll, pitch, yaw], axis=-1)
 
 
 def continuous(angles: Array) -> Array:

@@ -17,15 +17,7 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
 from eqt_cli.figures.curves import Bands, bound, draw_middle, middle_of, of_bands, open_frame
-from eqt_cli.figures.figure import (
-    CLOSER,
-    MOST,
-    OfReference,
-    OverTime,
-    Panelled,
-    ShownRuns,
-    law_columns,
-)
+from eqt_cli.figures.figure import OfReference, OverTime, Panelled, ShownRuns, law_columns
 from eqt_cli.figures.labels import (
     axis_labels,
     force_component,
@@ -338,8 +330,8 @@ Limits = tuple[Array, Array] | None
 _OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
 _STEP = 0.03
 """Least step of a curve that counts, as a share of its range."""
-_MOST_TURNS, _TURNS_CLOSER, _BINS = 200, 30, 150
-"""Most turns of a curve in a panel, turns in an enlarged one, and parts of a range over time."""
+_MOST_TURNS, _BINS = 200, 150
+"""Most turns of a curve in a panel, and parts of a range over time."""
 _FEW = 4
 """Most thrusters or wheels whose panels have room for several laws in a column."""
 _MOST_NAME = 10
@@ -390,37 +382,21 @@ class Commands(Panelled, OverTime):
                 runs.remarks.append("Of the first law alone.")
             unit = runs.unit(signal).replace(" ", "\u00a0")  # not broken there
             axes = {name: free_text(f"{name} ({unit})", _MOST_NAME) for name in names}
-        places, wanted = list(axes), self.picked(list(axes))
-        room = len(runs.shown) <= MOST[width] // 4
-        closer = self._fastest(runs, [places.index(name) for name in wanted]) if room else None
-        drawing, rows = law_columns(runs, width, wanted, closer=closer)
+        wanted = self.picked(list(axes))
+        drawing, rows = law_columns(runs, width, wanted)
         kinds: set[str] = set()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name in wanted:
             name_scale(next(iter(rows[name].values())), axes[name])
-            for ensemble in runs.shown:
-                for label in (ensemble.label, ensemble.label + CLOSER):
-                    if panel := rows[name].get(label):
-                        k = places.index(name)
-                        kinds |= self._fill(panel, runs, ensemble, k, limits[ensemble.label])
+            for e in runs.shown:
+                k = list(axes).index(name)
+                kinds |= self._fill(rows[name][e.label], runs, e, k, limits[e.label])
         units = dict(runs.axes)
         scale_rounding([(next(iter(rows[name].values())), units.get(name, "")) for name in wanted])
         self._add_legend(drawing, runs, kinds)
         runs.remarks += [each for each in sorted(kinds) if each.startswith("Limits")]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
-
-    def _fastest(self, runs: ShownRuns, rows: Sequence[int]) -> tuple[float, float] | None:
-        """Return a short time about the largest value of a signal too fast for its panel."""
-        for ensemble in runs.shown:
-            times, signal = runs.times(ensemble), runs.of_run(self._signal, ensemble, self.run)
-            for values in signal[:, rows].T:
-                if (count := _turns(values)) > _MOST_TURNS:
-                    half = 0.5 * np.ptp(times) * _TURNS_CLOSER / count
-                    middle = times[np.nanargmax(np.abs(values))]
-                    middle = np.clip(middle, times[0] + half, times[-1] - half)
-                    return float(middle - half), float(middle + half)
-        return None
 
     def _fill(
         self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits
@@ -453,11 +429,9 @@ class Commands(Panelled, OverTime):
         if np.isfinite((low, high)).all() and "limit" not in kinds and reach:
             text = f"{low:.3g} to {high:.3g} {runs.unit(signal)}"
             kinds.add(f"Limits beyond some scales: {text}.".replace("-", "−"))
-        start, end = axes.get_xlim()
-        seen, colour = (times >= start) & (times <= end), ensemble.look.colour
-        fast = _draw(axes, times[seen], output[seen], color=colour, label=_OUTPUT[signal])
+        fast = _draw(axes, times, output, color=ensemble.look.colour, label=_OUTPUT[signal])
         if signal == "torque":
-            fast |= _draw(axes, times[seen], command[seen], color=ink(), label="asked", **_COMMAND)
+            fast |= _draw(axes, times, command, color=ink(), label="asked", **_COMMAND)
         return kinds | {"range"} if fast else kinds
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
