@@ -29,7 +29,7 @@ from eqt_cli.results.result import Result
 # The motion of one run, and its scene for both the GIF and the page; it draws nothing -------------
 #
 # Bodies with their axes, the ghost of the target, paths, a ground grid and an inertial frame, as a
-# camera sees them that shows whole paths, or follows a body that leaves them.
+# camera that stands still sees them. It shows whole paths; a body that leaves them is not followed.
 
 
 MOST_CONTROLLERS = 6
@@ -78,13 +78,6 @@ class Motion:
         first, *_ = self.norms.values()
         errors = np.where(np.isfinite(first), first, -np.inf).max(axis=0)
         return int(errors.argmax())
-
-    @property
-    def places(self) -> Array:
-        """All positions of bodies and reference, ``(places, 3)``, m."""
-        bodies = self.body.position.reshape(-1, 3)
-        places = np.concatenate([bodies, self.reference.position])
-        return places[np.isfinite(places).all(axis=-1)]
 
 
 def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion:
@@ -159,16 +152,14 @@ TRAIL = 4.0
 """Duration of the trail of a body, s."""
 
 _CLOSE, _WHOLE, _FAR = 1.75, 1.15, 2.5
-"""Reach of a camera: in lengths of the axes of a body that only turns, and in extents of the paths;
-and the extents beyond which a camera follows a body that goes away."""
+"""Reach of the camera: in lengths of the axes of a body that only turns, and in extents of the
+paths; and the extents beyond which a body goes away, of which the camera takes no notice."""
 _BODY = 0.2
 """Length of a body's axes, in extents of the paths."""
 _BELOW = 1.5
 """Depth of the ground below the lowest position, in lengths of an axis."""
 _SIGHTS = 3.0
-"""Extent of the grid beyond all positions, in largest reaches of the camera."""
-_MOST_LINES = 60
-"""Most lines of the grid in each direction, approximately."""
+"""Extent of the grid, in reaches of the camera."""
 
 ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
 
@@ -230,10 +221,10 @@ class Scene:
         Number of bodies side by side.
     length
         Length of a body's axes, m.
-    centre : (controllers, samples, 3)
-        Point that each camera looks at, m: the middle of the paths; a body that leaves them.
-    reach : (samples,)
-        Distance that all cameras see from there, m.
+    centre : (3,)
+        Point that the camera looks at, m: the middle of the paths.
+    reach
+        Distance that it sees from there, m.
     ground : (lines, 2, 3)
         Ends of the lines of the grid, m.
     trails : (controllers, samples, 3)
@@ -245,7 +236,7 @@ class Scene:
     columns: int
     length: float
     centre: Array
-    reach: Array
+    reach: float
     ground: Array
     trails: Array
 
@@ -263,20 +254,19 @@ def scene_of(motion: Motion) -> Scene:
     extent = float(np.median(extents))
     stays = extents <= _FAR * extent
     length = _BODY * extent or 1.0
-    middle = ends[stays].mean(axis=(0, 1)) @ camera()
-    follow = np.where(np.isfinite(body), body, target)
-    centre = [
-        np.broadcast_to(middle, target.shape) if here else each
-        for here, each in zip(stays, follow, strict=True)
-    ]
+    centre = ends[stays].mean(axis=(0, 1)) @ camera()
     reach = _WHOLE * extent + length if extent else _CLOSE * length
+    lowest = min(float(np.nanmin(each[..., 2])) for each in (body[stays], target))
+    marks = length * np.arange(-np.ceil(_SIGHTS * reach / length), _SIGHTS * reach / length + 1)
+    lines = np.array([[(at, marks[0], 0.0), (at, marks[-1], 0.0)] for at in marks])
+    ground = np.concatenate([lines, lines[..., [1, 0, 2]]])
     return Scene(
         motion=motion,
         columns=int(np.ceil(np.sqrt(len(motion.ensembles)))),
         length=length,
-        centre=np.stack(centre),
-        reach=np.full(len(motion.times), reach),
-        ground=_grid(motion, length, reach),
+        centre=centre,
+        reach=reach,
+        ground=ground + np.array([centre[0], centre[1], lowest - _BELOW * length]),
         trails=body if motion.has_translation else body + motion.body.rotation[..., 0] * length,
     )
 
@@ -284,21 +274,6 @@ def scene_of(motion: Motion) -> Scene:
 def _ends(places: Array) -> Array:
     """Return the least and the largest coordinates, ``(2, 3)``."""
     return np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
-
-
-def _grid(motion: Motion, length: float, reach: float) -> Array:
-    """Return grid lines at round distances on the ground, below all bodies, ``(lines, 2, 3)``."""
-    places = motion.places if motion.has_translation else np.zeros((1, 3))
-    low, high = places.min(axis=0) - _SIGHTS * reach, places.max(axis=0) + _SIGHTS * reach
-    height = places[:, 2].min() - _BELOW * length
-    size = max(length, float((high - low)[:2].max()) / _MOST_LINES)
-    step = 10.0 ** np.floor(np.log10(size))
-    step *= next(k for k in (1, 2, 5, 10) if k * step >= size * (1 - 1e-9))
-    marks = [step * np.arange(np.floor(low[k] / step), np.ceil(high[k] / step) + 1) for k in (0, 1)]
-    (x, y), ends = marks, [(each[0], each[-1]) for each in marks]
-    along = [[(a, ends[1][0], height), (a, ends[1][1], height)] for a in x]
-    across = [[(ends[0][0], b, height), (ends[0][1], b, height)] for b in y]
-    return np.array(along + across)
 
 
 # Animation of a run (GIF): bodies against the reference, and growing error and torque curves ------
@@ -429,7 +404,7 @@ class _Stage:
 
 
 class _Body:
-    """Body and target above the ground, in a panel that follows both."""
+    """Body and target above the ground, in a panel of their own."""
 
     def __init__(self, axes: Axes, scene: Scene, index: int) -> None:
         self.axes, self.scene, self.index, self.motion = axes, scene, index, scene.motion
@@ -437,7 +412,6 @@ class _Body:
         self.colour = ensemble.look.colour
         axes.set(xticks=[], yticks=[])
         axes.grid(visible=False)
-        self.wide = self.high = 1.0
         name: dict[str, Any] = {"color": self.colour, "fontsize": "medium", "zorder": 6}
         self.name = axes.text(
             0, 0, ensemble.title, ha="center", va="bottom", parse_math=False, **name
@@ -462,17 +436,16 @@ class _Body:
         self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
 
     def measure(self) -> None:
-        """Take the shape of the panel, so that both scales are equal."""
+        """Show what the camera sees; both scales are equal."""
         panel = self.axes.get_window_extent()
         shorter = min(panel.width, panel.height)
-        self.wide, self.high = panel.width / shorter, panel.height / shorter
+        wide, high = (self.scene.reach * side / shorter for side in (panel.width, panel.height))
+        across, up = flat(self.scene.centre)
+        self.axes.set_xlim(across - wide, across + wide)
+        self.axes.set_ylim(up - high, up + high)
 
     def show(self, sample: int) -> None:
         body, target, length = self.motion.body, self.motion.reference, self.scene.length
-        wide, high = (side * self.scene.reach[sample] for side in (self.wide, self.high))
-        across, up = flat(self.scene.centre[self.index, sample])
-        self.axes.set_xlim(across - wide, across + wide)
-        self.axes.set_ylim(up - high, up + high)
         self.ghost.show(target.rotation[sample], target.position[sample], length)
         rotation, place = body.rotation[self.index, sample], body.position[self.index, sample]
         self.trail.set_data(*flat(self.scene.trail(self.index, sample)).T)

@@ -47,7 +47,7 @@ _TALLEST: dict[Width, tuple[float, float]] = {
 }
 """Largest height of all panels together, of a law or two and of more laws, in."""
 _ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.3
-"""Room for numbers and names beside a panel, between panels, for a title, and below all panels, in."""
+"""Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
 """Most laws side by side."""
 _MANY = 10

@@ -41,18 +41,17 @@
     return { rotation: between(course.rotation[i], course.rotation[j]), place };
   }
 
-  // A number of a list between two samples.
+  // An entry of a list between two samples.
   function between(list, position) {
     const i = Math.min(Math.floor(position), last), j = Math.min(i + 1, last), s = position - i;
-    return Array.isArray(list[i]) ? list[i].map((x, k) => (1 - s) * x + s * list[j][k]) : (1 - s) * list[i] + s * list[j];
+    return list[i].map((x, k) => (1 - s) * x + s * list[j][k]);
   }
 
   function drawBody(svg, c) {
     const eye = camera(), look = data.controllers[c];
-    const centre = data.moves ? between(data.centre[c], now) : [0, 0, 0];
-    const scale = SIZE / 2 / between(data.reach, now);
+    const scale = SIZE / 2 / data.reach;
     const at = (v) => {
-      const w = v.map((x, k) => x - centre[k]);
+      const w = v.map((x, k) => x - data.centre[k]);
       return [SIZE / 2 + scale * dot(eye[0], w), SIZE / 2 - scale * dot(eye[1], w)];
     };
     const parts = [];
