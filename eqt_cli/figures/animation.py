@@ -454,7 +454,9 @@ class _Body:
         self.gone.set_visible(not there)
         self.name.set_visible(there)
         across, up = flat(place).tolist()
-        self.name.set_position((across, up + 1.25 * length))
+        low, high = np.transpose([self.axes.get_xlim(), self.axes.get_ylim()])
+        above = across, up + 1.25 * length  # at the edge, where the body has left the picture
+        self.name.set_position(np.clip(above, low + 2 * length, high - 2 * length))
         lines = flat(place + length * self.motion.thrusts[self.index, sample] @ rotation.T)
         arms = np.stack([lines[:, 0], np.broadcast_to(flat(place), lines[:, 0].shape)], axis=1)
         for drawn, ends in ((self.rotors, lines), (self.arms, arms)):

@@ -370,12 +370,11 @@ def law_columns(
         )
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
     drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
-    by_row: dict[str, LawRow] = {row: {} for row in rows}
-    for row, cells in zip(rows, mosaic, strict=True):
-        for law, name in zip(laws, cells, strict=True):
-            if name != layout.EMPTY:
-                by_row[row][law.label] = panels[name]
-        layout.share_scale(by_row[row].values())
+    by_row = {
+        row: {e.label: panels[f"{row} {e.label}"] for e in laws if shows(row, e)} for row in rows
+    }
+    for row in by_row.values():
+        layout.share_scale(row.values())
     for k, law in enumerate(laws):
         top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
         if top != layout.EMPTY:
