@@ -43,13 +43,11 @@ _WIDER = 1.6
 _TALLEST: dict[Width, tuple[float, float]] = {
     "column": (4.0, 6.5),
     "page": (4.6, 6.5),
-    "slide": (2.5, 2.5),
+    "slide": (2.5, 2.9),
 }
 """Largest height of all panels together, of a law or two and of more laws, in."""
 _ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.3
 """Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
-_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 4}
-"""Most laws side by side."""
 _MANY = 10
 """Most runs of a single law that are drawn by default."""
 _BODY = 0.045
@@ -154,7 +152,8 @@ class PathFigure(OverTime):
                 self._draw_path(axes, eye, path, name, ends, many=many, behind=behind)
             if apart:
                 top = panels[f"{views[0]} {number}"]
-                layout.add_title(top, path.law.title, WIDTHS[width] / min(len(paths), 4))
+                room = 0.7 * WIDTHS[width] / min(len(paths), _columns(width, len(paths)))
+                layout.add_title(top, path.law.title, room)
         handles = {} if apart else _laws(runs, linewidth=_LINE)
         if apart:
             name = "single runs" if many else "run"
@@ -289,6 +288,11 @@ def _eye(view: str, places: Array) -> Array:
     return np.stack([right, up, np.cross(right, up)])
 
 
+def _columns(width: Width, laws: int) -> int:
+    """Return how many laws stand side by side; on a slide, they have at most three rows."""
+    return {"column": 2, "page": 4, "slide": max(4, -(-laws // 3))}[width]
+
+
 def _sheet(
     width: Width, eyes: Mapping[str, Array], laws: int, ends: Array, unit: str
 ) -> tuple[Drawing, dict[str, Axes]]:
@@ -303,7 +307,7 @@ def _sheet(
         boxes[view] = (seen.min(axis=0) + seen.max(axis=0)) / 2 + np.array([-half, half])
     mosaic = [[f"{view} {k}" for k in range(laws)] for view in eyes]
     if len(eyes) == 1:
-        mosaic = layout.rows_of(mosaic[0], _IN_A_ROW[width] // (2 if "space" in eyes else 1))
+        mosaic = layout.rows_of(mosaic[0], _columns(width, laws) // (2 if "space" in eyes else 1))
     elif laws > 2 if width == "column" else laws == 1:  # a row per law
         mosaic = [list(row) for row in zip(*mosaic, strict=True)]
     sizes = np.array([[np.ptp(boxes[name.split()[0]], axis=0) for name in row] for row in mosaic])
@@ -315,6 +319,7 @@ def _sheet(
     tall = (inches * high.sum() + _BELOW) / len(high) + _ABOVE
     ratios = {"width_ratios": wide.tolist(), "height_ratios": high.tolist()}
     drawing, panels = layout.blank_sheet(width, mosaic, tall, **ratios)
+    drawing.set_figheight(tall * len(high))
     for name, axes in panels.items():
         view = name.split()[0]
         r, c = next((r, row.index(name)) for r, row in enumerate(mosaic) if name in row)
