@@ -40,7 +40,8 @@ def test_a_pair_of_laws_can_be_chosen_in_every_format(
     assert set(document["controllers"]) == {first, second}
     invoke("plot", folder, *pair, "--format", "json", "--out", tmp_path)
     kept = json.loads((tmp_path / "paper.json").read_text())
-    assert {curve["name"] for curve in kept} == {first, second}
+    edges = {f"{end} edge {law}" for end in ("lower", "upper") for law in (first, second)}
+    assert {curve["name"] for curve in kept} == {first, second} | edges
     invoke("animate", folder, *pair, "--format", "html", "--out", tmp_path)
 
 

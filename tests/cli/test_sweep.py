@@ -232,8 +232,8 @@ def test_what_is_packed_is_what_was_begun(eqt):
 def test_the_table_holds_every_run_with_all_digits(eqt, sweeps):
     words = ("sweep", "c.yaml", *GRID) if sweeps else ("run", "c.yaml")
     eqt(*words, "--out", "out", "--quiet")
-    rows = list(csv.DictReader(io.StringIO(eqt("show", "out", "--table").out)))
-    lines = eqt("show", "out", "--table", "--format", "jsonl").out.splitlines()
+    rows = list(csv.DictReader(io.StringIO(eqt("show", "out", "--table", "metrics").out)))
+    lines = eqt("show", "out", "--table", "metrics", "--format", "jsonl").out.splitlines()
     documents = [json.loads(line) for line in lines]
     with open_results("out") as results:
         effort = results["effort"].ravel()
@@ -246,7 +246,7 @@ def test_the_table_holds_every_run_with_all_digits(eqt, sweeps):
 
 
 def test_an_unknown_format_of_the_table(refused, result):
-    said = refused("show", result, "--table", "--format", "cvs")
+    said = refused("show", result, "--table", "metrics", "--format", "cvs")
     assert said == "eqt: --format: unknown format 'cvs'; did you mean 'csv'?\n"
 
 
