@@ -451,8 +451,6 @@ _OF_MOTIONS = {
 }
 """Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
 several vectors, by its initial."""
-_NONE = ("", "", "")
-
 FOR_SAMPLING = 20
 """Number of stored runs that show the error of an integral over samples."""
 
@@ -701,23 +699,20 @@ class Result(StoredRuns):
 
     def _of_part(self, quantity: Quantity) -> Quantity:
         """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
-        parts = () if self.group is None else self.group.parts
-        vectors = [part for part in parts if not part.turns]
-        initials = {part.name[0] for part in vectors}
-        if len(parts) != 1 + len(vectors) or not vectors or len(initials) < len(vectors):
-            return quantity
-        if len(vectors) == 1 and vectors[0].pose_unit != "m":
-            return quantity
         of = quantity.signals[0] if quantity.signals else ""
-        for part in parts:
-            turning, only, one_of_several = _OF_MOTIONS.get(of.removesuffix(f"_{part.name}"), _NONE)
-            if of.endswith(f"_{part.name}") and turning:
-                vector = only if len(vectors) == 1 else one_of_several.replace("%s", part.name[0])
-                words = part.name.replace("_", " ")
-                label = quantity.label.replace(f"{{}} {words}", "{}")
-                symbol = turning if part.turns else vector
-                return replace(quantity, special_symbol=symbol, label=label)
-        return quantity
+        norm = next((each for each in _OF_MOTIONS if of.startswith(f"{each}_")), "")
+        parts = self.group.parts if norm and self.group is not None else ()
+        part = next((each for each in parts if of == f"{norm}_{each.name}"), None)
+        vectors = [each for each in parts if not each.turns]
+        initials = {each.name[0] for each in vectors}
+        if part is None or len(parts) != 1 + len(vectors) or len(initials) < len(vectors):
+            return quantity
+        if not vectors or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
+            return quantity
+        turning, only, one_of_several = _OF_MOTIONS[norm]
+        vector = only if len(vectors) == 1 else one_of_several.replace("%s", part.name[0])
+        label = quantity.label.replace(f"{{}} {part.name.replace('_', ' ')}", "{}")
+        return replace(quantity, special_symbol=turning if part.turns else vector, label=label)
 
     def knows(self, name: str) -> bool:
         """As of what a result is of; and what can be computed from it."""
