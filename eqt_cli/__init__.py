@@ -6,7 +6,8 @@ In notebooks and scripts::
 
     experiment = eqt_cli.load_experiment("configs/paper.yaml", {"ensemble.runs": 50})
     result = eqt_cli.run(experiment)
-    data = eqt_cli.open_results(result)  # an xarray Dataset
+    result.metrics().groupby("controller").mean_torque.mean()
+    data = result.to_xarray()
     eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:5"])
     eqt_cli.verify(result).failures
     eqt_cli.plot(result, "paper", options={"log": True})

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
@@ -173,6 +174,8 @@ class StoredResult(InNotebook, os.PathLike[str]):
         self.path, self.point, self._outcome = path, point, outcome
 
     def __fspath__(self) -> str:
+        if self.point is not None:
+            raise EqtError(f"{self.path}: one point of a sweep is no path; give the path and point")
         return str(self.path)
 
     def __enter__(self) -> Self:
@@ -196,7 +199,7 @@ class StoredResult(InNotebook, os.PathLike[str]):
 
     @cached_property
     def opened(self) -> Result:
-        """eqt's own reader of the file, which other functions of eqt use."""
+        """eqt's own reader of the file, open as long as this object is there."""
         return open_at(self.path, self.point)
 
     @property
@@ -247,6 +250,9 @@ class StoredResult(InNotebook, os.PathLike[str]):
     def units(self, name: str) -> str:
         """Return the unit of a variable or a metric; 1 for a pure number."""
         return self.opened.units(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
 
     def __getitem__(self, name: str) -> Any:
         return self.opened[name]
@@ -340,6 +346,8 @@ class StoredResult(InNotebook, os.PathLike[str]):
         ...     print(data.quaternion.sel(controller="eqt", run=0).dims)
         ('time', 'axis_wxyz')
         """
+        if angles and not re.fullmatch(r"(?=[xyz]{3}|[XYZ]{3})(?!.?(.)\1)...", angles):
+            raise EqtError(f"angles: expected three axes, such as ZYX or xyz, got '{angles}'")
         if find_spec("xarray") is None or find_spec("h5netcdf") is None:
             raise EqtError("xarray is not installed (extra xarray): pip install xarray h5netcdf")
         import xarray
@@ -361,7 +369,8 @@ class StoredResult(InNotebook, os.PathLike[str]):
             dataset = chosen.assign_attrs(dict(result.attributes))
         if result.is_over_time("pose") and result.group is not None:
             dataset = with_derived(dataset, result.group, angles)
-        dataset.set_close(whole.close)
+        if dataset is not whole:
+            dataset.set_close(whole.close)
         return dataset
 
     def answer(self) -> list[str]:

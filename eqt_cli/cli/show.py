@@ -58,10 +58,14 @@ def show(
     """
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
+    if (controller or run) and not export:
+        raise EqtError("--controller, --run: are of --export")
+    if export and (table or json or config or plugins or variables or failed):
+        raise EqtError("--export: writes a file and prints no table; leave the other options out")
     flags = (config, plugins, variables, failed)
     views = (_config, _plugins, _variables, _failed)
     view = next((view for flag, view in zip(flags, views, strict=True) if flag), None)
-    if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table):
+    if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table or export):
         from eqt_cli.runs.lock import unfinished
 
         if state := unfinished(result):

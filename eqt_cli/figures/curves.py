@@ -66,7 +66,8 @@ def draw_band(
     look = band_look(colour)
     if bands == "quartiles":  # those of all laws lie over each other
         look["facecolor"] = (colour, _FAINT_BAND)
-    some = slice(None, None, -(-len(times) // _MOST_IN_BAND))  # an edge is not simplified
+    step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
+    some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
     axes.fill_between(times[some], low[some], high[some], label=name, **look)
 
 

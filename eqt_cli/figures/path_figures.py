@@ -474,9 +474,10 @@ class PoseFigure(OverTime):
         )
         for name, axes in panels.items():
             open_frame(axes)
-            kept = np.array([x.get_ydata() for x in axes.lines if x.get_label() not in far])
-            low, high = float(np.nanmin(kept)), float(np.nanmax(kept))
-            if far:
+            kept = [x.get_ydata() for x in axes.lines if x.get_label() not in far]
+            if far and kept:
+                values = np.concatenate(kept)
+                low, high = float(np.nanmin(values)), float(np.nanmax(values))
                 axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
             if name.endswith(" error"):
                 axes.set_ylim(bottom=0)

@@ -621,10 +621,10 @@ class Result(StoredRuns):
         return values if controller is None else values[..., controller, :]
 
     def _computed_metric(self, name: str, controller: int | None) -> Array:
-        quantity = self.comparable_named(name)
         if self.is_sweep:
             points = [self.at(point) for point in range(self.points)]
             return np.stack([each.metric(name, controller) for each in points])
+        quantity = self.comparable_named(name)
         found = self.per_run(quantity, quantity.window)
         values = np.where(found.censored, np.nan, found.values)
         return values if controller is None else values[controller]
@@ -930,7 +930,8 @@ class Result(StoredRuns):
 
     def _has_signals(self, quantity: Quantity) -> bool:
         """Whether a quantity can be computed from stored signals."""
-        return quantity.windowed and all(map(self.is_over_time, quantity.signals))
+        stored = quantity.windowed and all(map(self.is_over_time, quantity.signals))
+        return stored and len(self.times) > 1
 
     def comparable_named(self, name: str) -> Quantity:
         """Return a number per run by name.

@@ -258,6 +258,20 @@ def test_unknown_tables_and_formats(refused, result, options, message):
     assert refused("show", result, *options) == f"eqt: {message}\n"
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--run", 1), "--controller, --run: are of --export"),
+        (
+            ("--export", "a.csv", "--table", "metrics"),
+            "--export: writes a file and prints no table; leave the other options out",
+        ),
+    ],
+)
+def test_options_of_an_export(refused, result, options, message):
+    assert refused("show", result, *options) == f"eqt: {message}\n"
+
+
 def test_parquet_is_the_same_table(result, tmp_path):
     pytest.importorskip("pyarrow")
     pandas = pytest.importorskip("pandas")

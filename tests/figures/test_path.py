@@ -1,15 +1,21 @@
 """Where the bodies went: what is drawn is what the result holds."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from said import error_of
 
+import eqt_cli
 from eqt_cli.cli.plot import _of_one
 from eqt_cli.figures.bodies import CORNERS, FACES, outline, rotors
 from eqt_cli.figures.curves import diverging
 from eqt_cli.figures.path_figures import PathFigure, PoseFigure, continuous
 
 pytestmark = pytest.mark.usefixtures("unarranged")
+
+
+SE3 = Path(__file__).parents[2] / "configs" / "se3.yaml"
 
 
 def curve(axes, label):
@@ -189,3 +195,16 @@ def test_angles_have_no_jumps_by_whole_turns():
 def test_by_default_it_is_drawn_where_there_are_positions(se3, so3, opened):
     assert _of_one(opened(se3)) == ["path", "paper", "pose"]
     assert _of_one(opened(so3)) == ["paper"]
+
+
+def test_a_pose_of_two_results_with_other_samples(made_once):
+    settings = {"ensemble.runs": 1, "time.duration": 1.0, "solver.cross_check": 0}
+
+    def make(folder):
+        for samples in (21, 31):
+            loaded = eqt_cli.load_experiment(SE3, settings | {"time.samples": samples})
+            eqt_cli.run(loaded, folder / str(samples))
+
+    folder = made_once("poses of other samples", make)
+    drawing = eqt_cli.figure([folder / "21", folder / "31"], "pose")
+    assert {len(line.get_xdata()) for line in drawing.axes[0].lines} == {21, 31}

@@ -146,6 +146,43 @@ def test_points_of_a_sweep_have_their_keys_and_computed_metrics(tmp_path):
     np.testing.assert_array_equal(table[table.point == 1].effort, expected)
 
 
+def test_a_dataset_without_trajectories_opens_and_closes(tmp_path):
+    settings = FEW | {"time.duration": 0.5, "time.samples": 11, "store.trajectories": "none"}
+    run = eqt_cli.run(eqt_cli.load_experiment(CONFIGS / "paper.yaml", settings), tmp_path / "out")
+    with run.to_xarray() as data:
+        assert "quaternion" not in data
+
+
+def test_a_file_with_one_sample_has_its_stored_metrics(tmp_path):
+    settings = FEW | {"time.duration": 0.5, "time.samples": 11, "store.decimate": 100}
+    run = eqt_cli.run(eqt_cli.load_experiment(CONFIGS / "paper.yaml", settings), tmp_path / "out")
+    table = run.metrics()
+    assert len(run.times) == 1
+    assert np.isfinite(table.effort).all()
+    assert "squared_pose_error" not in table
+
+
+@pytest.mark.parametrize("angles", ["foo", "ZZY", "zyX", "ZY", "XXZ"])
+def test_axes_that_are_none(flown, angles):
+    message = f"angles: expected three axes, such as ZYX or xyz, got '{angles}'"
+    assert error_of(flown.to_xarray, angles) == message
+
+
+def test_a_point_is_no_path(tmp_path):
+    settings = FEW | {"time.duration": 0.5, "time.samples": 11, "store.trajectories": "all"}
+    settings["sweep"] = [{"zip": {"gains.kp": [1.0, 2.0], "time.samples": [11, 21]}}]
+    config = eqt_cli.load_experiment(CONFIGS / "paper.yaml", settings)
+    swept = eqt_cli.run(config, tmp_path / "swept")
+    assert swept.metric("squared_pose_error").shape == (2, 4, 2)  # of points of unequal shape
+    assert set(swept) == set(swept.names)
+    second = eqt_cli.open_result(swept, 1)
+    with second.to_xarray() as data:
+        assert data.quaternion.sizes["time"] == 21
+    assert error_of(eqt_cli.compare, second) == (
+        f"{swept.path}: one point of a sweep is no path; give the path and point"
+    )
+
+
 def test_a_run_that_failed_has_no_numbers(tmp_path):
     settings = FEW | {"time.duration": 1.0, "time.samples": 11, "solver.max_steps": 2}
     run = eqt_cli.run(eqt_cli.load_experiment(CONFIGS / "paper.yaml", settings), tmp_path / "out")

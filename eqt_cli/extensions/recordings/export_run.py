@@ -52,9 +52,16 @@ class Flight:
 
 def flight(result: Result, law: str, run: int) -> Flight:
     """Read a run of a law, or the reference of that run."""
-    G, prefix = result.group, "desired_" * (law == REFERENCE)
+    result = result.single("a file holds a run of one experiment")
+    reference = law == REFERENCE and law not in result.labels
+    G, prefix = result.group, "desired_" * reference
     if G is None:
         raise result.error(f"is on group '{result.group_name}' of a plugin, which is not known")
+    rows = max(len(range(G.size)[part.entries[0]]) for part in G.parts)
+    if "*" in G.name or rows > 3:
+        raise result.error(f"is on {G.name}; a file holds the motion of one body in space")
+    if not reference and result.status[result.position_of(law), run : run + 1].any():
+        raise result.error(f"run {run} of '{law}' failed, so that a file would lack its end")
     names = (f"{prefix}{name}" for name in ("pose", "velocity", "torque"))
     pose, velocity, wrench = (_of_run(result, name, law, run) for name in names)
     signals = {each.name: each.values(pose, velocity) for each in derived(G)}
@@ -68,7 +75,8 @@ def _of_run(result: Result, name: str, law: str, run: int) -> Array:
     dims, place = result.dims(name), result.stored_place(run)
     chosen: dict[str, Any] = {dim: place for dim in dims if dim.endswith("run")}
     if "controller" in dims:
-        chosen["controller"] = 0 if law == REFERENCE else result.position_of(law)
+        known = law != REFERENCE or law in result.labels
+        chosen["controller"] = result.position_of(law) if known else 0
     return result.read(name, **chosen)
 
 
@@ -89,9 +97,9 @@ def _padded(G: MatrixLieGroup, signals: dict[str, Array], wrench: Array) -> Iter
     yield signals.get("quaternion", planar)
     yield in_space(signals.get("linear_velocity"))
     yield in_space(signals.get("angular_velocity"), last=True)
-    for turns in (True, False):
-        axes = [part.axes for part in G.parts if part.turns == turns]
-        yield in_space(wrench[:, axes[0]] if axes else None, last=turns)
+    for unit in ("N m", "N"):
+        axes = [part.axes for part in G.parts if part.force_unit == unit]
+        yield in_space(wrench[:, axes[0]] if axes else None, last=unit == "N m")
 
 
 # The files ----------------------------------------------------------------------------------------
@@ -110,6 +118,8 @@ def export_run(result: Result, path: Path, laws: list[str], run: int) -> None:
     EqtError
         If the format, the law or the run is not known, or the file cannot be written.
     """
+    if path.exists():
+        raise EqtError(f"--export: {path} exists; remove it, or give another name")
     known = [*FORMATS, MCAP]
     if path.suffix not in known:
         hint = suggestion(path.suffix, known) or f"; known: {', '.join(known)}"
@@ -168,11 +178,12 @@ def _mcap(flown: Mapping[str, Flight]) -> bytes:
     with TemporaryDirectory() as folder:
         bag = Path(folder, "bag")
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            for law, of in flown.items():
-                topic = re.sub(r"\W", "_", law)
+            names = [re.sub(r"\W", "_", law) for law in flown]
+            for number, (name, of) in enumerate(zip(names, flown.values(), strict=True)):
+                topic = name + f"_{number}" * (name in names[:number])
                 for kind, messages in {_ODOMETRY: _odometry, _WRENCH: _wrenches}.items():
-                    name = "odometry" if kind == _ODOMETRY else "wrench"
-                    connection = writer.add_connection(f"/{topic}/{name}", kind, typestore=store)
+                    what = "odometry" if kind == _ODOMETRY else "wrench"
+                    connection = writer.add_connection(f"/{topic}/{what}", kind, typestore=store)
                     for time, message in zip(of.times, messages(of, make), strict=True):
                         data = store.serialize_cdr(message, kind)
                         writer.write(connection, round(1e9 * time), data)

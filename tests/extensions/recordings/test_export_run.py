@@ -8,7 +8,7 @@ from said import error_of
 from scipy.io import loadmat
 
 import eqt_cli
-from eqt_cli.extensions.recordings.export_run import export_run
+from eqt_cli.extensions.recordings.export_run import _mcap, export_run, flight
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 FEW = {"ensemble.runs": 2, "time.duration": 1.0, "time.samples": 51, "solver.cross_check": 0}
@@ -88,6 +88,52 @@ def test_mcap_has_topics_of_all_laws_and_the_reference(runs, tmp_path):
     twists = [[m.twist.twist.angular.y, m.twist.twist.linear.x] for _, m in read]
     velocity = runs["se3"].read("velocity", controller="gt", run=1)
     np.testing.assert_allclose(twists, velocity[:, [1, 3]], atol=1e-8)  # of the solver's drift
+
+
+def test_topics_are_unique(runs, tmp_path):
+    pytest.importorskip("rosbags", reason="needs the extra bags")
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    flown = flight(runs["paper"].opened, "eqt", 0)
+    (tmp_path / "run.mcap").write_bytes(_mcap({"a-b": flown, "a_b": flown}))
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with AnyReader([tmp_path / "run.mcap"], default_typestore=store) as bag:
+        topics = {each.topic for each in bag.connections}
+    names = ("odometry", "wrench")
+    assert topics == {f"/{law}/{name}" for law in ("a_b", "a_b_1") for name in names}
+
+
+def test_a_force_is_in_newtons(tmp_path):
+    """SE_2(3) has a velocity beside the position, whose dual is in N s."""
+    settings = FEW | {"controllers": ["eqt"]}
+    run = eqt_cli.run(eqt_cli.load_experiment(CONFIGS / "se23.yaml", settings), tmp_path / "out")
+    wrench = run.read("torque", controller="eqt", run=0)
+    np.testing.assert_array_equal(flight(run.opened, "eqt", 0).force, wrench[:, 6:9])
+
+
+@pytest.mark.parametrize(
+    ("config", "changes", "message"),
+    [
+        ("body_and_slider", {}, "is on SO3*R3; a file holds the motion of one body in space"),
+        ("paper", {"solver.max_steps": 2}, "run 0 of 'eqt' failed, so that a file would lack"),
+        (
+            "paper",
+            {"sweep": [{"grid": {"gains.kp": [1.0, 2.0]}}]},
+            "a file holds a run of one experiment, and this is a sweep of 2 points",
+        ),
+    ],
+)
+def test_results_without_such_a_run(tmp_path, config, changes, message):
+    loaded = eqt_cli.load_experiment(CONFIGS / f"{config}.yaml", FEW | changes)
+    run = eqt_cli.run(loaded, tmp_path / "out")
+    assert message in error_of(export_run, run.opened, tmp_path / "run.csv", [], 0)
+
+
+def test_a_file_that_exists_stays(runs, tmp_path):
+    (tmp_path / "run.csv").write_text("mine", encoding="utf-8")
+    said = error_of(export_run, runs["se3"].opened, tmp_path / "run.csv", [], 0)
+    assert said == f"--export: {tmp_path / 'run.csv'} exists; remove it, or give another name"
 
 
 @pytest.mark.parametrize(
