@@ -105,7 +105,6 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "distributions, 13 laws": ("laws", "distributions", {}),
     "distributions, ecdf": ("paper", "distributions", {"kind": "ecdf"}),
     "distributions, two": ("paper damped", "distributions", {"kind": "ecdf"}),
-    "sphere": ("paper", "sphere", {}),
     "reference": ("paper", "reference", {}),
     "reference, SE(3)": ("se3", "reference", {}),
     "reference, SE2(3)": ("se23", "reference", {"degrees": True}),

@@ -195,7 +195,7 @@ def test_one_point_of_a_sweep_without_groups(make, tmp_path):
     ):
         assert dict(point.dimensions) == dict(alone.dimensions)
         assert (point.names, point.coordinates) == (alone.names, alone.coordinates)
-        assert point.attributes["title"] == "config, point 1"
+        assert point.attributes["title"] == "config, kp 2"
         assert study(read_config_text(point, tmp_path)).digest == study_digest(alone, tmp_path)
         for name in point.names:
             np.testing.assert_array_equal(point[name], alone[name], err_msg=name)
