@@ -355,17 +355,19 @@ class StoredResult(InNotebook, os.PathLike[str]):
         from eqt_cli.results.dataset import with_derived
 
         result, point = self.opened, self.point
-        with open_at(self.path) as file:
-            in_group = file.has_groups and point is not None
+        group = None
+        if point is not None:
+            with open_at(self.path) as file:  # of a point, `result` shows its group alone
+                group = point_group(point) if file.has_groups else None
         whole = xarray.open_dataset(
             result.path,
             engine="h5netcdf",
-            group=point_group(point) if in_group and point is not None else None,
+            group=group,
             driver_kwds={"locking": False},  # as eqt's reader opens it: result files never change
         )
         dataset = whole
         if point is not None:
-            chosen = whole if in_group else whole.isel(point=point)
+            chosen = whole if group else whole.isel(point=point)
             dataset = chosen.assign_attrs(dict(result.attributes))
         if result.is_over_time("pose") and result.group is not None:
             dataset = with_derived(dataset, result.group, angles)

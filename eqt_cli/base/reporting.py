@@ -6,6 +6,7 @@ import inspect
 import math
 import re
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
@@ -292,16 +293,16 @@ def pandas_frame(data: Any) -> Any:
     return pandas.DataFrame(data)
 
 
-class InNotebook:
+class InNotebook(ABC):
     """A finding that Python shows in a few lines, and a notebook with a table."""
 
+    @abstractmethod
     def answer(self) -> list[str]:
         """Return the finding in lines, the most important first."""
-        raise NotImplementedError
 
+    @abstractmethod
     def records(self) -> list[dict[str, Any]]:
         """Return the numbers, one record per row."""
-        raise NotImplementedError
 
     def to_dataframe(self) -> Any:
         """Return `records` as a pandas DataFrame (extra xarray)."""

@@ -53,7 +53,7 @@ def of_bands(bands: Bands) -> str:
 def draw_band(
     axes: Axes, times: Array, values: Array, bands: Bands, colour: str, name: str
 ) -> None:
-    """Shade a band around the mean over runs of values ``(runs, samples)``."""
+    """Shade a band around the mean or the median over runs of values ``(runs, samples)``."""
     if bands == "quartiles" and len(values) < 2:
         return
     if bands in ("quantiles", "quartiles"):

@@ -457,7 +457,7 @@ def _turns(values: Array) -> int:
 
 
 def _draw(axes: Axes, times: Array, values: Array, **look: Any) -> bool:
-    """Draw a curve; if it is too fast for a panel, and return so, mean and range in short times."""
+    """Draw a curve, or its mean and range if it is too fast for a panel; return whether it is."""
     if fast := _turns(values) > _MOST_TURNS:
         starts = np.unique(np.linspace(0, len(times), _BINS, endpoint=False).astype(int))
         low, high = (of.reduceat(values, starts) for of in (np.fmin, np.fmax))
