@@ -210,7 +210,6 @@ from eqt_cli.numbers.jets import value_and_derivative as value_and_derivative
 from eqt_cli.results.quantity import Window as Window
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.runs.executors import Auto as Auto
-from eqt_cli.runs.executors import Dask as Dask
 from eqt_cli.runs.executors import Executor as Executor
 from eqt_cli.runs.executors import Local as Local
 from eqt_cli.runs.executors import Outcome as Outcome

@@ -49,7 +49,6 @@ try verify mine.yaml --runs 2
 try export mine.yaml --controller eqt --out code
 ls result/figures result/report.html code >/dev/null
 
-refused "(extra dask)" eqt run mine.yaml --out other --scheduler tcp://127.0.0.1:9
 refused "(extra opencl)" eqt run mine.yaml --out other --engine native --device opencl
 printf 'ULog' >flight.ulg
 refused "(extra logs)" eqt log check flight.ulg

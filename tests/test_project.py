@@ -96,7 +96,6 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
             project["project"]["dependencies"],
             extras["bags"],
             extras["certify"],
-            extras["dask"],
             extras["logs"],
             extras["native"],
             extras["opencl"][-1:],

@@ -95,8 +95,7 @@ def run(
 def choose_executor(
     experiment: Study,
     workers: int = 1,
-    name: str | None = None,
-    scheduler: str | None = None,
+    name: str = "auto",
     options: Mapping[str, Any] | None = None,
 ) -> Executor:
     """Choose the executor of an experiment.
@@ -108,9 +107,7 @@ def choose_executor(
     workers
         Number of cores to use.
     name
-        Name of an executor. Default: ``dask`` with a scheduler, else ``auto``.
-    scheduler
-        Address of a running Dask scheduler.
+        Name of an executor.
     options
         Options of the executor by name (`eqt list executors`).
 
@@ -124,10 +121,8 @@ def choose_executor(
     >>> experiment = eqt_cli.load_experiment("configs/paper.yaml")
     >>> executor = eqt_cli.choose_executor(experiment, workers=2, name="threads")
     """
-    kind = name or ("dask" if scheduler else "auto")
-    address = {"scheduler": scheduler} if scheduler else {}
     problems = Problems(lambda path: "executor")
-    section = {"kind": kind, "workers": workers} | address | dict(options or {})
+    section = {"kind": name, "workers": workers} | dict(options or {})
     chosen = Kind(executors).checked(section, problems)
     problems.raise_if_any()
     assert chosen is not None

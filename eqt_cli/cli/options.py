@@ -29,9 +29,8 @@ Computing
     --workers N  Number of cores to use. Default: all.
     --engine NAME  Same as --set solver.engine=NAME.
     --device NAME  Same as --set solver.device=NAME (`eqt list devices`).
-    --executor NAME  auto, serial, threads, local or dask, or NAME:KEY=VALUE with options of it
-        (`eqt list executors`). Default: auto, or dask with --scheduler.
-    --scheduler ADDRESS  Address of a Dask scheduler, such as tcp://host:8786.
+    --executor NAME  auto, serial, threads or local, or NAME:KEY=VALUE with options of it
+        (`eqt list executors`). Default: auto.
     --shard I/N  Compute only share I of N. `eqt pack` joins the shares.
     --dry-run  Print the points, runs and expected time only.
 """
@@ -287,7 +286,6 @@ Workers = Annotated[int | None, option("--workers", min=1)]
 Engine = Annotated[str | None, option("--engine", known="engines")]
 Device = Annotated[str | None, option("--device", known=("cpu", "opencl"))]
 ExecutorName = Annotated[str | None, option("--executor", known="executors")]
-Scheduler = Annotated[str | None, option("--scheduler")]
 ShardOf = Annotated[str | None, option("--shard")]
 Point = Annotated[int | None, option("--point")]
 Units = Annotated[list[str] | None, option("--unit")]
@@ -311,7 +309,6 @@ class Setup:
     device: Device = None
     workers: Workers = None
     executor: ExecutorName = None
-    scheduler: Scheduler = None
 
     def source(self, config: Path) -> ConfigSource:
         """Return the configuration with the changes by these options, not yet checked."""

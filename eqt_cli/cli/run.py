@@ -338,8 +338,6 @@ def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     from eqt_cli.base.yaml_source import parse_value
 
     name, _, listed = (setup.executor or "").partition(":")
-    if setup.scheduler and name not in ("", "dask"):
-        raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
     values = {}
     for option in filter(None, listed.split(",")):
         key, equals, value = option.partition("=")
@@ -347,7 +345,7 @@ def executor_from(experiment: Study, setup: options.Setup) -> Executor:
             raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{setup.executor}'")
         values[key.strip()] = parse_value(value, "--executor")
     count = setup.workers or options.cores()
-    return choose_executor(experiment, count, name or None, setup.scheduler, values)
+    return choose_executor(experiment, count, name or "auto", values)
 
 
 def run_experiment(

@@ -1,4 +1,4 @@
-"""Executors, which compute numbered items: in this process, in threads, in processes, by Dask."""
+"""Executors, which compute numbered items: in this process, in threads, in processes."""
 
 from __future__ import annotations
 
@@ -15,8 +15,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field
-from functools import lru_cache
-from importlib.util import find_spec
 from itertools import islice
 from multiprocessing import connection, get_context, parent_process
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -24,7 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.base import process
-from eqt_cli.base.errors import EqtError, Remedy
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import Count
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.reporting import reporter
@@ -452,86 +450,3 @@ class Auto(Executor):
     def _worth_starting(self, left: int, each: float) -> bool:
         enough = WORTH_LEAVING_THREADS if self.threads else WORTH_STARTING
         return left > 1 and self.workers > 1 and not self.stays and left * each > enough
-
-
-# Computes items on a Dask cluster -----------------------------------------------------------------
-
-
-CONNECT_WITHIN = 20.0
-"""Time limit for connecting to a scheduler, s."""
-
-NEEDED = "distributed>=2026.7"
-"""The package of the extra dask."""
-
-
-@dataclass(frozen=True)
-class Dask(Executor):
-    """Workers of a Dask cluster, which must see the same result folder as this process.
-
-    Attributes
-    ----------
-    scheduler
-        Address of its scheduler, such as tcp://host:8786.
-    """
-
-    name: ClassVar[str] = "dask"
-    scheduler: str = field(kw_only=True)
-
-    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        if not items:
-            return
-        if not find_spec("distributed"):
-            raise EqtError(f"executor dask needs distributed (extra dask): pip install '{NEEDED}'")
-        from distributed import KilledWorker, as_completed
-
-        payload = pickle.dumps(task)
-        waiting = deque(items)
-        with self._client() as client:
-            futures: dict[Any, int] = {}
-            finished = as_completed(loop=client.loop)
-
-            def submit() -> None:
-                # Submit only what can run now, so that a lost worker loses no waiting items.
-                room = max(1, sum(client.nthreads().values())) - len(futures)
-                for _ in range(min(room, len(waiting))):
-                    item = waiting.popleft()
-                    future = client.submit(_do, payload, item, pure=False)
-                    futures[future] = item
-                    finished.add(future)
-
-            submit()
-            for future in finished:
-                item = futures.pop(future)
-                submit()
-                try:
-                    failed = future.result()
-                except KilledWorker:
-                    yield Outcome(item, None)
-                else:
-                    reporter().advance(task.runs_of(item))
-                    yield Outcome(item, failed)
-
-    def _client(self) -> Any:
-        from distributed import Client
-
-        try:
-            return Client(self.scheduler, timeout=CONNECT_WITHIN, set_as_default=False)
-        # RuntimeError: encryption is required of a plain address; TypeError: the reverse.
-        except (OSError, ValueError, RuntimeError, TypeError) as error:
-            raise EqtError(
-                f"scheduler {self.scheduler}: cannot be reached: {error}",
-                Remedy("start one with `dask scheduler`"),
-                Remedy("use the executor local on one machine"),
-            ) from error
-
-
-def _do(payload: bytes, item: int) -> int:
-    """Compute one item in a worker."""
-    with threadpool_limits(1):
-        return _task(payload)(item, TaskContext())
-
-
-@lru_cache(maxsize=4)
-def _task(payload: bytes) -> Task:
-    """Unpickle the task, once in each worker."""
-    return pickle.loads(payload)

@@ -62,7 +62,7 @@ def test_one_kind(eqt):
         ("designs", "sobol", ["points", "seed", "axes"]),
         ("designs", "grid", []),  # its section is the axes
         ("executors", "local", ["workers"]),
-        ("executors", "dask", ["workers", "scheduler"]),
+        ("executors", "auto", ["workers", "threads", "stays"]),
     ],
 )
 def test_options(eqt, kind, name, options):

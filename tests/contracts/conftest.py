@@ -74,7 +74,6 @@ FILES = {
 
 SLOW = {
     ("engine_class", "rk4_fixed"): "takes many steps; runge_kutta is an engine of a plugin, too",
-    ("executor_class", "dask"): "starts a cluster",
     ("executor_class", "local"): "starts processes, as runs/test_executors.py does",
 }
 """Components whose contracts take seconds, and why."""

@@ -46,13 +46,7 @@ def task(tmp_path, monkeypatch):
 
 @pytest.fixture
 def executor(executor_class):
-    if executor_class.name != "dask":
-        yield executor_class(2)
-        return
-    with pytest.importorskip("distributed").LocalCluster(
-        2, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        yield executor_class(2, scheduler=cluster.scheduler_address)
+    return executor_class(2)
 
 
 def test_every_item_is_done_once_and_progress_sums_up(executor, task, tmp_path, told):

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -19,7 +18,6 @@ from faults_harness import (
     Session,
     assert_equal,
     check_left_over,
-    cluster,
     contents,
     parts,
 )
@@ -81,19 +79,8 @@ def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, 
     assert_equal(session.out / "results.h5", contents(tmp_path / "whole/results.h5"))
 
 
-@pytest.mark.parametrize("executor", ["threads", "dask"])
-def test_a_second_ctrl_c_changes_nothing(tmp_path, executor):
-    with ExitStack() as stack:
-        if executor == "dask":
-            pytest.importorskip("distributed", reason="needs the extra dask")
-            options = ["--scheduler", stack.enter_context(cluster(tmp_path))[0]]
-        else:
-            options = EXECUTORS[executor]
-        _second_ctrl_c(tmp_path, options)
-
-
-def _second_ctrl_c(tmp_path, options):
-    session = started(tmp_path, "run", LONG, options)
+def test_a_second_ctrl_c_changes_nothing(tmp_path):
+    session = started(tmp_path, "run", LONG, EXECUTORS["threads"])
     os.killpg(session.process.pid, signal.SIGINT)
     time.sleep(0.2)
     if session.running:

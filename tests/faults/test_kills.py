@@ -8,7 +8,6 @@ import os
 import random
 import shutil
 import time
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -23,7 +22,6 @@ from faults_harness import (
     Session,
     assert_equal,
     check_left_over,
-    cluster,
     contents,
     kill_one,
     parts,
@@ -51,24 +49,18 @@ CONFIGURATIONS = {
 LOCAL = ["--executor", "local", "--workers", "2"]
 SERIAL = ["--executor", "serial"]
 THREADS = ["--executor", "threads", "--workers", "2"]
-CLUSTER = ["--scheduler", "a scheduler and two workers on loopback"]
 # configuration, options, who is killed, how often; with the shards and `pack` below 500 in all
 SCENARIOS = [
     ("flight", SERIAL, "coordinator", 30),
     ("flight", LOCAL, "worker", 30),
     ("native flight", THREADS, "coordinator", 25),
-    ("native flight", LOCAL, "coordinator", 25),
-    ("native flight", CLUSTER, "worker", 10),
-    ("run", SERIAL, "coordinator", 30),
-    ("run", LOCAL, "coordinator", 30),
-    ("run", LOCAL, "worker", 30),
-    ("run", CLUSTER, "coordinator", 30),
-    ("run", CLUSTER, "worker", 40),
+    ("native flight", LOCAL, "coordinator", 45),
+    ("run", SERIAL, "coordinator", 50),
+    ("run", LOCAL, "coordinator", 50),
+    ("run", LOCAL, "worker", 60),
     ("sweep", SERIAL, "coordinator", 25),
     ("sweep", LOCAL, "coordinator", 25),
-    ("sweep", LOCAL, "worker", 25),
-    ("sweep", CLUSTER, "coordinator", 15),
-    ("sweep", CLUSTER, "worker", 15),
+    ("sweep", LOCAL, "worker", 45),
     ("native sweep", THREADS, "coordinator", 10),
     ("device sweep", SERIAL, "coordinator", 5),
     ("ragged sweep", SERIAL, "coordinator", 25),
@@ -77,7 +69,7 @@ SCENARIOS = [
 KILLS_OF_SHARDS, KILLS_OF_PACK = 25, 25
 
 ALWAYS = {
-    ("run", CLUSTER[1], "worker"),
+    ("run", "local", "worker"),
     ("sweep", "serial", "coordinator"),
     ("native flight", "threads", "coordinator"),
     ("ragged sweep", "local", "worker"),
@@ -123,38 +115,16 @@ def _wanted(kills):
     return 1 if SHARE is None else max(1, round(kills * SHARE))
 
 
-@pytest.fixture(scope="module")
-def on_cluster(tmp_path_factory):
-    """Starts the cluster when it is asked for first."""
-    with ExitStack() as stack:
-
-        def started():
-            if not hasattr(started, "found"):
-                folder = tmp_path_factory.mktemp("cluster")
-                started.found = stack.enter_context(cluster(folder))
-            return started.found
-
-        yield started
-
-
 @pytest.mark.parametrize(
     ("which", "options", "victim", "kills"),
     [entry for entry in SCENARIOS if SHARE or (entry[0], entry[1][1], entry[2]) in ALWAYS],
     ids=lambda value: value[1].replace(" ", "_") if isinstance(value, list) else str(value),
 )
-def test_kills_lose_nothing_and_change_nothing(
-    reference, on_cluster, tmp_path, which, options, victim, kills
-):
-    if options is CLUSTER:
-        pytest.importorskip("distributed", reason="needs the extra dask")
+def test_kills_lose_nothing_and_change_nothing(reference, tmp_path, which, options, victim, kills):
     if "native" in which and (missing := Native.unavailable()):
         pytest.skip(missing)
     config, expected, duration = reference(which)
     command, rng = _command(which), random.Random(f"{which} {options} {victim}")
-    workers = None
-    if options is CLUSTER:
-        address, workers = on_cluster()
-        options = ["--scheduler", address]
     wanted = _wanted(kills)
     strike = _strike_coordinator if victim == "coordinator" else _strike_workers
     done = finished = 0
@@ -162,7 +132,7 @@ def test_kills_lose_nothing_and_change_nothing(
         out = tmp_path / f"out{finished}"
         session = Session(command, config, out, options)
         session.wait_for_start()
-        done += strike(session, rng, duration, out, wanted - done, workers or session.workers)
+        done += strike(session, rng, duration, out, wanted - done)
         if session.process.returncode != -9:
             session.finish()
             assert_equal(out / "results.h5", expected)
@@ -175,7 +145,7 @@ def test_kills_lose_nothing_and_change_nothing(
     assert_equal(tmp_path / f"out{finished}" / "results.h5", expected)
 
 
-def _strike_coordinator(session, rng, duration, out, wanted, workers):
+def _strike_coordinator(session, rng, duration, out, wanted):
     time.sleep(rng.uniform(0, duration))
     before = parts(out)
     if not session.kill():
@@ -184,15 +154,15 @@ def _strike_coordinator(session, rng, duration, out, wanted, workers):
     return 1
 
 
-def _strike_workers(session, rng, duration, out, wanted, workers):
+def _strike_workers(session, rng, duration, out, wanted):
     struck = 0
     for _ in range(min(wanted, MOST_WORKER_KILLS)):
         deadline = time.monotonic() + 60
-        while session.running and not workers() and time.monotonic() < deadline:
+        while session.running and not session.workers() and time.monotonic() < deadline:
             time.sleep(0.01)
         time.sleep(rng.uniform(0, duration / 2))
         before = parts(out)
-        struck += session.running and kill_one(workers(), rng)
+        struck += session.running and kill_one(session.workers(), rng)
         check_left_over(out, before)
     return struck
 

@@ -5,10 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
-from shutil import which
 
 import pytest
 from said import error_of
@@ -20,7 +17,7 @@ from eqt_cli.base.reporting import Reporter, reporting, step
 from eqt_cli.cli.options import Setup
 from eqt_cli.cli.run import executor_from
 from eqt_cli.runs import executors as auto
-from eqt_cli.runs.executors import MOST_TRIES, NEEDED, Auto, Dask, Local, Outcome, executors
+from eqt_cli.runs.executors import MOST_TRIES, Auto, Local, Outcome, executors
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -54,11 +51,6 @@ class Task:
         return len(list(Path(self.folder).glob(f"{item}-*")))
 """
 
-NEEDS_DASK = pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
-SURVIVORS = [
-    "local",
-    pytest.param("dask", marks=[NEEDS_DASK, pytest.mark.slow("starts a cluster")]),
-]
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="has no SIGKILL")
 
 
@@ -73,22 +65,6 @@ def task(tmp_path, monkeypatch):
     done = tmp_path / "done"
     done.mkdir()
     return __import__(name).Task(str(done))
-
-
-@contextmanager
-def executor(name, workers):
-    """The executor; Dask's has a cluster with so many processes."""
-    if name == "local":
-        yield Local(workers)
-        return
-    from dask.config import set as configured
-    from distributed import LocalCluster
-
-    with (
-        configured({"distributed.scheduler.allowed-failures": MOST_TRIES - 1}),
-        LocalCluster(workers, threads_per_worker=1, dashboard_address=None) as cluster,
-    ):
-        yield Dask(scheduler=cluster.scheduler_address)
 
 
 @pytest.fixture(autouse=True)
@@ -108,10 +84,8 @@ def ends():
 
 
 @POSIX
-@pytest.mark.parametrize("name", SURVIVORS)
-def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
-    with executor(name, 2) as workers:
-        found = list(workers.outcomes(task, [1, 17, 3]))
+def test_a_lost_worker_costs_its_item_only_which_is_tried_again(task, tmp_path):
+    found = list(Local(2).outcomes(task, [1, 17, 3]))
     assert sorted(o.item for o in found) == [1, 3, 17]
     assert all(o.failed == 1 for o in found)
     assert len(list((tmp_path / "done").glob("17-*"))) == 2
@@ -120,10 +94,9 @@ def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_
 
 @pytest.mark.slow("starts processes")
 @POSIX
-@pytest.mark.parametrize("name", SURVIVORS)
-def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path, told):
-    with executor(name, 1) as workers, step("runs", 40):
-        found = list(workers.outcomes(task, [13, 2]))
+def test_an_item_that_loses_its_worker_again_and_again_is_given_up(task, tmp_path, told):
+    with step("runs", 40):
+        found = list(Local(1).outcomes(task, [13, 2]))
     assert sorted(found, key=lambda o: o.item) == [Outcome(2, 0), Outcome(13, None)]
     assert len(list((tmp_path / "done").glob("13-*"))) == MOST_TRIES
     assert told.total("runs") == 10  # of the good item alone
@@ -264,12 +237,7 @@ def test_what_is_asked_of_an_executor_rules():
     [
         ("lokal", "executor: kind: unknown executor 'lokal'; did you mean 'local'?"),
         ("auto:threads=3", "executor: threads: expected true or false, got 3"),
-        ("dask:schedular=a", "executor: schedular: unknown key; did you mean 'scheduler'?"),
-        (
-            "dask",
-            "executor: scheduler: missing; this key is required: "
-            "Address of its scheduler, such as tcp://host:8786",
-        ),
+        ("auto:thread=true", "executor: thread: unknown key; did you mean 'threads'?"),
         ("local:workers=0", "executor: workers: expected a whole number of at least 1, got 0"),
         ("local:2", "--executor: expected NAME:KEY=VALUE, got 'local:2'"),
     ],
@@ -293,49 +261,6 @@ def test_threads_take_an_item_when_it_can_begin(task):
     assert sorted(outcome.item for outcome in done) == [2, 4, 6, 8]
     assert seen[:2] == [0, 0]
     assert seen == sorted(seen)
-
-
-@pytest.mark.slow("starts a cluster")
-@NEEDS_DASK
-@pytest.mark.skipif(not which("openssl"), reason="needs openssl for a certificate")
-def test_a_scheduler_that_asks_for_a_certificate_is_shown_it(task, tmp_path):
-    from dask.config import set as configured
-    from distributed import LocalCluster, Security
-
-    key, cert = str(tmp_path / "key.pem"), str(tmp_path / "cert.pem")
-    words = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN=test"
-    subprocess.run([*words.split(), "-keyout", key, "-out", cert], capture_output=True, check=True)
-    files = {
-        f"tls_{side}_{name}": {"key": key, "cert": cert}[name]
-        for side in ("scheduler", "worker", "client")
-        for name in ("key", "cert")
-    }
-    security = Security(tls_ca_file=cert, require_encryption=True, **files)
-    with LocalCluster(
-        1, processes=False, protocol="tls", security=security, dashboard_address=None
-    ) as cluster:
-        executor = Dask(scheduler=cluster.scheduler_address)
-        settings = {"ca-file": cert, "client.cert": cert, "client.key": key}
-        with configured({f"distributed.comm.tls.{name}": file for name, file in settings.items()}):
-            assert list(executor.outcomes(task, [2])) == [Outcome(2, 0)]
-        with pytest.raises(EqtError, match=r"^scheduler tls://.*: cannot be reached: TLS expects"):
-            list(executor.outcomes(task, [2]))
-
-
-@NEEDS_DASK
-def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
-    monkeypatch.setattr(auto, "CONNECT_WITHIN", 0.2)
-    executor = Dask(scheduler="tcp://127.0.0.1:9")
-    with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
-        list(executor.outcomes(task, [1]))
-
-
-def test_dask_that_is_missing_is_named(task, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    monkeypatch.setattr(auto, "find_spec", lambda name: None)
-    assert error_of(list, Dask(scheduler="tcp://127.0.0.1:9").outcomes(task, [1])) == (
-        f"executor dask needs distributed (extra dask): pip install '{NEEDED}'"
-    )
 
 
 @pytest.mark.parametrize(

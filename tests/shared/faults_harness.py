@@ -9,8 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -158,39 +156,6 @@ def kill_one(workers: list[int], rng: random.Random) -> bool:
     except ProcessLookupError:
         return False
     return True
-
-
-@contextmanager
-def cluster(folder: Path) -> Iterator[tuple[str, Callable[[], list[int]]]]:
-    """A Dask scheduler and two workers on loopback, as on a cluster: its address, its workers.
-
-    The workers are those that the scheduler knows. A nanny whose worker is killed while it starts
-    gives up, and where both have given up, or one at the first start, `dask worker` ends.
-    """
-    from distributed import Client
-
-    file = folder / "scheduler.json"
-    local = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", "0", *local)
-    workers = _dask("worker", "--nworkers", "2", "--nthreads", "1", *local)
-    try:
-        deadline = time.monotonic() + TIMEOUT
-        while not file.exists():
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        address = json.loads(file.read_text())["address"]
-        with Client(address, set_as_default=False) as client:
-            client.wait_for_workers(2, timeout=TIMEOUT)
-            yield address, lambda: list(client.run(os.getpid, on_error="ignore").values())
-    finally:
-        for process in (workers, scheduler):
-            process.terminate()
-            process.wait(timeout=TIMEOUT)
-
-
-def _dask(*words: str) -> subprocess.Popen[bytes]:
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen([sys.executable, "-m", "dask", *words], stdout=quiet, stderr=quiet)
 
 
 def parts(out: Path) -> dict[str, tuple[int, int]]:
