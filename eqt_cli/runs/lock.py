@@ -8,6 +8,7 @@ import os
 import platform
 import re
 import stat
+import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -38,71 +39,26 @@ def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
     seconds[name] = round(time.perf_counter() - started, 3)
 
 
-_HASH = re.compile(r"[0-9a-f]{40}(?:[0-9a-f]{24})?")
-_REFERENCE = re.compile(r"ref: (refs/[^\s\\:?*\[~^]+)")
+_HASH = re.compile(rb"([0-9a-f]{40}(?:[0-9a-f]{24})?)\n")
 
-_POINTER_BYTES = 4096
-"""Largest size of ``HEAD``, a reference, or a file with the path of the repository."""
-
-_PACKED_BYTES = 64_000_000
-"""Largest size of ``packed-refs``: about a million references."""
+_PATIENCE = 3.0
+"""Time limit for git, s: a hostile repository can have it wait for a pipe, or read without end."""
 
 
 def commit_of(folder: Path) -> str | None:
-    """Return the commit checked out in the repository of a folder; None if it is unknown."""
-    try:
-        start = folder.resolve()
-        each = (_repository(around / ".git") for around in (start, *start.parents))
-        repository = next(filter(None, each), None)
-        return _head(*repository) if repository else None
-    except (OSError, ValueError, RuntimeError):  # `RuntimeError`: links in a circle
-        return None
+    """Return the commit checked out in the repository of a folder; None if git tells none.
 
-
-def _repository(entry: Path) -> tuple[Path, Path] | None:
-    """Return the folders of ``HEAD`` and of the references; None if this is no repository.
-
-    They differ in a worktree, whose `.git` is a file with the path of the repository.
+    This command starts nothing that a repository names (hooks, filters, the monitor of files,
+    helpers of remotes), as its system calls show; git refuses repositories of other users.
     """
-    if entry.is_symlink():
-        return None
-    if entry.is_file():
-        word, _, path = _line(entry).partition(": ")
-        if word != "gitdir":
-            return None
-        entry = (entry.parent / path).resolve()
-    if not (entry / "HEAD").is_file():
-        return None
-    common = entry / "commondir"
-    return entry, (entry / _line(common)).resolve() if common.is_file() else entry
-
-
-def _head(git_folder: Path, common: Path) -> str | None:
-    head = _line(git_folder / "HEAD")
-    reference = _REFERENCE.fullmatch(head)
-    if reference is None:
-        return _hash(head)
-    name = reference[1]
-    for place in (git_folder, common):
-        path = place / name
-        if path.is_file() and path.resolve().is_relative_to(place.resolve()):
-            return _hash(_line(path))
-    return _packed(common / "packed-refs", name)
-
-
-def _packed(path: Path, name: str) -> str | None:
-    text = files.content_of(path, _PACKED_BYTES, follow=False).decode()
-    match = re.search(rf"^([0-9a-f]+) {re.escape(name)}$", text, re.MULTILINE)
-    return _hash(match[1]) if match else None
-
-
-def _line(path: Path) -> str:
-    """Return the line of a small file."""
-    return files.content_of(path, _POINTER_BYTES, follow=False).decode().rstrip("\n")
-
-
-def _hash(text: str) -> str | None:
-    return text if _HASH.fullmatch(text) else None
+    words, null = ["git", "-C", str(folder), "rev-parse", "--verify", "HEAD"], subprocess.DEVNULL
+    # Such variables name another repository, as where a hook of git starts eqt.
+    env = {name: text for name, text in os.environ.items() if not name.startswith("GIT_")}
+    with suppress(OSError, subprocess.SubprocessError):
+        said = subprocess.check_output(words, stdin=null, stderr=null, env=env, timeout=_PATIENCE)
+        if match := _HASH.fullmatch(said):
+            return match[1].decode()
+    return None
 
 
 PACKAGES = ("numpy", "scipy", "h5py")

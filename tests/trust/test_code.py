@@ -8,6 +8,7 @@ import sys
 import pytest
 from slow_cases import mostly_slow
 
+from eqt_cli.runs import lock
 from eqt_cli.runs.lock import commit_of
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -45,28 +46,51 @@ class Law(Family):
 """
 
 
+NEEDS_GIT = pytest.mark.skipif(not shutil.which("git"), reason="needs git")
+GIT_CONFIG = """[core]
+	repositoryFormatVersion = 1
+	fsmonitor = {monitor}
+	hooksPath = {sent}
+	pager = {monitor}
+	sshCommand = {monitor}
+[alias]
+	rev-parse = !{monitor}
+[pager]
+	rev-parse = {monitor}
+[filter "x"]
+	clean = {monitor}
+[diff]
+	external = {monitor}
+[extensions]
+	partialClone = origin
+[remote "origin"]
+	url = ext::{monitor}
+	uploadpack = {monitor}
+	promisor = true
+[protocol]
+	allow = always
+"""
+
+
 @pytest.fixture
 def witness(sent, tmp_path, monkeypatch):
-    """A file that the colleague's programs write: git, what git would start, and plugins."""
+    """A file that the colleague's programs write: those that git might start, and plugins."""
     found = tmp_path / "witness"
-    programs = tmp_path / "programs"
-    programs.mkdir()
-    for program in (programs / "git", sent / "monitor", sent / "git", sent / "uname"):
+    (tmp_path / "programs").mkdir()
+    hooks = (sent / "reference-transaction", sent / "post-checkout", sent / "post-index-change")
+    for program in (sent / "monitor", sent / "git", sent / "uname", *hooks):
         program.write_text(f"#!/bin/sh\necho {program.name} >> {found}\n", encoding="utf-8")
         program.chmod(0o755)
     git = sent / ".git"
     (git / "refs/heads").mkdir(parents=True)
     (git / "objects").mkdir()
     (git / "HEAD").write_text("ref: refs/heads/main\n", encoding="utf-8")
+    # No object has this name: git would fetch it, if it wanted to read it.
     (git / "refs/heads/main").write_text(COMMIT + "\n", encoding="utf-8")
-    (git / "config").write_text(
-        f"[core]\n\tfsmonitor = {sent}/monitor\n\thooksPath = {sent}\n"
-        f'[filter "x"]\n\tclean = {sent}/monitor\n[diff]\n\texternal = {sent}/monitor\n',
-        encoding="utf-8",
-    )
+    text = GIT_CONFIG.format(sent=sent, monitor=sent / "monitor")
+    (git / "config").write_text(text, encoding="utf-8")
     (git / "info").mkdir()
     (git / "info/attributes").write_text("* filter=x\n", encoding="utf-8")
-    monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("WITNESS", str(found))
     return found
 
@@ -103,7 +127,13 @@ def test_no_command_starts_a_program(sent, witness, eqt, name):
     del _started[:]
     done = eqt(*COMMANDS[name].split())
     assert done.code == 0, done.err
-    assert not _started
+    assert all(values[1][::3] == ["git", "rev-parse"] for _, values in _started)
+    assert not witness.exists()
+
+
+@NEEDS_GIT
+def test_git_starts_nothing_of_a_repository(sent, witness):
+    assert commit_of(sent) == COMMIT
     assert not witness.exists()
 
 
@@ -146,119 +176,131 @@ def test_variables_are_as_before(sent, eqt, monkeypatch):
     assert dict(os.environ) == before
 
 
-# The commit, without git -------------------------------------------------------------------------
+# The commit -------------------------------------------------------------------------------------
 
 
-def _written(path, text):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+def _git(at, *words):
+    names = ["-c", "user.name=x", "-c", "user.email=x@y"]
+    done = subprocess.run(["git", *names, *words], cwd=at, capture_output=True, check=True)
+    return done.stdout.decode().strip()
 
 
-def test_the_commit_is_that_of_git(tmp_path):
+@NEEDS_GIT
+@pytest.mark.parametrize("form", ["sha1", "sha256"])
+def test_the_commit_is_that_of_git(tmp_path, monkeypatch, form):
     """In a repository, its worktree, with packed references, and of a commit without a branch."""
-    if not shutil.which("git"):
-        pytest.skip("needs git")
     repository, tree = tmp_path / "repository", tmp_path / "tree"
-
-    def git(*words, at=repository):
-        names = ["-c", "user.name=x", "-c", "user.email=x@y"]
-        done = subprocess.run(
-            ["git", *names, *words], cwd=at, capture_output=True, check=True, text=True
-        )
-        return done.stdout.strip()
-
     (repository / "below").mkdir(parents=True)
-    git("init")
+    _git(repository, "init", f"--object-format={form}")
     assert commit_of(repository) is None  # before the first commit
-    git("commit", "--allow-empty", "-m", "one")
-    commit = git("rev-parse", "HEAD")
-    git("worktree", "add", str(tree))
-    git("commit", "--allow-empty", "-m", "two")
-    assert commit_of(repository / "below") == git("rev-parse", "HEAD") != commit
-    assert commit_of(tree) == commit
-    git("pack-refs", "--all")
-    assert commit_of(repository) == git("rev-parse", "HEAD")
-    assert commit_of(tree) == commit
-    git("checkout", "--detach", commit)
-    assert commit_of(repository) == commit
+    _git(repository, "commit", "--allow-empty", "-m", "one")
+    first = _git(repository, "rev-parse", "HEAD")
+    assert len(first) == {"sha1": 40, "sha256": 64}[form]
+    _git(repository, "worktree", "add", str(tree))
+    _git(repository, "commit", "--allow-empty", "-m", "two")
+    second = _git(repository, "rev-parse", "HEAD")
+    assert commit_of(repository / "below") == second != first
+    assert commit_of(tree) == first
+    _git(repository, "pack-refs", "--all")
+    assert commit_of(repository) == second
+    assert commit_of(tree) == first
+    _git(repository, "checkout", "--detach", first)
+    assert commit_of(repository) == first
+    monkeypatch.setenv("GIT_DIR", str(repository / ".git"))  # as where a hook starts eqt
+    assert commit_of(tmp_path) is None
 
 
-def _links_out(git, secret):
-    (git / "HEAD").symlink_to(secret)
+def test_without_git_or_a_folder_there_is_no_commit(tmp_path, monkeypatch):
+    assert commit_of(tmp_path / "none") is None
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert commit_of(tmp_path) is None
+    program = tmp_path / "git"
+    program.write_text("#!/bin/sh\necho SECRET\n", encoding="utf-8")
+    program.chmod(0o755)
+    assert commit_of(tmp_path) is None  # what it says is no commit
 
 
-def _reference_links_out(git, secret):
-    _written(git / "HEAD", "ref: refs/heads/main\n")
-    (git / "refs").symlink_to(secret.parent)
+def _put(path, content):
+    path.unlink()
+    path.write_bytes(content)
 
 
-def _leads_out(git, secret):
-    _written(git / "HEAD", f"ref: refs/../../../{secret.name}\n")
+def _leads_out(git, main):
+    _put(git / "HEAD", b"ref: refs/../../../heads/main\n")
 
 
-def _is_no_hash(git, secret):
-    _written(git / "HEAD", "SECRET\n")
+def _is_no_hash(git, main):
+    _put(main, b"SECRET\n")
 
 
-def _is_large(git, secret):
-    with _written(git / "HEAD", "").open("wb") as file:
+def _is_large(git, main):
+    with main.open("wb") as file:
         file.truncate(2**40)
 
 
-def _waits(git, secret):
+def _waits(git, main):
+    (git / "HEAD").unlink()
     os.mkfifo(git / "HEAD")
 
 
-def _reference_waits(git, secret):
-    _written(git / "HEAD", "ref: refs/heads/main\n")
-    (git / "refs/heads").mkdir(parents=True)
-    os.mkfifo(git / "refs/heads/main")
+def _reference_waits(git, main):
+    main.unlink()
+    os.mkfifo(main)
 
 
-def _is_a_circle(git, secret):
-    git.rmdir()
+def _settings_wait(git, main):
+    os.mkfifo(git / "pipe")
+    _put(git / "config", b"[include]\n\tpath = pipe\n")
+
+
+def _is_a_circle(git, main):
+    shutil.rmtree(git)
     git.symlink_to(git)
 
 
-def _points_at_itself(git, secret):
-    git.rmdir()
-    _written(git, "gitdir: .git\n")
+def _points_at_itself(git, main):
+    shutil.rmtree(git)
+    git.write_bytes(b"gitdir: .git\n")
 
 
-def _points_nowhere(git, secret):
-    git.rmdir()
-    _written(git, "gitdir: /dev/zero\n")
+def _points_nowhere(git, main):
+    shutil.rmtree(git)
+    git.write_bytes(b"gitdir: /dev/zero\n")
 
 
-def _is_packed_badly(git, secret):
-    _written(git / "HEAD", "ref: refs/heads/main\n")
+def _is_packed_badly(git, main):
+    main.unlink()
     (git / "packed-refs").write_bytes(b"\xff" * 100)
 
 
+HOSTILE = [
+    _leads_out,
+    _is_no_hash,
+    _is_large,
+    _waits,
+    _reference_waits,
+    _settings_wait,
+    _is_a_circle,
+    _points_at_itself,
+    _points_nowhere,
+    _is_packed_badly,
+]
+
+
 @pytest.mark.skipif(os.name != "posix", reason="has no pipes in folders")
-@pytest.mark.parametrize(
-    "hostile",
-    [
-        _links_out,
-        _reference_links_out,
-        _leads_out,
-        _is_no_hash,
-        _is_large,
-        _waits,
-        _reference_waits,
-        _is_a_circle,
-        _points_at_itself,
-        _points_nowhere,
-        _is_packed_badly,
-    ],
-)
-def test_a_hostile_repository_has_no_commit(tmp_path, hostile):
-    secret = _written(tmp_path / "heads/main", COMMIT + "\n")
-    git = tmp_path / "sent/.git"
-    git.mkdir(parents=True)
-    hostile(git, secret)
-    assert commit_of(tmp_path / "sent") is None
+@NEEDS_GIT
+@pytest.mark.parametrize("hostile", HOSTILE)
+def test_a_hostile_repository_has_no_commit(tmp_path, monkeypatch, hostile):
+    monkeypatch.setattr(lock, "_PATIENCE", 0.3)
+    sent, secret = tmp_path / "sent", tmp_path / "heads/main"
+    for path in (sent, secret.parent):
+        path.mkdir()
+    secret.write_text(COMMIT + "\n", encoding="utf-8")
+    _git(sent, "init", "--initial-branch=main")
+    _git(sent, "commit", "--allow-empty", "-m", "one")
+    assert commit_of(sent)
+    hostile(sent / ".git", sent / ".git/refs/heads/main")
+    assert commit_of(sent) is None
 
 
 # Plugins -----------------------------------------------------------------------------------------
