@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import pickle
 import signal
 import threading
@@ -16,7 +15,7 @@ from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field
 from itertools import islice
-from multiprocessing import connection, get_context, parent_process
+from multiprocessing import connection, get_context
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from threadpoolctl import threadpool_limits
@@ -189,9 +188,6 @@ NONE = -1
 REPORT_EVERY = 0.2
 """Time between progress reports of a worker, s."""
 
-MOST_PATIENCE = 10.0
-"""Time limit for stopping a thread after an interruption, s: a law may loop endlessly."""
-
 
 @dataclass(frozen=True)
 class Local(Executor):
@@ -201,41 +197,26 @@ class Local(Executor):
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         workers = [_Worker(task) for _ in range(min(self.workers, len(items)))]
-        yield from _outcomes_of(workers, items)
-
-    def share(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        """Yield the same as `outcomes`, with a thread here instead of one process to save memory.
-
-        An interruption waits for the thread's next progress report.
-        """
-        others = min(self.workers, len(items)) - 1
-        workers = [_ThreadHere(task), *(_Worker(task) for _ in range(others))]
-        yield from _outcomes_of(workers, items)
-
-
-def _outcomes_of(workers: Sequence[_Worker], items: Sequence[int]) -> Iterator[Outcome]:
-    """Hand out items, again if a worker is lost, and stop all workers at the end."""
-    waiting = deque(items)
-    tries = dict.fromkeys(items, 0)
-    try:
-        while busy := _busy(workers, waiting):
-            ready = connection.wait([worker.pipe for worker in busy])
-            for worker in [worker for worker in busy if worker.pipe in ready]:
-                item = worker.item
-                try:
-                    failed = worker.answer()
-                except _Lost:
-                    tries[item] += 1
-                    if tries[item] < MOST_TRIES:
-                        waiting.appendleft(item)
+        waiting, tries = deque(items), dict.fromkeys(items, 0)
+        try:
+            while busy := _busy(workers, waiting):
+                ready = connection.wait([worker.pipe for worker in busy])
+                for worker in [worker for worker in busy if worker.pipe in ready]:
+                    item = worker.item
+                    try:
+                        failed = worker.answer()
+                    except _Lost:
+                        tries[item] += 1
+                        if tries[item] < MOST_TRIES:
+                            waiting.appendleft(item)
+                        else:
+                            yield Outcome(item, None)
                     else:
-                        yield Outcome(item, None)
-                else:
-                    if failed is not None:
-                        yield Outcome(item, failed)
-    finally:
-        for worker in workers:
-            worker.end()
+                        if failed is not None:
+                            yield Outcome(item, failed)
+        finally:
+            for worker in workers:
+                worker.end()
 
 
 class _Lost(Exception):
@@ -305,34 +286,11 @@ class _Worker:
             self.pipe.close()
 
 
-@dataclass
-class _ThreadHere(_Worker):
-    """A thread of this process with the interface of a worker process."""
-
-    def start(self) -> None:
-        self.pipe, theirs = get_context("spawn").Pipe()
-        self.process = threading.Thread(
-            target=copy_context().run, args=(_do_items, theirs, self.task), daemon=True
-        )
-        self.process.start()
-
-    def end(self) -> None:
-        if self.process is not None:
-            self.pipe.close()  # its next progress report fails and ends its item
-            self.process.join(MOST_PATIENCE)
-
-
 def _serve(pipe: Any, task: Task) -> None:
-    """Main function of a worker process."""
+    """Compute items in a worker process, until the pipe is closed, as by the end of the parent."""
     process.of_worker()
     # At exit, Python stops the workers that an interruption left with this signal.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()  # if the system does not do it
-    _do_items(pipe, task)
-
-
-def _do_items(pipe: Any, task: Task) -> None:
-    """Compute items until the pipe is closed."""
     due = pending = 0.0
 
     def report(amount: float) -> None:
@@ -360,14 +318,6 @@ def _portable(error: Exception) -> Exception:
     except Exception:
         return EqtError(str(error)) if isinstance(error, EqtError) else RuntimeError(repr(error))
     return error
-
-
-def _end_with_parent() -> None:
-    """Exit when the parent process ends, even if it was killed."""
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
 
 
 # Starts in this process, and switches to worker processes if much work remains --------------------
@@ -422,7 +372,7 @@ class Auto(Executor):
         threads = self.threads_for(len(items))
         yield from self._here.take(task, self._until_switch(waiting), threads)
         if waiting:
-            yield from self._in_processes.share(task, list(waiting))
+            yield from self._in_processes.outcomes(task, list(waiting))
 
     @property
     def _here(self) -> ExecutorHere:

@@ -3,7 +3,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -112,28 +111,27 @@ def test_workers_end_when_nobody_listens_any_more(task):
     assert not multiprocessing.active_children()
 
 
-def test_a_thread_can_take_the_place_of_a_process(task, tmp_path, told):
+def test_a_process_that_reports_counts_each_run_once(task, told):
     with step("runs", 40):
-        found = list(Local(2).share(task, [1, 2, 3, 4]))
+        found = list(Local(2).outcomes(task, [1, 2, 3, 4]))
     assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
     assert told.total("runs") == 40
-    assert str(os.getpid()) in {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
 
 
-def test_an_error_in_this_thread_ends_everything(task):
+def test_an_error_in_a_process_ends_everything(task):
     with pytest.raises(EqtError, match="no"):
-        list(Local(1).share(task, [2, 99]))
+        list(Local(1).outcomes(task, [2, 99]))
+    assert not multiprocessing.active_children()
 
 
-def test_an_interruption_waits_for_the_next_report_of_this_thread(task):
+def test_an_interruption_ends_a_process_in_the_middle_of_its_item(task):
     class Interrupting(Reporter):
         def advance(self, amount):
             raise KeyboardInterrupt
 
-    before = threading.active_count()
     with pytest.raises(KeyboardInterrupt), reporting(Interrupting()):  # else it would never end
-        list(Local(1).share(task, [1000]))
-    assert threading.active_count() == before
+        list(Local(1).outcomes(task, [1000]))
+    assert not multiprocessing.active_children()
 
 
 @POSIX
