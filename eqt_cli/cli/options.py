@@ -145,9 +145,10 @@ class Command(TyperCommand):
         """
         left = super().parse_args(ctx, args)
         for parameter in self.params:
-            value = ctx.params.get(parameter.name)
-            if isinstance(value, float) and not math.isfinite(value):
-                raise EqtError(f"{parameter.opts[0]}: expected a number, got {value}")
+            given = ctx.params.get(parameter.name)
+            for value in given if isinstance(given, list | tuple) else [given]:
+                if isinstance(value, float) and not math.isfinite(value):
+                    raise EqtError(f"{parameter.opts[0]}: expected a number, got {value}")
         return left
 
     def format_help(self, ctx: Any, formatter: Any) -> None:

@@ -207,6 +207,11 @@ slowest constant V_d: no proof in the box can exceed its rate; below 0 it is uns
 """
 
 
+def test_each_of_several_values_is_a_number(refused):
+    said = refused("margins", "c.yaml", "--velocity", "1", "--velocity", "inf")
+    assert said == "eqt: --velocity: expected a number, got inf\n"
+
+
 def test_certified_rates_as_text_and_as_json(eqt):
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     few = ("margins", "paper", "--certified", "--velocity", 0.5, "--set", "controllers=[eqt,nog]")
