@@ -50,6 +50,12 @@ def text_of(seed):
     return part(random_.choice((1, 2, 3, 4)))
 
 
+def _apart(expression, t):
+    """How far rounding of t moves a value, such as cos(1e300**t): rounding within does the same."""
+    near = [expression.evaluate({"t": t * (1 + k * 2.0**-52)}) for k in range(-8, 9)]
+    return np.ptp(near) if np.isfinite(near).all() else np.inf
+
+
 @pytest.mark.parametrize("share", range(SHARES if FULL else 1))
 def test_every_expression_has_values_series_and_programs(share):
     for seed in range(share * CASES, (share + 1) * CASES):
@@ -60,7 +66,9 @@ def test_every_expression_has_values_series_and_programs(share):
             continue
         floats = [expression.evaluate({"t": t}) for t in TIMES.tolist()]
         arrays = np.broadcast_to(expression.evaluate({"t": TIMES}), 5)
-        np.testing.assert_allclose(arrays, floats, rtol=1e-6, atol=0, err_msg=text)
+        for t, one, other in zip(TIMES, arrays, floats, strict=True):
+            if not np.isclose(one, other, rtol=1e-6, atol=0, equal_nan=True):
+                assert abs(one - other) <= _apart(expression, t), text
         expression.instants(10.0)
         for t in (0.0, 1.0, 0.3):
             series(expression, {"t": t}, 4)
