@@ -1,6 +1,7 @@
 """`eqt margins`, and what `eqt config check` says of loops that are unstable."""
 
 import json
+import re
 
 import pytest
 from plugin_sources import component
@@ -216,7 +217,10 @@ def test_certified_rates_as_text_and_as_json(eqt):
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     few = ("margins", "paper", "--certified", "--velocity", 0.5, "--set", "controllers=[eqt,nog]")
     done = eqt(*few)
-    assert (done.code, done.out, done.err) == (0, CERTIFIED, "")
+    # Corners of the box that are alike: rounding decides which of them is the slowest.
+    corner = re.compile(r"\(-?0\.5, -?0\.5, -?0\.5\) +(?=0\.1035)")
+    out = corner.sub("(-0.5, -0.5, -0.5)           ", done.out)
+    assert (done.code, out, done.err) == (0, CERTIFIED, "")
     laws = json.loads(eqt(*few, "--json").out)["laws"]
     assert [law["label"] for law in laws] == ["eqt", "nog"]
     certified = laws[0]["certified"]
