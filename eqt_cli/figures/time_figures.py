@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -38,11 +39,11 @@ _FUNCTION = "lyapunov"
 _DECADES = 100.0
 """Largest value over the smallest from which a scale is logarithmic."""
 _TITLES = {
-    "pose_error": ("attitude error", "position error", "pose error"),
-    "velocity_error": ("rate error", "velocity error", "velocity error"),
-    "torque_norm": ("torque", "force", "torque"),
+    "pose_error": ("attitude error", "position error", "pose error", "{} error"),
+    "velocity_error": ("rate error", "velocity error", "velocity error", "{} rate error"),
+    "torque_norm": ("torque", "force", "torque", "{} force"),
 }
-"""Names of norms in words: of a rotation, of the only vector beside one, and of others."""
+"""Names of norms in words: of a rotation, of the only vector beside one, of a whole, of a part."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,8 @@ class Paper(Panelled, OverTime):
             self._scale([axes], signal, runs)
             if not self.like:
                 open_frame(axes)
-                layout.add_title(axes, _title(runs, signal), WIDTHS[width] / len(mosaic[0]))
+                share = max(row.count(signal) for row in mosaic) / len(mosaic[0])
+                layout.add_title(axes, _title(runs, signal), share * WIDTHS[width])
                 axes.set_ylabel(axes.get_ylabel().replace("attitude error", "angle"))
         for signal, part in zip(rows[0], parts, strict=True) if rows and self.like else ():
             layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
@@ -162,16 +164,16 @@ def _title(runs: ShownRuns, signal: str) -> str:
         return ""
     norm = next((norm for norm in _NORMS if signal.startswith(norm)), "")
     if not norm:
-        whole = {"attitude_angle": "attitude error", _FUNCTION: "Lyapunov function"}
-        return whole.get(signal, "position error")
+        others = {"attitude_angle": "attitude error", _FUNCTION: "Lyapunov function"}
+        return others.get(signal, "position error")
     suffix, parts = signal.removeprefix(norm), runs.group.parts if runs.group else ()
     part = next((part for part in parts if f"_{part.name}" == suffix or len(parts) == 1), None)
-    of_rotation, of_vector, others = _TITLES[norm]
+    of_rotation, of_vector, whole, of_part = _TITLES[norm]
     if part is not None and part.turns:
         return of_rotation
     if part is not None and suffix and len(parts) == 2 and part.pose_unit == "m":
         return of_vector
-    return f"{others}, {part_name(suffix)}" if suffix else others
+    return of_part.format(part_name(suffix)) if suffix else whole
 
 
 # Figure of torque components: the mean over runs of every law, a panel per axis -------------------
@@ -218,8 +220,15 @@ class Torque(Panelled, OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a panel per axis; with quantiles, a column of panels per law."""
         wanted = self.picked([name for name, _ in runs.axes])
-        units = {name: unit for name, unit in runs.axes if name in wanted}
         share, values = self._of_laws(runs)
+        pushed = np.any([np.any(of != 0, axis=(0, 1)) for of in values.values()], axis=0)
+        still = [
+            name for (name, _), is_pushed in zip(runs.axes, pushed, strict=True) if not is_pushed
+        ]
+        if not self.panels and 0 < len(still) < len(wanted):
+            wanted = [name for name in wanted if name not in still]
+            runs.remarks.append(f"Nothing pushes along {', '.join(still)}.")
+        units = {name: unit for name, unit in runs.axes if name in wanted}
         size = "size of the " if self.log else ""
         what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
         runs.remarks.append(
@@ -330,8 +339,10 @@ Limits = tuple[Array, Array] | None
 _OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
 _STEP = 0.03
 """Least step of a curve that counts, as a share of its range."""
-_MOST_TURNS, _BINS = 200, 150
-"""Most turns of a curve in a panel, and parts of a range over time."""
+_MOST_TURNS, _SHOWN_TURNS, _BINS = 200, 20, 150
+"""Most turns of a curve in a panel, those of a closer look, and parts of a range over time."""
+_CLOSELY = "closely"
+"""Row of a closer look."""
 _FEW = 4
 """Most thrusters or wheels whose panels have room for several laws in a column."""
 _MOST_NAME = 10
@@ -383,14 +394,24 @@ class Commands(Panelled, OverTime):
             unit = runs.unit(signal).replace(" ", "\u00a0")  # not broken there
             axes = {name: free_text(f"{name} ({unit})", _MOST_NAME) for name in names}
         wanted = self.picked(list(axes))
-        drawing, rows = law_columns(runs, width, wanted)
+        places = {name: list(axes).index(name) for name in wanted}
+        span = runs.span
+        if closely := self._closely(runs, places):
+            fastest, span = closely
+            places[_CLOSELY] = places[fastest]
+            axes[_CLOSELY] = axes[fastest]
+            runs.remarks.append("Last row: the fastest of them, closely.")
+        drawing, rows = law_columns(runs, width, list(places))
         kinds: set[str] = set()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
-        for name in wanted:
+        for name, k in places.items():
             name_scale(next(iter(rows[name].values())), axes[name])
+            within = span if name == _CLOSELY else runs.span
             for e in runs.shown:
-                k = list(axes).index(name)
-                kinds |= self._fill(rows[name][e.label], runs, e, k, limits[e.label])
+                panel = rows[name][e.label]
+                kinds |= self._fill(panel, runs, e, k, limits[e.label], within)
+                panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
+                panel.set_xlim(within)
         units = dict(runs.axes)
         scale_rounding([(next(iter(rows[name].values())), units.get(name, "")) for name in wanted])
         self._add_legend(drawing, runs, kinds)
@@ -398,18 +419,49 @@ class Commands(Panelled, OverTime):
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
+    def _values(self, runs: ShownRuns, ensemble: Ensemble, k: int) -> tuple[Array, Array]:
+        """Return what an axis, thruster or wheel gives, and what the law asks for."""
+        output = runs.of_run(self._signal, ensemble, self.run)[:, k]
+        if self._signal == "torque" and ensemble.results.has("command"):
+            return output, runs.of_run("command", ensemble, self.run)[:, k]
+        return output, output
+
+    def _closely(
+        self, runs: ShownRuns, places: Mapping[str, int]
+    ) -> tuple[str, tuple[float, float]] | None:
+        """Return the row that turns most, and the time of some turns where they are largest.
+
+        None if every curve can be drawn.
+        """
+        most, found = _MOST_TURNS, None
+        for e, (name, k) in product(runs.shown, places.items()):
+            times, (output, command) = runs.times(e), self._values(runs, e, k)
+            for values in (output, command):
+                if (turns := _turns(values)) > most:
+                    starts, low, high = _ranges(values)
+                    middle = times[starts[np.nanargmax(high - low)]]
+                    wide = _SHOWN_TURNS / turns * np.ptp(times)
+                    start = float(np.clip(middle - wide / 2, times[0], times[-1] - wide))
+                    most, found = turns, (name, (start, start + float(wide)))
+        return found
+
     def _fill(
-        self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, k: int, ends: Limits
+        self,
+        axes: Axes,
+        runs: ShownRuns,
+        ensemble: Ensemble,
+        k: int,
+        ends: Limits,
+        span: tuple[float, float],
     ) -> set[str]:
         """Draw one axis, thruster or wheel of a controller; shade where it is at a limit.
 
         Return the names of what the legend explains.
         """
         times, signal = runs.times(ensemble), self._signal
-        output = runs.of_run(signal, ensemble, self.run)[:, k]
-        command = output
-        if signal == "torque" and ensemble.results.has("command"):
-            command = runs.of_run("command", ensemble, self.run)[:, k]
+        inside = (times >= span[0]) & (times <= span[1])
+        times = times[inside]
+        output, command = (each[inside] for each in self._values(runs, ensemble, k))
         if ends is not None:
             low, high = float(ends[0][k]), float(ends[1][k])
             beyond = (command <= low + _NEAR * abs(low)) | (command >= high - _NEAR * abs(high))
@@ -417,7 +469,7 @@ class Commands(Panelled, OverTime):
             low, high = -np.inf, np.inf
             beyond = np.zeros(len(times), dtype=bool)
             if ensemble.results.has("at_limit") and signal == "torque":
-                beyond = runs.of_run("at_limit", ensemble, self.run) > 0
+                beyond = runs.of_run("at_limit", ensemble, self.run)[inside] > 0
         for start, end in _stretches(times, beyond):
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
         kinds = {"at a limit"} if beyond.any() else set()
@@ -459,13 +511,18 @@ def _turns(values: Array) -> int:
 def _draw(axes: Axes, times: Array, values: Array, **look: Any) -> bool:
     """Draw a curve, or its mean and range if it is too fast for a panel; return whether it is."""
     if fast := _turns(values) > _MOST_TURNS:
-        starts = np.unique(np.linspace(0, len(times), _BINS, endpoint=False).astype(int))
-        low, high = (of.reduceat(values, starts) for of in (np.fmin, np.fmax))
+        starts, low, high = _ranges(values)
         counts = np.diff(np.append(starts, len(times)))
         times, values = (np.add.reduceat(each, starts) / counts for each in (times, values))
         axes.fill_between(times, low, high, label=f"{look['label']}, range", **_range(look))
     axes.plot(times, values, **look)
     return fast
+
+
+def _ranges(values: Array) -> tuple[Array, Array, Array]:
+    """Return starts, least and largest values of equal stretches."""
+    starts = np.unique(np.linspace(0, len(values), _BINS, endpoint=False).astype(int))
+    return starts, np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
 
 
 def _range(look: Mapping[str, Any]) -> dict[str, Any]:

@@ -148,6 +148,23 @@ def test_a_signal_too_fast_for_its_panel_is_a_range_and_a_mean():
     )
 
 
+def test_what_is_too_fast_is_shown_closely_where_it_is_largest(simulate, opened, altered):
+    """A burst of 40 Hz about t = 1.5 s along ωy of gt; the last row shows it as it is."""
+    path = simulate(**FLIES, time={"duration": 5, "samples": 2001}, ensemble={"runs": 1})
+    times, torque = opened(path).times, 0 * opened(path)["torque"]
+    torque[1, 0, :, 1] = (0.1 + np.exp(-((times - 1.5) ** 2))) * np.sin(80 * np.pi * times)
+    burst = altered(path, torque=torque, command=torque)
+    drawing = Commands(controllers=["gt"]).draw([burst])
+    *_, panel = drawing.axes
+    low, high = panel.get_xlim()
+    assert low < 1.5 < high and high - low == pytest.approx(20 / 80, rel=0.1)
+    drawn = panel.lines[-2]
+    inside = (times >= low) & (times <= high)
+    np.testing.assert_array_equal(drawn.get_ydata(), torque[1, 0, inside, 1])
+    assert not panel.collections
+    assert "Last row: the fastest of them, closely." in drawing.get_supxlabel()
+
+
 def test_rounding_errors_are_drawn_as_zero():
     panels = Figure().subplots(2)
     panels[0].plot([0, 1], [0, 5.0])

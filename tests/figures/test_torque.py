@@ -155,3 +155,14 @@ def test_any_number_of_controllers_shares_the_panels(width, simulate, opened, pi
         ensemble={"runs": 1, "seed": 1},
     )
     assert len(picture(Torque(), opened(path), width=width).axes) == 3
+
+
+def test_an_axis_along_which_nothing_pushes_has_no_panel_unless_asked(se3, altered, opened):
+    torque = opened(se3)["torque"].copy()
+    torque[..., 3:5] = 0.0
+    pushed = altered(se3, torque=torque)
+    drawing = Torque(share="total").draw([pushed])
+    assert [axes.get_label() for axes in drawing.axes] == ["ωx", "vz", "ωy", "ωz"]
+    assert "Nothing pushes along vx, vy." in drawing.get_supxlabel()
+    (asked,) = Torque(share="total", panels=["vx"]).draw([pushed]).axes
+    assert asked.get_label() == "vx"
