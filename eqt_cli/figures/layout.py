@@ -402,6 +402,8 @@ def arrange(figure: Figure) -> None:
         warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
         try:
             engine.execute(figure)
+            if any(axes.get_aspect() != "auto" for axes in figure.axes):
+                engine.execute(figure)  # margins are measured in places before they are narrowed
         except UserWarning as warning:
             raise EqtError(
                 f"the font size of the style leaves no room for the panels in a figure "

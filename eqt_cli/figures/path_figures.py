@@ -33,6 +33,8 @@ View = Literal["", "xy", "xz", "yz", "planes", "space", "sphere"]
 
 _FLAT = 0.02
 """A motion whose extent along an axis is a smaller share of its largest one lies in a plane."""
+_LEAST_MOTION = 1e-3
+"""A reference that moves by a smaller share of the extent is drawn as a cross."""
 _LEAST = 0.3
 """Least extent of a panel, as a share of the largest."""
 _MARGIN, _OBLIQUE, _GLOBE = 0.06, 0.17, 2.4
@@ -158,7 +160,8 @@ class PathFigure(OverTime):
         if apart:
             name = "single runs" if many else "run"
             handles[name] = Line2D([], [], color=ink(0.6), linewidth=2 * THIN if many else _LINE)
-        handles["reference"] = Line2D([], [], **_reference(many))
+        rests = all(_rests(path, ends) for path in paths)
+        handles["reference"] = Line2D([], [], **_reference(many, rests=rests))
         handles |= {name: Line2D([], [], **dot) for name, dot in _ends(ink(0.7))}
         layout.add_legend(drawing, list(handles.values()), list(handles))
         turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
@@ -205,7 +208,8 @@ class PathFigure(OverTime):
     ) -> None:
         """Draw the paths of a law with ends and bodies, the reference `behind` them if wanted."""
         if behind:
-            _draw(axes, eye, [of.desired], "desired", _reference(many), view)
+            look = _reference(many, rests=_rests(of, ends))
+            _draw(axes, eye, [of.desired], "desired", look, view)
         if behind and view == "space":
             ground = of.desired * [1, 1, 0] + ends[0] * [0, 0, 1]
             _draw(axes, eye, [ground], "shadow", {"color": ink(_PALE), "linewidth": 0.5})
@@ -246,8 +250,16 @@ def _ends(colour: Any) -> list[tuple[str, dict[str, Any]]]:
     return [("start", ring), ("end", dot)]
 
 
-def _reference(over: bool = False) -> dict[str, Any]:
-    """Return the style of the reference: pale and broad, or dark over many runs."""
+def _rests(of: Flown, ends: Array) -> bool:
+    """Whether a reference stays where it is."""
+    return bool(np.ptp(of.desired, axis=0).max() < _LEAST_MOTION * np.ptp(ends, axis=0).max())
+
+
+def _reference(over: bool = False, *, rests: bool = False) -> dict[str, Any]:
+    """Return the style of the reference: pale and broad, or dark over many runs; or a cross."""
+    if rests:
+        cross = {"marker": "+", "markersize": 9, "markeredgewidth": 1.2, "markevery": [-1]}
+        return {"color": ink(0.6), "linestyle": "", "zorder": 1.5, **cross}
     if over:
         return {"color": ink(), "linewidth": 0.8, "zorder": 2.5}
     return {"color": ink(_PALE), "linewidth": 2.2, "zorder": 1.5}

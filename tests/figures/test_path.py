@@ -101,6 +101,30 @@ def test_runs_have_panels_by_law_and_a_dark_reference(se3, opened, picture):
     assert drawing.get_supxlabel() == "First 2 runs."
 
 
+def test_a_reference_that_rests_is_a_cross(se3, altered, opened):
+    desired = np.broadcast_to(np.eye(4), opened(se3)["desired_pose"].shape)
+    drawing = PathFigure(view="xy").draw([altered(se3, desired_pose=desired)])
+    (cross,) = (line for line in drawing.axes[0].lines if line.get_label() == "desired 0")
+    assert (cross.get_marker(), cross.get_markevery()) == ("+", [-1])
+    assert "+" in {str(handle.get_marker()) for handle in drawing.legends[0].legend_handles}
+
+
+@pytest.mark.parametrize("width", ["column", "page", "slide"])
+def test_a_flat_path_keeps_clear_of_its_legend_and_remarks(width, se3, altered, opened):
+    pose = opened(se3)["pose"].copy()
+    pose[..., 0, 3] *= 4.0
+    (axes, *_), drawing = flat(altered(se3, pose=pose), width)
+    panel, legend = axes.get_tightbbox(), drawing.legends[0].get_window_extent()
+    remarks = drawing.findobj(lambda each: each is drawing._supxlabel)[0].get_window_extent()
+    assert remarks.y1 <= panel.y0 + 2 and panel.y1 <= legend.y0 + 2
+
+
+def flat(result, width):
+    drawing = PathFigure(view="planes", controllers=["eqt", "gt"]).draw([result], width)
+    drawing.canvas.draw()
+    return drawing.axes, drawing
+
+
 def test_a_law_that_leaves_is_cut_off_and_named(se3, altered, opened):
     pose = opened(se3)["pose"].copy()
     pose[1, 0, :, 0, 3] += 10.0 ** np.linspace(-3, 6, 41)
