@@ -29,6 +29,7 @@ from eqt_cli.figures.cells import (
     map_columns,
     scale,
     scale_along,
+    scale_log,
     short,
     spans_decade,
 )
@@ -159,7 +160,9 @@ class SweepFigure(OfOneMetric):
             edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
             below = cells.scales(panel, swept.results, room[0], **edges)
         drawing.set_figheight(drawing.get_figheight() + below)
-        drawing.colorbar(image, ax=panels, label=label)
+        bar = drawing.colorbar(image, ax=panels, label=label)
+        if isinstance(norm, LogNorm):
+            scale_log(bar.ax, "y", means[np.isfinite(means)])
         _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
 

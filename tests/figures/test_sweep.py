@@ -251,6 +251,14 @@ def test_a_range_that_asks_for_a_logarithmic_scale_gets_one(swept, picture):
     assert panel.get_xscale() == "log"
 
 
+def test_a_logarithmic_colour_scale_has_plain_numbers(swept):
+    drawing = SweepFigure(log=True, metric="mean_pose_error").draw([swept(BOTH)])
+    (scale,) = (axes for axes in drawing.axes if axes.get_label() == "<colorbar>")
+    low, high = scale.get_ylim()
+    numbers = [float(scale.yaxis.get_major_formatter()(at)) for at in scale.get_yticks()]
+    assert sum(low <= number <= high for number in numbers) >= 2
+
+
 def test_the_best_cell_of_a_map_has_a_frame(swept, picture):
     results = swept(BOTH)
     panel = picture(SweepFigure(), results).axes[0]
