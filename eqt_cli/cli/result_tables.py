@@ -93,6 +93,15 @@ _ERRORS = {
     "final_position_error": "final error",
 }
 """Headings of errors that are an angle in one block, and a distance in another one."""
+_OF_PARTS = {
+    "early_torque": "early wrench",
+    "mean_torque": "mean wrench",
+    "peak_torque": "largest wrench",
+    "mean_pose_error": "mean pose error",
+    "final_pose_error": "final pose error",
+    "final_velocity_error": "final velocity error",
+}
+"""Headings of norms of which each block has a symbol of its own, such as ‖τ‖ and ‖f‖."""
 
 
 def _headline(result: Result) -> Text:
@@ -113,11 +122,10 @@ def _headline(result: Result) -> Text:
     header = [
         f"{x}, {u}" if u not in ("", "1") else x for x, u in zip(measures, units, strict=True)
     ]
-    notes = [
-        f"{each}: {result.quantity(_base(name)).plain}"
-        for each, name in shown.items()
-        if name.startswith("early_torque")
-    ]
+    notes = []
+    for each in (each for each in measures if shown[each].startswith("early_torque")):
+        of_parts = dict.fromkeys(result.quantity(columns[end][each]).plain for end in ends)
+        notes.append(f"{each}: {'; '.join(of_parts)}")
     if "mean error" in shown:
         of = [", and the distance ‖p − p_d‖"] * ("final_position_error" in result.headlines)
         notes.append(f"error: the angle of the attitude error{''.join(of)}")
@@ -141,6 +149,7 @@ def _columns(result: Result, part: str) -> dict[str, str]:
         if name in result.headlines and not (part and of_other):
             plain = result.quantity(base).plain.removeprefix("energy ")
             short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)
+            short = _OF_PARTS.get(base, short) if part else short
             found.setdefault(_ERRORS.get(base, short), name)
     return found
 

@@ -27,6 +27,25 @@ def test_the_summary(eqt, result):
     assert header.startswith("law  settled  mean error, deg  final error, deg  ‖τ‖₅, N m  mean ‖I")
 
 
+def test_headings_over_parts_name_no_symbol_that_is_of_one_part(eqt):
+    """The block of translations holds ‖f‖, ‖p_E‖ and ‖v − v_d‖, not what rotations have."""
+    config = Path(__file__).parents[2] / "configs" / "se3.yaml"
+    few = [
+        "ensemble.runs=1",
+        "time.duration=4",
+        "time.samples=41",
+        "controllers=[eqt]",
+        "solver.cross_check=0",
+    ]
+    eqt("run", config, *(f"--set={each}" for each in few), "--out", "se3", "--quiet")
+    out = eqt("show", "se3").out.splitlines()
+    header = next(line for line in out if line.lstrip().startswith("law"))
+    words = "mean wrench  largest wrench  mean pose error  final velocity error"
+    assert words in header and "‖" not in header
+    blocks = [line.split(",")[0] for line in out if ", in " in line]
+    assert blocks == ["rotation", "translation"]
+
+
 def test_units_of_a_user_are_in_headings_and_numbers(eqt, result):
     def rows(*options):
         out = eqt("show", result, "--table", "metrics", *options).out
