@@ -36,6 +36,8 @@ _COMMANDS = {
 _LONGEST = 30
 """Most characters in a line of a user's name of a signal."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
+_SQUARE = re.compile(r"\(([A-Za-z ]+)\)\^2")
+"""Square of a product of units, written out because the unit itself stands in parentheses."""
 _DESCRIPTIVE = re.compile(r"_\{?([Ed])(?:\}|(?!\w))")
 """Index that describes, such as of an error or a desired value, and is therefore upright."""
 
@@ -58,13 +60,12 @@ def quantity(symbol: str, unit: str) -> str:
         return f"${symbol}$ (mixed units)"
     if not _PLAIN_UNIT.fullmatch(unit):
         return f"${symbol}$ ({_literal(unit)})"
-    if "(" in unit:
-        return rf"${symbol}$ in ${_upright(unit)}$"
     return rf"${symbol}$ $({_upright(unit)})$"
 
 
 def _upright(unit: str) -> str:
-    powers = re.sub(r"\^(-?\d+)", r"^{\1}", unit).replace(" ", r"\,")
+    flat = _SQUARE.sub(lambda of: " ".join(f"{one}^2" for one in of[1].split()), unit)
+    powers = re.sub(r"\^(-?\d+)", r"^{\1}", flat).replace(" ", r"\,")
     return rf"\mathrm{{{powers}}}"
 
 
