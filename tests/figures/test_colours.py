@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from eqt_cli.figures.shown import MOST_COLOURS
-from eqt_cli.figures.style import house_style, line_style
+from eqt_cli.figures.style import component_style, house_style, line_style
 
 PAPER, ALL = range(4), range(MOST_COLOURS)
 """The positions of the paper's laws, and of all that have a colour."""
@@ -36,10 +36,10 @@ TO_XYZ = np.array(
 WHITE = TO_XYZ.sum(axis=1)
 
 
-def lab(position, blindness="none"):
+def lab(position, blindness="none", style=line_style):
     """CIE L*a*b* of a law's colour, D65."""
     with house_style():
-        channels = np.array(to_rgb(line_style(position)["color"]))
+        channels = np.array(to_rgb(style(position)["color"]))
     linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
     seen = np.clip(np.asarray(BLINDNESS[blindness]) @ linear, 0, 1)
     ratio = TO_XYZ @ seen / WHITE
@@ -59,3 +59,9 @@ def test_the_papers_laws_differ_in_greyscale():
     lightness = sorted(lab(position)[0] for position in PAPER)
     assert min(np.diff(lightness)) > 9
     assert lightness[-1] < 67  # and none is too pale on white paper
+
+
+def test_components_of_a_vector_have_the_colour_of_no_law():
+    components = [lab(k, style=component_style) for k in range(3)]
+    distances = [np.linalg.norm(one - lab(law)) for one in components for law in ALL]
+    assert min(distances) > 20

@@ -10,8 +10,12 @@ from eqt_cli.api.loading import open_at
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.style import Style
 
-WIDTHS = ("column", "slide")
-THEMES = ((), ("dark_background",))
+LOOKS = {
+    "column": ("column", ()),
+    "page": ("page", ()),
+    "slide": ("slide", ()),
+    "dark slide": ("slide", ("dark_background",)),
+}
 
 _SPEC = importlib.util.spec_from_file_location(
     "sheets", Path(__file__).parents[2] / "docs" / "figures" / "sheets.py"
@@ -29,9 +33,8 @@ CASES = [
 """All but those of searches, which take minutes, and one that is refused."""
 
 
-@pytest.mark.slow("draws every figure in each width and theme")
-@pytest.mark.parametrize("theme", THEMES, ids=["own", "dark"])
-@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.slow("draws every figure in each width")
+@pytest.mark.parametrize(("width", "theme"), LOOKS.values(), ids=LOOKS)
 @pytest.mark.parametrize("name", CASES)
 def test_no_figure_has_a_flaw(name, width, theme, made_once):
     results, figure, options = sheets.FIGURES[name]
