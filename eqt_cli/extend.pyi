@@ -195,9 +195,8 @@ from eqt_cli.figures.style import Width as Width
 from eqt_cli.figures.style import ink as ink
 from eqt_cli.figures.style import line_style as line_style
 from eqt_cli.figures.style import marker as marker
-from eqt_cli.figures.sweep_figures import Envelope as Envelope
 from eqt_cli.figures.sweep_figures import Pareto as Pareto
-from eqt_cli.figures.sweep_figures import Region as Region
+from eqt_cli.figures.sweep_figures import Settled as Settled
 from eqt_cli.figures.sweep_figures import SweepFigure as SweepFigure
 from eqt_cli.figures.sweep_figures import Winners as Winners
 from eqt_cli.figures.time_figures import Commands as Commands

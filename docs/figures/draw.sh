@@ -177,21 +177,21 @@ paper_rates() {
 
 sweep_lag() {
 	sweep sweep_lag configs/sweep_lag.yaml --engine native
-	numbers envelope
-	picture sweep_lag envelope
+	numbers settled
+	picture sweep_lag settled
 	picture winners winners
 }
 
 sweep_lqr() {
 	sweep sweep_lqr configs/sweep_lqr.yaml --engine native
-	numbers region
-	picture sweep_lqr region --width page
+	numbers settled
+	picture sweep_lqr settled --width page
 }
 
 sweep_region() {
 	sweep sweep_region configs/sweep_region.yaml --engine native
-	numbers region
-	picture sweep_region region --width page
+	numbers settled
+	picture sweep_region settled --width page
 }
 
 satellite_wheels() {
@@ -204,8 +204,8 @@ satellite_breaks() {
 	sweep satellite_breaks configs/satellite_breaks.yaml --engine native --set ensemble.runs=100 \
 		--set store.trajectories=none --grid "initial.pose.angle=30 deg,90 deg,150 deg,180 deg" \
 		--grid initial.velocity.speed=0,1,2,3,4
-	numbers region
-	picture satellite_region region --width page
+	numbers settled
+	picture satellite_region settled --width page
 	if [ "$task" = draw ]; then # The search takes five minutes of a core.
 		worst satellite_worst configs/satellite_breaks.yaml --engine native --set ensemble.runs=5
 		numbers worst --width page

@@ -138,25 +138,12 @@ def colours_of(better: str) -> Colormap:
     return scale.reversed() if better == "lower" else scale
 
 
-def key_label(result: Result, swept: SweptKey, *, unit: bool = True) -> str:
+def key_label(result: Result, swept: SweptKey) -> str:
     """Return the name of a swept key with its unit; the key itself where it has no name."""
-    words, of_key = _named(result, swept)
-    return in_words(words, of_key if unit else "")
-
-
-def key_at(result: Result, swept: SweptKey, point: int, *, named: bool = True) -> str:
-    """Return a swept key with its value and unit at a point: ``initial angle 90 deg``."""
-    words, unit = _named(result, swept)
-    of_value = "" if swept.unit or unit in ("", "1") else f" {unit}"  # some values have their own
-    return f"{words} {swept.at(point)}{of_value}" if named else f"{swept.at(point)}{of_value}"
-
-
-def _named(result: Result, swept: SweptKey) -> tuple[str, str]:
-    """Return the name or symbol of a swept key, as text to draw, and its unit."""
     if not swept.label:
-        return free_text(swept.key, _LONGEST_KEY), swept.unit
+        return in_words(free_text(swept.key, _LONGEST_KEY), swept.unit)
     of, unit = _owner(result, swept.key), swept.unit or _unit(result, swept.unit_of_key)
-    return free_text(swept.label + of, _LONGEST_KEY), unit
+    return in_words(free_text(swept.label + of, _LONGEST_KEY), unit)
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:

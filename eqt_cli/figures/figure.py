@@ -627,24 +627,6 @@ class OfDifferences(OfOneMetric):
 
 
 @dataclass(frozen=True)
-class OfSettled(OfSweep):
-    """A figure of the share of runs that settle.
-
-    Attributes
-    ----------
-    by
-        Time by which a run must have settled for good, s; its end if 0.
-    """
-
-    by: float = 0.0
-
-    def check(self, problems: Problems) -> None:
-        """Require a time of 0 or more."""
-        if not self.by >= 0:
-            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
-
-
-@dataclass(frozen=True)
 class OfReference(Timed[ShownReference]):
     """A figure of the desired motion, of one result or of an experiment before it is run."""
 

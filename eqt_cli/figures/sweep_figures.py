@@ -1,7 +1,7 @@
-"""Figures of sweeps: curves, envelopes, winners, regions, trade-offs."""
+"""Figures of sweeps: curves and maps, winners, trade-offs."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -10,22 +10,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import PercentFormatter
 
 from eqt_cli.analysis.certified import rates_of
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import (
     Cells,
     colours_of,
-    key_at,
-    key_label,
     map_columns,
     scale,
     scale_along,
@@ -34,16 +31,9 @@ from eqt_cli.figures.cells import (
     spans_decade,
 )
 from eqt_cli.figures.curves import BAND, RESAMPLING, beside, draw_points
-from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSettled, OfSweep
+from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import (
-    add_legend,
-    add_title,
-    blank_sheet,
-    hide_inner_scales,
-    rows_of,
-    sheet_of_maps,
-)
+from eqt_cli.figures.layout import add_legend, add_title, sheet_of_maps
 from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.results.result import Result, SweptKey
@@ -58,7 +48,7 @@ _LOWER: dict[Width, float] = {"column": 1.6, "page": 2.2, "slide": 1.6}
 """Heights of maps in several rows, in."""
 _EQUAL = 1e-9
 
-_COLOURS, _AROUND = 1.0, 0.9
+_COLOURS, _AROUND = 1.15, 0.5
 """Width of the colour scale and a map's scale, and height of title and scale, in."""
 
 FAILED, BEYOND = "xxxx", "////"
@@ -90,47 +80,23 @@ class SweepFigure(OfOneMetric):
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw means over the runs: one panel of curves, or a map per law."""
-        values, means = swept.metric(self.metric_of(swept)), swept.means(self.metric_of(swept))
+        name = self.metric_of(swept)
+        swept.results.check_metrics([name], who=f"figure '{self.name}'")
+        if swept.results.quantity(name).counts:
+            return Settled().compose(swept, width)
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
-        label = metric_label(swept.results, self.metric_of(swept), 36)
-        counts = swept.results.quantity(self.metric_of(swept)).counts
+        label = metric_label(swept.results, name, 36)
+        means, of_runs = swept.means(name), swept.metric(name)
+        bands = np.quantile(of_runs, BAND, axis=-1)
         remark = f"Mean at each point over {swept.count}"
         if len(axes) == 1:
-            bands = "95 % Wilson intervals" if counts else "10–90 % of runs"
             looks = "bands" if axes[0].is_number else "bars"
-            swept.remarks.append(f"{remark}; {looks}: {bands}.")
-            return self._curves(swept, axes[0], values, label, width)
-        if counts:
-            _, low, high = np.moveaxis(shares(values), -1, 0)
-            most = np.nanmax(np.maximum(high - means, means - low))
-            label += f"\n(intervals to ±{most:.2f})"
+            swept.remarks.append(f"{remark}; {looks}: 10–90 % of runs.")
+            drawing = _draw_curves(swept, axes[0], means, bands, label, width)
+            scale(drawing.axes[0], "y", means, log=self.log)
+            return drawing
         swept.remarks.append(f"{remark}.")
         return self._maps(swept, axes, means, label, width)
-
-    def _curves(
-        self, swept: ShownSweep, axis: SweptKey, values: Array, label: str, width: Width
-    ) -> Drawing:
-        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
-        panel = drawing.add_subplot()
-        order = np.argsort(axis.values, kind="stable")
-        lines = []
-        for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
-            chosen = values[order, k]
-            if swept.results.quantity(self.metric_of(swept)).counts:
-                _, low, high = np.moveaxis(shares(chosen), -1, 0)
-            else:
-                low, high = np.quantile(chosen, BAND, axis=-1)
-            mean, band = np.mean(chosen, axis=-1), (low, high)
-            place = None if axis.is_number else beside(axis.texts, k, len(swept.looks))
-            lines += draw_points(panel, axis.values[order], mean, band, look, title, place)
-            for point, law in swept.laws(k).items():
-                _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-        scale_along(panel, swept.results, axis, WIDTHS[width])
-        panel.set_ylabel(label)
-        drawn = np.concatenate([np.ravel(line.get_ydata()) for line in lines])
-        scale(panel, "y", drawn.astype(float), log=self.log)
-        add_legend(drawing, lines, swept.titles)
-        return drawing
 
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
@@ -139,13 +105,12 @@ class SweepFigure(OfOneMetric):
         # Two maps fit side by side even in a column, since few cells hold numbers.
         columns = count if count == 2 else map_columns(count, width)
         height = _HEIGHTS[width] if count <= columns else _LOWER[width]
-        drawing, panels = sheet_of_maps(count, columns, width, height)
         norm, better = self._colours(means), swept.results.quantity(self.metric_of(swept)).better
-        room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
         # Runs that failed, and runs beyond the horizon: (points, laws, runs).
         failed = swept.results.status[:, swept.controllers] != 0
         beyond = swept.results.censored(self.metric_of(swept))[:, swept.controllers]
-        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
+
+        def draw(panel: Axes, index: int, room: tuple[float, float]) -> Any:
             image = cells.draw(panel, means[:, index], norm=norm, cmap=colours_of(better))
             cells.hatch(panel, np.flatnonzero(failed[:, index].any(axis=-1)), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index].any(axis=-1)), BEYOND)
@@ -156,13 +121,9 @@ class SweepFigure(OfOneMetric):
             cells.mark(panel, _best(means[:, index], better, written=written))
             for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
-            add_title(panel, title, WIDTHS[width] / columns)
-            edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
-            below = cells.scales(panel, swept.results, room[0], **edges)
-        drawing.set_figheight(drawing.get_figheight() + below)
-        bar = drawing.colorbar(image, ax=panels, label=label)
-        if isinstance(norm, LogNorm):
-            scale_log(bar.ax, "y", means[np.isfinite(means)])
+            return image
+
+        drawing = _draw_maps(swept, cells, columns, (width, height), label, draw)
         _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
 
@@ -171,6 +132,58 @@ class SweepFigure(OfOneMetric):
         ends: dict[str, Any] = {"vmin": float(seen.min()), "vmax": float(seen.max())}
         log = spans_decade(seen) if self.log is None else self.log
         return LogNorm(**ends) if log and (seen > 0).all() else Normalize(**ends)
+
+
+def _draw_curves(
+    swept: ShownSweep, axis: SweptKey, means: Array, bands: Array, label: str, width: Width
+) -> Drawing:
+    """Draw means ``(points, laws)`` and bands ``(2, points, laws)`` over a key."""
+    drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+    panel = drawing.add_subplot()
+    order = np.argsort(axis.values, kind="stable")
+    lines = []
+    for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
+        place = None if axis.is_number else beside(axis.texts, k, len(swept.looks))
+        mean, (low, high) = means[order, k], bands[:, order, k]
+        lines += draw_points(panel, axis.values[order], mean, (low, high), look, title, place)
+        for point, law in swept.laws(k).items():
+            _name(panel, axis.values[point], means[point, k], law)
+    scale_along(panel, swept.results, axis, WIDTHS[width])
+    panel.set_ylabel(label)
+    add_legend(drawing, lines, swept.titles)
+    return drawing
+
+
+def _draw_maps(
+    swept: ShownSweep,
+    cells: Cells,
+    columns: int,
+    size: tuple[Width, float],
+    label: str,
+    draw: Callable[[Axes, int, tuple[float, float]], Any],
+) -> Drawing:
+    """Draw a map for each law, with one scale of colours.
+
+    Parameters
+    ----------
+    columns, size
+        Maps side by side; width of the figure, and height of a map with its surroundings, in.
+    draw
+        Draws the map of the n-th law into a panel with so much width and height for cells, in.
+    """
+    count, (width, height) = len(swept.titles), size
+    drawing, panels = sheet_of_maps(count, columns, width, height)
+    room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
+    for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
+        image = draw(panel, index, room)
+        add_title(panel, title, WIDTHS[width] / columns)
+        edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
+        below = cells.scales(panel, swept.results, room[0], **edges)
+    drawing.set_figheight(drawing.get_figheight() + below)
+    bar = drawing.colorbar(image, ax=panels, label=label)
+    if isinstance(image.norm, LogNorm):
+        scale_log(bar.ax, "y", np.array([image.norm.vmin, image.norm.vmax]))
+    return drawing
 
 
 def _best(means: Array, better: str, *, written: bool) -> list[int]:
@@ -201,71 +214,6 @@ def _name(panel: Axes, x: float, y: float, law: str) -> None:
     """Write a law's name at its point."""
     box = _LABEL | {"facecolor": ink(0)}
     panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
-
-
-# Figure of the operating envelope: the share of runs that settle over a swept number --------------
-
-
-_ENVELOPE_HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4, "slide": 2.3}
-_IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4, "slide": 3}
-_MOST_PANELS = 12
-
-
-@dataclass(frozen=True)
-class Envelope(OfSettled):
-    """The share of runs that have settled, over a swept number, with 95 % Wilson intervals.
-
-    A run that failed has not settled. A second swept key has a panel for each of its values.
-    """
-
-    name: ClassVar[str] = "envelope"
-
-    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Draw a curve and a band per law; a panel per value of a second key."""
-        across, other = self._axes(swept)
-        settled = swept.settled(self.by)
-        levels = np.unique(other.values) if other else np.zeros(1)
-        names = [f"panel {k}" for k in range(len(levels))]
-        mosaic = rows_of(names, min(_IN_A_ROW[width], len(names)))
-        drawing, panels = blank_sheet(width, mosaic, _ENVELOPE_HEIGHTS[width])
-        room = WIDTHS[width] / len(mosaic[0])
-        laws = list(zip(swept.looks, swept.titles, strict=True))
-        lines: list[Line2D] = []
-        for name, level in zip(names, levels, strict=True):
-            axes = panels[name]
-            points = np.flatnonzero(other.values == level) if other else np.arange(len(settled))
-            order = points[np.argsort(across.values[points], kind="stable")]
-            x, lines = across.values[order], []
-            for k, (look, title) in enumerate(laws):
-                share, low, high = shares(settled[order, k]).T
-                place = None if across.is_number else beside(across.texts, k, len(laws))
-                lines += draw_points(axes, x, share, (low, high), look, title, place)
-            axes.set_ylim(-0.03, 1.03)
-            axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'} (%)")
-            axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
-            scale_along(axes, swept.results, across, room)
-            if other:
-                add_title(axes, key_at(swept.results, other, int(points[0]), named=False), room)
-        hide_inner_scales(panels, mosaic)
-        add_legend(drawing, lines, swept.titles)
-        if other:
-            swept.remarks.append(f"Panels: {key_label(swept.results, other, unit=False)}.")
-        swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
-        return drawing
-
-    def _axes(self, swept: ShownSweep) -> tuple[SweptKey, SweptKey | None]:
-        """Return the key of the horizontal scale, and the other key if there is one."""
-        if (keys := swept.results.number_and_other()) is None:
-            raise swept.error(
-                f"shows a swept number and at most one more key, and here are: {swept.keys}"
-            )
-        across, other = keys[0].in_degrees, keys[1] and keys[1].in_degrees
-        if other and len(np.unique(other.values)) > _MOST_PANELS:
-            raise swept.error(
-                f"has a panel for each value of {other.key}, at most {_MOST_PANELS}, and here are "
-                f"{len(np.unique(other.values))}"
-            )
-        return across, other
 
 
 # Figure of a comparison over a sweep: which law wins where, and by how much -----------------------
@@ -386,59 +334,66 @@ def _explain_winners(
     add_legend(drawing, list(patches.values()), list(patches))
 
 
-# Figure of the region of convergence: the share of runs that settle over two swept keys -----------
+# Figure of the share of runs that settle, over one or two swept keys ------------------------------
 
 
-_ROW, _REGION_AROUND = 0.34, 0.5
-"""Height of a row of cells, with two lines in each, and of the surroundings of a map, in."""
-_REGION_MOST, _REGION_LEAST = 2.6, 1.3
+_ROW = 0.34
+"""Height of a row of cells with two lines in each, in."""
+_MOST_SETTLED, _LEAST_SETTLED = 2.6, 1.3
 """Largest and smallest height of a map with its surroundings, in."""
-_SCALES = 1.15
-"""Width of the vertical scale and the colour scale, in."""
 _ROUNDING = 1e-9
 """Rounding error of an end of an interval, per cent."""
 
 
 @dataclass(frozen=True)
-class Region(OfSettled):
-    """The share of runs that settle over two swept keys, a map for each law.
+class Settled(OfSweep):
+    """The share of runs that settle, with 95 % Wilson intervals: curves over a key, maps over two.
 
-    In each cell, if it has room, the share in per cent, and below it its 95 % Wilson interval. A
-    run that failed has not settled.
+    A cell, if it has room, has the share in per cent, and below it its interval. A run that failed
+    has not settled.
+
+    Attributes
+    ----------
+    by
+        Time by which a run must have settled for good, s; its end if 0.
     """
 
-    name: ClassVar[str] = "region"
+    name: ClassVar[str] = "settled"
+
+    by: float = 0.0
+
+    def check(self, problems: Problems) -> None:
+        """Require a time of 0 or more."""
+        if not self.by >= 0:
+            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """Draw maps with common scales and colours from 0 to 100 %."""
-        if len(swept.axes) != 2:
-            raise swept.error(
-                f"shows two swept keys, and here are {len(swept.axes)} ({swept.keys}); figure "
-                "'envelope' shows a swept number"
-            )
-        cells, count = Cells(*swept.axes), len(swept.titles)
-        columns = map_columns(count, width)
-        height = min(max(_REGION_LEAST, _ROW * cells.shape[0] + _REGION_AROUND), _REGION_MOST)
-        drawing, panels = sheet_of_maps(count, columns, width, height)
+        """Draw a panel of curves, or a map for each law, with scales from 0 to 100 %."""
+        axes, when = swept.one_or_two(), f"by {self.by:g} s" if self.by else "at the end"
+        label = f"share settled {when} (%)"
         percent = 100 * shares(swept.settled(self.by).astype(float))
-        room = (WIDTHS[width] - _SCALES) / columns, height - _REGION_AROUND
+        share, low, high = np.moveaxis(percent, -1, 0)
+        if len(axes) == 1:
+            swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
+            drawing = _draw_curves(swept, axes[0], share, np.array([low, high]), label, width)
+            drawing.axes[0].set_ylim(-3, 103)
+            return drawing
+        cells, written = Cells(*axes), list[bool]()
+        height = min(max(_LEAST_SETTLED, _ROW * cells.shape[0] + _AROUND), _MOST_SETTLED)
         look: dict[str, Any] = {"vmin": 0, "vmax": 100, "edgecolors": ink(0), "linewidth": 0.4}
-        written = []
-        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
-            share, low, high = percent[:, index].T
-            image = cells.draw(panel, share, label=title, **look)
-            alone = [_per_cent(number) for number in share]
-            ends = map(_interval, low, high)
-            both = [f"{text}\n{end}" for text, end in zip(alone, ends, strict=True)]
-            written.append(cells.write(panel, share, image, room, both))
+
+        def draw(panel: Axes, index: int, room: tuple[float, float]) -> Any:
+            of_law = share[:, index]
+            image = cells.draw(panel, of_law, label=swept.titles[index], **look)
+            alone, ends = map(_per_cent, of_law), map(_interval, low[:, index], high[:, index])
+            both = [f"{text}\n{interval}" for text, interval in zip(alone, ends, strict=True)]
+            written.append(cells.write(panel, of_law, image, room, both))
             if not written[-1]:
-                cells.write(panel, share, image, room, alone)
-            add_title(panel, title, WIDTHS[width] / columns)
-            edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
-            below = cells.scales(panel, swept.results, room[0], **edges)
-        drawing.set_figheight(drawing.get_figheight() + below)
-        when = f"by {self.by:g} s" if self.by else "at the end"
-        drawing.colorbar(image, ax=panels, label=f"share settled {when} (%)")
+                cells.write(panel, of_law, image, room, [*map(_per_cent, of_law)])
+            return image
+
+        columns = map_columns(len(swept.titles), width)
+        drawing = _draw_maps(swept, cells, columns, (width, height), label, draw)
         swept.remarks.append(
             f"A cell per tested value, of {swept.count}; {_intervals(percent, written)}."
         )

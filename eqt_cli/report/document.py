@@ -279,7 +279,7 @@ SWEPT = (
     Wanted("sweep"),
     Wanted("sweep", *_BY_EFFORT),
     Wanted("pareto"),
-    Wanted("envelope", needs="settled"),
+    Wanted("settled", needs="settled"),
 )
 """Default figures of a report on a sweep."""
 

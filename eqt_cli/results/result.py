@@ -260,12 +260,6 @@ class StoredRuns(KnownResult):
                     keys.append(key)
         return keys
 
-    def number_and_other(self) -> tuple[SweptKey, SweptKey | None] | None:
-        """Return a swept number and the only other swept key; None if there are other keys."""
-        number = next((key for key in self.swept_keys if key.is_number), None)
-        others = [key for key in self.swept_keys if key is not number]
-        return None if number is None or len(others) > 1 else (number, next(iter(others), None))
-
     def swept_key(self, name: str) -> SweptKey:
         """Return a swept key by the name of its coordinate."""
         about = self.attributes_of(name)

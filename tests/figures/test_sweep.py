@@ -13,15 +13,7 @@ from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.sweep_figures import (
-    _PALE_TINT,
-    Envelope,
-    Pareto,
-    Rates,
-    Region,
-    SweepFigure,
-    Winners,
-)
+from eqt_cli.figures.sweep_figures import _PALE_TINT, Pareto, Rates, Settled, SweepFigure, Winners
 from eqt_cli.results.result import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -414,24 +406,26 @@ def settled_by(results, time):
 
 
 @pytest.mark.slow("computes a sweep of its own")
-def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept, picture):
+def test_curves_of_shares_have_their_intervals(swept, picture):
     results = swept(LAGS, **FLIES)
-    (panel,) = picture(Envelope(), results).axes
+    (panel,) = picture(Settled(), results).axes
     counts = settled_by(results, np.inf)
     assert counts.min() < counts.max()  # else the figure would show nothing
     for controller, line in enumerate(panel.lines):
         np.testing.assert_array_equal(line.get_xdata(), [0.05, 0.2, 1.0])
-        np.testing.assert_allclose(line.get_ydata(), counts[:, controller] / 6)
+        np.testing.assert_allclose(line.get_ydata(), 100 * counts[:, controller] / 6)
         edges = panel.collections[controller].get_paths()[0].vertices[:, 1]
         ends = [share(int(n), 6, 0.95)[1:] for n in counts[:, controller]]
-        np.testing.assert_allclose([edges.min(), edges.max()], [np.min(ends), np.max(ends)])
+        np.testing.assert_allclose(
+            [edges.min(), edges.max()], 100 * np.array([np.min(ends), np.max(ends)])
+        )
 
 
 @pytest.mark.slow("computes an experiment several times")
-def test_an_envelope_may_ask_for_an_earlier_time(swept, picture):
+def test_a_share_may_be_that_of_an_earlier_time(swept, picture):
     results = swept(LAGS, **FLIES)
-    (panel,) = picture(Envelope(by=2.0), results).axes
-    np.testing.assert_allclose(panel.lines[0].get_ydata(), settled_by(results, 2.0)[:, 0] / 6)
+    (panel,) = picture(Settled(by=2.0), results).axes
+    np.testing.assert_allclose(panel.lines[0].get_ydata(), 100 * settled_by(results, 2.0)[:, 0] / 6)
     assert panel.get_ylabel() == "share settled by 2 s (%)"
 
 
@@ -440,25 +434,14 @@ def test_a_failed_run_has_not_settled(swept, altered):
     status, times = results["status"].copy(), results["settling_time"].copy()
     times[:] = 0.0
     status[0, 0, 0] = 1
-    drawing = Envelope().draw([altered(results.path, status=status, settling_time=times)])
-    assert drawing.axes[0].lines[0].get_ydata()[0] == pytest.approx(5 / 6)
+    drawing = Settled().draw([altered(results.path, status=status, settling_time=times)])
+    assert drawing.axes[0].lines[0].get_ydata()[0] == pytest.approx(500 / 6)
     assert "1 run failed; counted as not settled." in drawing.get_supxlabel()
-
-
-def test_a_second_key_has_a_panel_for_each_value(swept, picture):
-    drawing = picture(Envelope(), swept(BOTH))
-    assert [axes.get_title() for axes in drawing.axes] == ["1 N m", "2 N m"]
-    assert "Panels: $k_p$." in drawing.get_supxlabel()
 
 
 def test_runs_are_not_asked_beyond_their_end(swept):
     with pytest.raises(EqtError, match="option 'by': the runs last 4 s, got 5"):
-        Envelope(by=5.0).draw([swept(ONE)])
-
-
-def test_an_envelope_needs_a_number_across(swept):
-    with pytest.raises(EqtError, match="shows a swept number and at most one more key, and here"):
-        Envelope().draw([swept(CASES, **MORE_RUNS)])
+        Settled(by=5.0).draw([swept(ONE)])
 
 
 STARTS = {
@@ -473,9 +456,9 @@ NEAR_A_HALF_TURN = [
 ]
 
 
-def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swept, picture):
+def test_a_map_has_the_share_that_settles_in_every_cell_with_its_interval(swept, picture):
     results = swept(NEAR_A_HALF_TURN, **STARTS)
-    drawing = picture(Region(), results)
+    drawing = picture(Settled(), results)
     # Counted directly, from the errors at the end: ‖I − R‖_F is 2√2 sin(θ/2).
     within = results["final_pose_error"] <= 2 * np.sqrt(2) * np.sin(np.radians(30))
     counts = within.sum(axis=-1)
@@ -501,7 +484,7 @@ def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swe
     assert drawing.get_supxlabel() == said
 
 
-@pytest.mark.parametrize("figure", [Region(), SweepFigure()])
+@pytest.mark.parametrize("figure", [Settled(), SweepFigure()])
 def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
     results = opened(
         simulate(sweep=BOTH, controllers=["eqt", "gt", "nog"], ensemble={"runs": 2, "seed": 1})
@@ -515,11 +498,9 @@ def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
     assert [axes.xaxis.label.get_visible() for axes in panels] == [False, True, True]
 
 
-def test_a_region_is_of_two_keys(swept):
-    assert error_of(Region().draw, [swept(ONE)]).endswith(
-        ": figure 'region' shows two swept keys, and here are 1 (gains.kd); figure 'envelope' "
-        "shows a swept number"
-    )
+def test_shares_of_cases_are_beside_each_other(swept, picture):
+    (panel,) = picture(Settled(), swept(CASES, **MORE_RUNS)).axes
+    assert {line.get_linestyle() for line in panel.lines} == {"None"}
 
 
 @pytest.mark.parametrize(
@@ -541,12 +522,7 @@ def test_bands_of_a_share_are_its_intervals(swept, picture):
     (panel,) = picture(SweepFigure(metric="settled"), results).axes
     counts = settled_by(results, np.inf)[:, 0]
     edges = panel.collections[0].get_paths()[0].vertices[:, 1]
-    assert edges.max() == pytest.approx(max(share(int(n), 6, 0.95).high for n in counts))
-
-
-def test_a_map_of_shares_says_how_well_they_are_known(swept, picture):
-    drawing = picture(SweepFigure(metric="settled"), swept(TWO))
-    assert "(intervals to ±0." in drawing.axes[-1].get_ylabel()
+    assert edges.max() == pytest.approx(100 * max(share(int(n), 6, 0.95).high for n in counts))
 
 
 def test_certified_rates_are_curves_from_the_rate_at_rest(opened, simulate, picture):
