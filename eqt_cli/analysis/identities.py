@@ -1,6 +1,6 @@
 """Identities of the paper, checked at random states."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -385,6 +385,73 @@ class LyapunovRate(certificates.Identity):
             replace(row, statement=law.theorem, remark=row.remark or remark)
             for row in super().check(sample)
         ]
+
+
+ONE, UP, LOW = np.eye(3), np.eye(6)[:, :3], np.eye(6)[:, 3:]
+HAT = np.cross(ONE[:, None], ONE).swapaxes(1, 2)
+"""e_i × v = HAT[i] v."""
+
+
+def weights_of(point: Sequence[Any], k: Any, k_d: Any, inertia: Any) -> tuple[Any, ...]:
+    """Return k, k_d, 𝕀, 1 − g, 1 − c, n, 1 − q and 1 − c − n of a law at (g, c, n, q, …)."""
+    g, c, n, q, *_ = point
+    return k, k_d, inertia, 1 - g, 1 - c, n, 1 - q, 1 - c - n
+
+
+def forms_of_W(x: Any, Vd: Any, law: Sequence[Any], N: Any, M: Any) -> tuple[Any, Any]:
+    """Return (1 + x²)V and (1 + x²)T, ``(…, 6, 6)``, with W = zᵀVz, Ẇ = zᵀTz and z = (e, Ṽ).
+
+    On SO(3), W = L + eᵀN𝕀Ṽ + ½eᵀMe with R_dᵀR = exp(θ n^) and e = sin θ · n. T is affine in V_d,
+    and both are polynomials in x = tan(θ/2) n. All vectors are columns, ``(…, 3, 1)``; `law` has
+    the numbers of `weights_of`.
+    """
+    k, k_d, J, g, c, n, q, off = law
+    scale = x.mT @ x + 1.0
+    B = _hat(x) + ONE + -1.0 * (x @ x.mT)  # (1 + x²)(ė − e × V_d) = BṼ
+    turn, NJ = _hat(Vd), N @ J
+    ew = turn @ NJ + N @ (_hat(J @ Vd) * g + -1.0 * (turn @ J * c + J @ turn * n + ONE * k_d))
+    ee = scale * (-2.0 * (N * k) + -1.0 * (M @ turn))
+    ww = (_hat(2.0 * (N.mT @ x)) @ J) * q + B.mT @ NJ + -1.0 * scale * (ONE * k_d + turn @ J * off)
+    V = _whole(scale * (scale * ONE * k + 0.5 * M), scale * NJ, scale * (0.5 * J))
+    return V, _whole(ee, scale * ew + M @ B, ww)
+
+
+def _hat(v: Any) -> Any:
+    return sum(HAT[i] * (ONE[i : i + 1] @ v) for i in range(3))
+
+
+def _whole(ee: Any, ew: Any, ww: Any) -> Any:
+    whole = UP @ (ee @ UP.T + ew @ LOW.T) + LOW @ (ww @ LOW.T)
+    return 0.5 * (whole + whole.mT)
+
+
+def sides_of_W(sample: Sample) -> Iterator[tuple[Array, Array]]:
+    """W = zᵀVz and Ẇ = zᵀTz for any N and M, W differentiated exactly; with K = kI, K_d = k_d I.
+
+    They are times 1 + x², and hold for the laws (g, c, n, q) on SO(3) with errors in space.
+    `eqt margins --from` proves them for a law before it proves a rate by these forms.
+    """
+    gains, (u, v), G = sample.loop.gains, sample.inputs[0], sample.G
+    law, k, k_d = sample.loop.controller, gains.K[:1, :1], gains.K_d[:1, :1]
+    s = replace(sample.resting, gains=Gains(ONE * k, ONE * k_d))
+    P_dot = G.ad_star(s.V, s.P) + law.torque(s)
+    moving = replace(sample.s, gains=s.gains, P=with_rate(s.P, P_dot))
+
+    def sine(s: Tracking) -> Array:
+        R = transpose(s.Qd) @ s.Q
+        return G.vee(R - transpose(R)) / 2
+
+    def W(s: Tracking) -> Array:
+        e = sine(s)
+        return s.lyapunov + dot(e, u) * (dot(v, s.P_tilde) + dot(u, e) / 2)
+
+    x = 2 * sine(s) / (1 + np.trace(transpose(s.Qd) @ s.Q, axis1=-2, axis2=-1))[..., None]
+    z = np.concatenate([sine(s), s.V_tilde], axis=-1)[..., None]
+    N, M = (u[..., None] * each[..., None, :] for each in (v, u))
+    numbers = weights_of(claimed_point(law) or (), k, k_d, s.inertia.matrix)
+    forms = forms_of_W(x[..., None], s.Vd[..., None], numbers, N, M)
+    for value, form in zip((W(s), rate_of(W(moving))), forms, strict=True):
+        yield (1 + dot(x, x)) * value, (z.mT @ form @ z)[..., 0, 0]
 
 
 class SmallErrors(certificates.Identity):

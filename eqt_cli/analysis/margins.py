@@ -324,15 +324,22 @@ class Margins(InNotebook):
 
 
 @blamed()
-def certified_rates(experiment: Experiment, velocities: Sequence[Fraction] = ()) -> list[LawRates]:
+def certified_rates(
+    experiment: Experiment, velocities: Sequence[float] = (), push: float = 0, start: float = 0
+) -> list[LawRates]:
     """Prove rates of every law for all references with |V_d,i| ≤ v, for each v in rising order.
 
-    Without velocities, the box is that of the experiment's own reference, as sampled.
+    Without velocities, the box is that of the experiment's own reference, as sampled. A push in N m
+    and the angle of a start in deg are asked if they are not 0.
     """
-    boxes = [[(-v, v)] * experiment.group.dimension for v in sorted(set(velocities))]
+    if not (0 <= push < np.inf and 0 <= start < 180):
+        raise InputError("expected a push of 0 N m or more and a start from 0 to below 180 deg")
+    bounds = sorted(Fraction(str(v)) for v in set(velocities))
+    boxes = [[(-v, v)] * experiment.group.dimension for v in bounds]
     boxes = boxes or [box_of(_known_reference(experiment).velocity)]
     with step("laws", len(experiment.loops)):
-        return [rates_of(label, loop, boxes) for label, loop in experiment.loops.items()]
+        loops = experiment.loops.items()
+        return [rates_of(label, loop, boxes, push, start) for label, loop in loops]
 
 
 def _known_reference(experiment: Experiment) -> Any:

@@ -435,7 +435,7 @@ class Refutation:
     place: str
 
 
-class UnprovableError(Exception):
+class UnprovableError(ValueError):
     """States of this kind cannot decide whether the sides are equal."""
 
 

@@ -368,6 +368,8 @@ def _worst_notes(record: Record) -> Iterator[str]:
     yield f"{searched(record)} Worse runs may exist: a search is not a proof."
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
+        if "certified" in law:
+            yield f"{law_title(law['label'])}, proved at this point: {law['certified']}."
         if law["in_profile"]:
             values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
             yield (

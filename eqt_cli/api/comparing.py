@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -374,7 +373,12 @@ def margins(
 
 
 def certified(
-    target: Study | Configuration, velocities: Sequence[float] = (), *, point: int | None = None
+    target: Study | Configuration,
+    velocities: Sequence[float] = (),
+    *,
+    push: float = 0,
+    start: float = 0,
+    point: int | None = None,
 ) -> list[LawRates]:
     """Prove a rate at which small errors decay along every reference whose velocity is bounded.
 
@@ -389,6 +393,11 @@ def certified(
     velocities
         Each v stands for the box |V_d,i| ≤ v. Default: the box around the reference's own velocity,
         as sampled over the horizon.
+    push
+        Bound of a wrench, N m: also prove by how much it turns a law on SO(3), to first order.
+    start
+        Angle, deg: also prove a rate from every start on SO(3) with no more L than a turn by this
+        angle at rest. It takes up to a minute for each law and box.
     point
         Point of a sweep, counted from 0. Default: the first.
 
@@ -397,7 +406,8 @@ def certified(
     list
         For each law its ``label``, and ``rates``, one for each box in rising order, with ``rate``
         (a fraction, 1/s, or None), ``P``, ``overshoot`` √cond P, ``velocity`` (the box),
-        ``slowest_constant`` and ``slowest_rate``. Of a law without, ``refused`` says why.
+        ``slowest_constant`` and ``slowest_rate``; and ``gain`` and ``region`` if asked, with their
+        proofs. Of a law without, ``refused`` says why.
 
     Raises
     ------
@@ -415,4 +425,4 @@ def certified(
     """
     from eqt_cli.analysis.margins import certified_rates
 
-    return certified_rates(experiment_at(target, point), [Fraction(str(v)) for v in velocities])
+    return certified_rates(experiment_at(target, point), velocities, push, start)

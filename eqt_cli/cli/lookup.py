@@ -18,7 +18,7 @@ from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import print_findings
 from eqt_cli.config import shipped
-from eqt_cli.config.vehicles import VEHICLES, first_file
+from eqt_cli.config.shipped import VEHICLES, first_file
 
 if TYPE_CHECKING:
     from rich.text import Text

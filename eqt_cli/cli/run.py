@@ -181,6 +181,7 @@ def worst(
     config: options.Config,
     setup: options.SetupOfSearch,
     fail_above: Annotated[float | None, options.option("--fail-above")] = None,
+    certified: Annotated[float, options.option("--certified", min=0)] = 0.0,
     dry_run: options.DryRun = False,
     *,
     handling: options.HandlingOfSearch,
@@ -195,6 +196,8 @@ def worst(
     Result
         --fail-above X  Exit with 4 if a law has a run that failed, or whose objective is above X
             (below X where larger values are better).
+        --certified ANGLE  Also print what is proved where the worst run of each law was found, as
+            `eqt margins --from ANGLE` does for large errors on SO(3).
     """
     from eqt_cli import api
     from eqt_cli.analysis.search_tables import worst_tables
@@ -203,6 +206,10 @@ def worst(
     search = WorstSearch.read(setup.source(config), trust_plugins=handling.trust_plugins)
     done = _searched(search, api.worst, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
+    for law in done.record["laws"] if certified else ():
+        found = api.certified(done.judged.folder.path / law["config"], start=certified)
+        [one] = (each for each in found if each.label == law["label"])
+        law["certified"] = one.refused or str(one.rates[0].region)
     _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=handling.json)
     if causes:
         raise typer.Exit(4)

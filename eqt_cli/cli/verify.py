@@ -165,6 +165,8 @@ def margins(
     set_: options.Set = None,
     certified: Annotated[bool, options.option("--certified")] = False,
     velocity: Annotated[list[float] | None, options.option("--velocity", min=0)] = None,
+    push: Annotated[float, options.option("--push", min=0)] = 0.0,
+    start: Annotated[float, options.option("--from", min=0)] = 0.0,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
@@ -182,13 +184,18 @@ def margins(
             velocity stays in a box (extra `certify`).
         --velocity V  The box: each component of V_d within ±V. Repeatable. Default: the box around
             the velocity of this reference, as sampled over the horizon.
+        --push F  Also prove by how much a wrench of at most F N m turns a law on SO(3), for small
+            errors.
+        --from ANGLE  Also prove a rate for large errors on SO(3): from every start with no more
+            energy L than a turn by ANGLE degrees at rest. Takes up to a minute a law.
     """
     from eqt_cli import api
 
     source = options.source_of(config, set_)
     study = options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
-    if certified or velocity:
-        titles, rates = study.experiment(0).titles, api.certified(study, velocity or ())
+    if certified or velocity or push or start:
+        titles = study.experiment(0).titles
+        rates = api.certified(study, velocity or (), push=push, start=start)
         print_findings(_rates_document(rates), *_rates_pieces(titles, rates), json=json)
         return
     result = api.margins(study)
@@ -328,17 +335,20 @@ def _rates_document(laws: Sequence[LawRates]) -> dict[str, Any]:
 def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterator[str | Text]:
     """Yield the printed text: the proved rates in each box, and what they mean."""
     header = ["law", "proved rate, 1/s", "overshoot", "slowest constant V_d", "its rate, 1/s"]
-    known, blocks = [law for law in laws if law.rates], []
+    known, blocks, words = [law for law in laws if law.rates], list[Block](), list[str]()
     for rates in zip(*(law.rates for law in known), strict=True):
         sides = [f"{low:g} to {high:g}" for low, high in rates[0].velocity]
-        rows = [[titles[law.label], *_rate(one)] for law, one in zip(known, rates, strict=True)]
-        blocks.append(Block(f"each V_d(t) within {', '.join(sides)}", rows))
+        pairs, box = [*zip(known, rates, strict=True)], f"each V_d(t) within {', '.join(sides)}"
+        blocks.append(Block(box, [[titles[law.label], *_rate(one)] for law, one in pairs]))
+        asked = ((titles[x.label], part) for x, one in pairs for part in (one.gain, one.region))
+        words += [f"{title} {part}; {box}" for title, part in asked if part]
     notes = [
         "proved: along all references in the box, errors shrink like overshoot · exp(−rate · t)",
         "slowest constant V_d: no proof in the box can exceed its rate; below 0 it is unstable",
     ]
     if known:
         yield laid_out(TextTable("certified", "", header, blocks, notes))
+    yield from words
     yield from (f"{titles[law.label]} {law.refused}" for law in laws if law.refused)
 
 

@@ -1,8 +1,10 @@
-"""Finds the configurations that are shipped with eqt, in a wheel or in a checkout."""
+"""Finds the configurations that are shipped with eqt, and writes first ones of vehicles."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from math import pi
 from pathlib import Path
+from string import Template
 from typing import Any
 
 from eqt_cli.base.errors import EqtError, suggestion
@@ -67,3 +69,82 @@ def _parts(data: Any, kind: str, *, by_key: bool) -> Iterator[Any]:
     elif isinstance(data, dict):
         inner = ((key, _parts(value, kind, by_key=by_key)) for key, value in data.items())
         yield from ({key: part} for key, parts in inner for part in parts)
+
+
+# A first configuration of a vehicle, with gains that follow from its inertia ----------------------
+
+
+GRAVITY = 9.81
+"""m/s²."""
+
+VEHICLES = {"quadrotor": 3, "satellite": 3, "auv": 3, "boat": 1}
+"""The vehicles, and how many moments of inertia each has."""
+
+FOLDER = Path(__file__).with_name("templates")
+
+
+def first_file(vehicle: str, mass: float | None, inertia: Sequence[float], poles: float) -> str:
+    """Return a configuration as text.
+
+    About each axis, small errors obey J ε̈ + k_d ε̇ + k ε = 0 with k = J ω² and k_d = 2 J ω: both
+    poles at −ω. The weights K of the navigation function give the stiffness tr(K) I − K, so that
+    K_i = Σ_j k_j/2 − k_i; in a plane, where both turn the same axis, K_i = k/2. Positions follow
+    likewise, with the mass in the place of J; those of a quadrotor at ω/5.
+
+    Parameters
+    ----------
+    vehicle
+        One of `VEHICLES`.
+    mass
+        kg; None for a satellite.
+    inertia
+        Principal moments of inertia J, kg m²; of a boat the one about the vertical.
+    poles
+        ω, rad/s.
+
+    Raises
+    ------
+    EqtError
+        For a number that is not positive or is missing, and for moments of no rigid body.
+    """
+    if vehicle not in VEHICLES:
+        raise EqtError(f"--vehicle: expected {', '.join(VEHICLES)}, got '{vehicle}'")
+    count, m = VEHICLES[vehicle], mass or 0.0
+    if len(inertia) != count or not min(inertia) > 0:
+        example = "0.1,0.2,0.25" if count > 1 else "20"
+        raise EqtError(f"--inertia: expected {count} positive kg m² of a {vehicle}, as {example}")
+    if count > 1 and not 2 * max(inertia) < sum(inertia):
+        raise EqtError("--inertia: each moment of a rigid body is less than the sum of the others")
+    if vehicle != "satellite" and not m > 0:
+        raise EqtError(f"--mass: expected the mass of the {vehicle} in kg, such as 1.2")
+    if not poles > 0:
+        raise EqtError(f"--bandwidth: expected a positive number in rad/s, got {poles:g}")
+    stiffness, damping = ([c * J * w for J in inertia] for c, w in ((1, poles**2), (2, poles)))
+    weights = [sum(stiffness) / 2 - k for k in stiffness] if count > 1 else [stiffness[0] / 2] * 2
+    slow = poles / 5 if vehicle == "quadrotor" else poles
+    axes, end = (3 if count > 1 else 2), 12 * pi / slow
+    numbers: dict[str, float | Sequence[float]] = {
+        "m": m,
+        "weight": m * GRAVITY,
+        "J": inertia,
+        "all": [*inertia, *[m] * axes],
+        "K": weights,
+        "kp": [*weights, m * slow**2],
+        "turn": damping,
+        "kd": [*damping, *[2 * m * slow] * axes],
+        "kx": slow**2,
+        "kv": 2 * slow,
+        "path": slow / 3,
+        "omega": poles,
+        "start": end / 12,
+        "duration": end / 2,
+        "end": end,
+    }
+    template = Template((FOLDER / f"{vehicle}.yaml").read_text(encoding="utf-8"))
+    return template.substitute({name: _written(number) for name, number in numbers.items()})
+
+
+def _written(number: float | Sequence[float]) -> str:
+    if isinstance(number, Sequence):
+        return f"[{', '.join(map(_written, number))}]"
+    return f"{number:.4g}"
