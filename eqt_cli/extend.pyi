@@ -165,7 +165,7 @@ from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions
 from eqt_cli.figures.comparison_figures import Forest as Forest
-from eqt_cli.figures.curves import draw_band as draw_band
+from eqt_cli.figures.curves import draw_middle as draw_middle
 from eqt_cli.figures.figure import Figure as Figure
 from eqt_cli.figures.figure import OfMetrics as OfMetrics
 from eqt_cli.figures.figure import OfReference as OfReference

@@ -48,7 +48,7 @@ numbers() {
 # show a change as well as many.
 numbers_of_paper() {
 	numbers paper distributions --option paper.like=print
-	numbers torque --option bands=quantiles --option share=total
+	numbers torque --option bands=quartiles --option share=total
 	name=${name}_feedback numbers torque
 }
 

@@ -77,8 +77,7 @@ EXPERIMENTS = {
 
 FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "paper": ("paper", "paper", {}),
-    "paper, log": ("paper", "paper", {"log": True, "bands": "bootstrap"}),
-    "paper, quantiles": ("paper", "paper", {"bands": "quantiles"}),
+    "paper, log": ("paper", "paper", {"log": True, "bands": "none"}),
     "paper, SE(3)": ("se3", "paper", {"log": True}),
     "paper, SE2(3)": ("se23", "paper", {"log": True}),
     "paper, 13 laws": ("laws", "paper", {}),
@@ -99,6 +98,7 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "pose, SE2(3)": ("se23", "pose", {}),
     "torque": ("paper", "torque", {}),
     "torque, SE(3)": ("se3", "torque", {}),
+    "torque, quartiles": ("paper", "torque", {"bands": "quartiles"}),
     "torque, total": ("paper", "torque", {"share": "total"}),
     "torque, thrust along one axis": ("lee", "torque", {}),
     "torque, log": ("paper", "torque", {"log": True}),

@@ -8,7 +8,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from eqt_cli.analysis.intervals import Resampling, intervals_of_means
+from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures.labels import free_text
 from eqt_cli.figures.shown import Ensemble
@@ -29,17 +29,8 @@ THIN = 0.35
 _POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
 """Style of hollow markers, all visible where curves coincide."""
 
-Bands = Literal["none", "quartiles", "quantiles", "bootstrap"]
-"""Kinds of bands: ``quartiles`` around the median, from 25 % to 75 % of the runs; ``quantiles``
-from 10 % to 90 %; ``bootstrap``, the 95 % confidence interval of the population mean at each time.
-"""
-
-BAND_NAMES: dict[Bands, str] = {
-    "quartiles": "quartiles",
-    "quantiles": "10–90 % of runs",
-    "bootstrap": "95 % interval of the mean",
-}
-
+Bands = Literal["none", "quartiles"]
+"""Kinds of bands: ``quartiles`` around the median, from 25 % to 75 % of the runs."""
 
 _MOST_IN_BAND = 401
 """Most samples at the edges of a band."""
@@ -47,28 +38,7 @@ _MOST_IN_BAND = 401
 
 def of_bands(bands: Bands) -> str:
     """Return words for the bands, as the end of a sentence; empty where there are none."""
-    return f"; bands: {BAND_NAMES[bands]}" if bands in BAND_NAMES else ""
-
-
-def draw_band(
-    axes: Axes, times: Array, values: Array, bands: Bands, colour: str, name: str
-) -> None:
-    """Shade a band around the mean or the median over runs of values ``(runs, samples)``."""
-    if bands == "quartiles" and len(values) < 2:
-        return
-    if bands in ("quantiles", "quartiles"):
-        low, high = np.quantile(values, BAND if bands == "quantiles" else (0.25, 0.75), axis=0)
-    elif bands == "bootstrap":
-        means = intervals_of_means(values, RESAMPLING)
-        low, high = means.low, means.high
-    else:
-        return
-    look = band_look(colour)
-    if bands == "quartiles":  # those of all laws lie over each other
-        look["facecolor"] = (colour, _FAINT_BAND)
-    step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
-    some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
-    axes.fill_between(times[some], low[some], high[some], label=name, **look)
+    return "; bands: quartiles" if bands == "quartiles" else ""
 
 
 def middle_of(bands: Bands) -> str:
@@ -81,7 +51,12 @@ def draw_middle(axes: Axes, times: Array, values: Array, bands: Bands, ensemble:
     look = line_style(ensemble.look)
     middle = np.median(values, axis=0) if bands == "quartiles" else values.mean(axis=0)
     axes.plot(times, middle, label=ensemble.label, **look)
-    draw_band(axes, times, values, bands, look["color"], ensemble.label)
+    if bands == "quartiles" and len(values) > 1:
+        low, high = np.quantile(values, (0.25, 0.75), axis=0)
+        step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
+        some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
+        band = band_look(look["color"], _FAINT_BAND)
+        axes.fill_between(times[some], low[some], high[some], label=ensemble.label, **band)
 
 
 def draw_points(
@@ -111,9 +86,9 @@ def beside(texts: Mapping[float, str], index: int, count: int) -> float | None:
     return (index - (count - 1) / 2) * min(0.15, 0.6 / count) if texts else None
 
 
-def band_look(colour: str) -> dict[str, Any]:
+def band_look(colour: str, opacity: float = 0.18) -> dict[str, Any]:
     """Return the style of a band: a tint without edges, which would look like curves."""
-    return {"facecolor": (colour, 0.18), "linewidth": 0}
+    return {"facecolor": (colour, opacity), "linewidth": 0}
 
 
 def thin_line(look: Look, count: int) -> dict[str, Any]:
@@ -164,8 +139,8 @@ def bound_below(axes: Axes, curves: Sequence[Array], error: float) -> None:
             axes.set_ylim(floor, top * (top / floor) ** _MARGIN)
 
 
-def bound(panels: Sequence[Axes], error: float, titles: Mapping[str, str]) -> None:
-    """Bound the common scale of panels by what their curves say; name the laws that diverge.
+def bound(axes: Axes, error: float, titles: Mapping[str, str]) -> None:
+    """Bound a scale by what its curves say; name the laws that diverge.
 
     Parameters
     ----------
@@ -174,17 +149,16 @@ def bound(panels: Sequence[Axes], error: float, titles: Mapping[str, str]) -> No
     titles
         Names of the curves by label. One that diverges is cut off at ten times all others.
     """
-    lines = {str(line.get_label()): (line, axes) for axes in panels for line in axes.lines}
-    curves = {label: np.asarray(line.get_ydata(), float) for label, (line, _) in lines.items()}
+    lines = {str(line.get_label()): line for line in axes.lines}
+    curves = {label: np.asarray(line.get_ydata(), float) for label, line in lines.items()}
     far = diverging(curves)
     kept = [curve for label, curve in curves.items() if label not in far]
-    bound_below(panels[0], kept, error)
+    bound_below(axes, kept, error)
     if far:
-        panels[0].set_ylim(top=FAR * max(float(curve.max()) for curve in kept))
+        axes.set_ylim(top=FAR * max(float(curve.max()) for curve in kept))
     for number, label in enumerate(far):
-        line, axes = lines[label]
         text = f"{free_text(titles[label], _MOST_NAME)} diverges"
-        look: dict[str, Any] = {"color": line.get_color(), "ha": "right", "va": "top"}
+        look: dict[str, Any] = {"color": lines[label].get_color(), "ha": "right", "va": "top"}
         look["bbox"] = {"facecolor": ink(0), "edgecolor": "none", "pad": 0.8}
         place = (0.97, 0.96 - 0.13 * number)
         axes.annotate(text, place, xycoords="axes fraction", fontsize="small", **look)

@@ -67,9 +67,7 @@ class Paper(Panelled, OverTime):
     log_torque
         A logarithmic scale for the torque; with `log`, by default if the torque spans a decade.
     bands
-        ``quartiles``, the default, are around medians; ``none``, ``quantiles`` and ``bootstrap``
-        around means. ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a
-        column of panels per law; ``bootstrap`` the 95 % interval of the mean at each time.
+        ``quartiles``, the default, are around medians; ``none`` draws means.
     degrees
         The attitude error as the angle of the rotation, in degrees; its rate in deg/s.
     """
@@ -88,19 +86,16 @@ class Paper(Panelled, OverTime):
         return self.bands or ("none" if self.like else "quartiles")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw two by two panels, or a row per norm and a column per part; quantiles by law."""
+        """Draw two by two panels, or a row per norm and a column per part."""
         runs.require_attitude(degrees=self.degrees)
-        norms = self.picked((*_NORMS, _FUNCTION))
-        draw = self._by_law if self._bands == "quantiles" else self._together
-        drawing = draw(runs, width, norms)  # such bands would hide each other
+        drawing = self._draw_panels(runs, width, self.picked((*_NORMS, _FUNCTION)))
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
         middle = f"{middle_of(self._bands)} over " if several else ""
         bands = of_bands(self._bands) if several or self.bands else ""
         runs.remarks.append(f"Curves: {middle}{runs.count()}{bands}.")
         return drawing
 
-    def _together(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
-        """Draw all laws in each panel."""
+    def _draw_panels(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
         parts = runs.parts
         rows = [[runs.in_space(norm + end) for end in parts] for norm in norms if norm != _FUNCTION]
         if len(parts) > 1:
@@ -111,7 +106,7 @@ class Paper(Panelled, OverTime):
         for signal, axes in panels.items():
             for ensemble in self._shown(runs, signal):
                 self._draw(axes, signal, runs, ensemble)
-            self._scale([axes], signal, runs)
+            self._scale(axes, signal, runs)
             if not self.like:
                 open_frame(axes)
                 share = max(row.count(signal) for row in mosaic) / len(mosaic[0])
@@ -124,17 +119,6 @@ class Paper(Panelled, OverTime):
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
         return drawing
 
-    def _by_law(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
-        """Draw a row per norm and part, and a column per law."""
-        of_parts = {norm: [""] if norm == _FUNCTION else runs.parts for norm in norms}
-        signals = [runs.in_space(norm + part) for norm in norms for part in of_parts[norm]]
-        drawing, rows = law_columns(runs, width, signals, lambda s, e: e in self._shown(runs, s))
-        for signal, row in rows.items():
-            for ensemble in self._shown(runs, signal):
-                self._draw(row[ensemble.label], signal, runs, ensemble)
-            self._scale(list(row.values()), signal, runs)
-        return drawing
-
     def _shown(self, runs: ShownRuns, signal: str) -> list[Ensemble]:
         return runs.with_function() if signal == _FUNCTION else runs.shown
 
@@ -142,8 +126,8 @@ class Paper(Panelled, OverTime):
         values = runs.errors(signal, ensemble, degrees=self.degrees)
         draw_middle(axes, runs.times(ensemble), values, self._bands, ensemble)
 
-    def _scale(self, panels: Sequence[Axes], signal: str, runs: ShownRuns) -> None:
-        drawn = np.concatenate([line.get_ydata() for axes in panels for line in axes.lines])
+    def _scale(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
+        drawn = np.concatenate([line.get_ydata() for line in axes.lines])
         log, torque = self.log, signal.startswith("torque_norm")
         error = runs.solver_error(signal)
         if log is None:
@@ -151,11 +135,10 @@ class Paper(Panelled, OverTime):
             log = not self.like and bool(seen.max() > _DECADES * seen.min())
         if torque:
             log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
-        for axes in panels:
-            scale_norm(axes, log=log)
+        scale_norm(axes, log=log)
         if not self.like:
-            bound(panels, error, {e.label: e.title for e in runs.shown})
-        layout.name_scale(panels[0], runs.error_label(signal, degrees=self.degrees))
+            bound(axes, error, {e.label: e.title for e in runs.shown})
+        layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
 
 
 def _title(runs: ShownRuns, signal: str) -> str:
@@ -206,9 +189,7 @@ class Torque(Panelled, OverTime):
     log
         The size of each component on a logarithmic scale.
     bands
-        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, a column of
-        panels per law; ``bootstrap`` the 95 % interval of the mean at each time; ``quartiles`` the
-        middle half of the runs around the median.
+        ``quartiles`` shades the middle half of the runs around the median; ``none`` draws means.
     """
 
     name: ClassVar[str] = "torque"
@@ -218,7 +199,7 @@ class Torque(Panelled, OverTime):
     bands: Bands = "none"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Draw a panel per axis; with quantiles, a column of panels per law."""
+        """Draw a panel per axis."""
         wanted = self.picked([name for name, _ in runs.axes])
         share, values = self._of_laws(runs)
         pushed = np.any([np.any(of != 0, axis=(0, 1)) for of in values.values()], axis=0)
@@ -234,39 +215,26 @@ class Torque(Panelled, OverTime):
         runs.remarks.append(
             f"Curves: {middle_of(self.bands)}{what} over {runs.count()}{of_bands(self.bands)}."
         )
-        by_law = self.bands == "quantiles" and len(runs.shown) > 1
-        if by_law:  # bands would hide each other
-            drawing, rows = law_columns(runs, width, wanted)
-        else:
-            drawing, panels = layout.sheet(
-                width, _places(units, width), runs.span, runs.unit("time")
-            )
-            rows = {name: {e.label: panels[name] for e in runs.shown} for name in wanted}
+        drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
                 torques = values[ensemble.label][..., k]
-                panel, drawn = rows[name][ensemble.label], abs(torques) if self.log else torques
-                draw_middle(panel, runs.times(ensemble), drawn, self.bands, ensemble)
-        first = list(dict.fromkeys(rows[wanted[0]].values()))
-        lines = [line for axes in first for line in axes.lines[: len(runs.shown)]]
-        laws = dict(zip((e.title for e in runs.shown), lines, strict=False))
-        desired = {} if share == "feedback" else _draw_desired(runs, rows, log=self.log)
-        scale_rounding(
-            [(axes, unit) for name, unit in units.items() for axes in rows[name].values()]
-        )
+                drawn = abs(torques) if self.log else torques
+                draw_middle(panels[name], runs.times(ensemble), drawn, self.bands, ensemble)
+        lines = panels[wanted[0]].lines
+        handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
+        handles |= {} if share == "feedback" else _draw_desired(runs, panels, log=self.log)
+        scale_rounding([(panels[name], unit) for name, unit in units.items()])
         for name, unit in units.items():
             symbol = force_component(name, unit)
             if share != "total":
                 index = r"\mathrm{fb}" if share == "feedback" else r"\mathrm{ff}"
                 base, _, axis = symbol.removesuffix("}").partition("_{")
                 symbol = f"{base}_{{{','.join(filter(None, (axis, index)))}}}"
-            label = quantity(f"|{symbol}|" if self.log else symbol, unit)
-            layout.name_scale(next(iter(rows[name].values())), label)
-            for axes in rows[name].values() if self.log else ():
-                scale_norm(axes, log=True)
-        handles = desired if by_law else {**laws, **desired}
-        if handles:
-            layout.add_legend(drawing, list(handles.values()), list(handles))
+            layout.name_scale(panels[name], quantity(f"|{symbol}|" if self.log else symbol, unit))
+            if self.log:
+                scale_norm(panels[name], log=True)
+        layout.add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
     def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
@@ -285,9 +253,7 @@ class Torque(Panelled, OverTime):
         return "feedback", {label: torque[label] - feedforward[label] for label in torque}
 
 
-def _draw_desired(
-    runs: ShownRuns, rows: Mapping[str, Mapping[str, Axes]], *, log: bool
-) -> dict[str, Artist]:
+def _draw_desired(runs: ShownRuns, panels: Mapping[str, Axes], *, log: bool) -> dict[str, Artist]:
     """Draw the reference torque of each result in every panel; return the last line by name."""
     line: Artist = Line2D([], [])
     places = [name for name, _ in runs.axes]
@@ -299,12 +265,11 @@ def _draw_desired(
         ends = runs.limits(first, 0, "torque")
         label = f"desired, {name}" if len(runs.results) > 1 else "desired"
         look: dict[str, Any] = {"label": label, "color": ink(_PALE), **_DESIRED}
-        for axis, row in rows.items():
+        for axis, panel in panels.items():
             drawn = desired[:, k := places.index(axis)]
             if ends is not None and ends[0][k] == ends[1][k] == 0:
                 continue  # no vehicle could give it
-            for panel in dict.fromkeys(row.values()):
-                (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
+            (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
     return {quantity(r"\tau_d", ""): line}
 
 

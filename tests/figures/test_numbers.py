@@ -35,14 +35,14 @@ def test_curves_are_the_means_with_their_units(so3, opened, picture):
     np.testing.assert_array_equal(one.y, results["velocity_error"][2].mean(axis=0))
 
 
-def test_edges_of_bands_are_quantiles(so3, opened, picture):
+def test_edges_of_bands_are_quartiles(so3, opened, picture):
     results = opened(so3)
-    drawing = picture(Torque(bands="quantiles", share="total"), results)
+    drawing = picture(Torque(bands="quartiles", share="total"), results)
     found = {(c.panel, c.name): c for c in curves(drawing)}
-    low, high = np.quantile(results["torque"][1, ..., 2], [0.1, 0.9], axis=0)
-    np.testing.assert_array_equal(found["ωz gt", "lower edge gt"].y, low)
-    np.testing.assert_array_equal(found["ωz gt", "upper edge gt"].y, high)
-    desired = found["ωz gt", "desired"]
+    low, high = np.quantile(results["torque"][1, ..., 2], [0.25, 0.75], axis=0)
+    np.testing.assert_array_equal(found["ωz", "lower edge gt"].y, low)
+    np.testing.assert_array_equal(found["ωz", "upper edge gt"].y, high)
+    desired = found["ωz", "desired"]
     np.testing.assert_array_equal(desired.y, results["desired_torque"][:, 2])
     assert desired.up == "τ_z (N m)"
 

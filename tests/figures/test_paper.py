@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
 from said import cases, error_of
-from scipy.stats import bootstrap
 
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.figures.run_figures import RunsFigure
@@ -109,13 +108,6 @@ def test_rotation_and_translation_are_shown_apart(se3, opened, picture):
     assert [axes.get_title() for axes in drawing.axes[:2]] == ["rotation", "translation"]
 
 
-def test_a_column_per_law_shows_the_same_errors(se3, opened, picture):
-    drawing = picture(Paper(bands="quantiles", panels=["pose_error"]), opened(se3))
-    labels = {axes.get_ylabel() for axes in drawing.axes} - {""}
-    expected = {r"attitude error $(\mathrm{deg})$", r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$"}
-    assert labels == expected
-
-
 def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened, picture):
     brief = {"controllers": ["eqt"], "time": {"duration": 0.1, "samples": 3}}
     results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}, **brief))
@@ -135,17 +127,6 @@ def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])
     units = r"($\mathrm{rad/s}$ and $\mathrm{m/s}$)"
     assert drawing.axes[1].get_ylabel() == r"$\|V - V_{\mathrm{d}}\|$ " + units
-
-
-def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened, picture):
-    results = opened(so3)
-    drawing = picture(Paper(bands="quantiles"), results)
-    panel = next(axes for axes in drawing.axes if axes.get_label() == "torque_norm asym")
-    band = panel.collections[0].get_paths()[0].vertices
-    expected = np.quantile(results["torque_norm"][3], [0.1, 0.9], axis=0)
-    for time, low, high in zip(results["time"], *expected, strict=True):
-        at_time = band[band[:, 0] == time, 1]
-        assert (at_time.min(), at_time.max()) == (low, high)
 
 
 def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened, picture):
@@ -245,20 +226,6 @@ def test_chosen_controllers_keep_their_looks(chosen, so3, opened, picture):
     for label, line in zip(shown, drawing.axes[0].lines, strict=True):
         assert to_rgba(line.get_color()) == to_rgba(every[label].get_color())
         np.testing.assert_array_equal(line.get_ydata(), every[label].get_ydata())
-
-
-def test_bootstrap_bands_are_the_intervals_of_the_means(so3, opened, picture):
-    """Against SciPy's own bootstrap, whose resamples and correction for small n differ."""
-    results = opened(so3)
-    axes = picture(Paper(bands="bootstrap", controllers=["gt"]), results).axes[0]
-    corners = axes.collections[0].get_paths()[0].vertices
-    found = corners[np.isclose(corners[:, 0], 2.0)][:, 1]
-    values = results["pose_error"][1, :, 20]
-    other = bootstrap((values,), np.mean, n_resamples=9999, random_state=1).confidence_interval
-    mean = values.mean()
-    assert found.min() < mean < found.max()
-    # Expanded by sqrt(6/5) t_5 / z = 1.44 for 6 runs; the rest is the noise of 2000 resamples.
-    assert 1.1 < (found.max() - found.min()) / (other.high - other.low) < 1.8
 
 
 def test_medians_within_their_quartiles_and_names_in_words(so3, opened, picture):

@@ -103,8 +103,8 @@ def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_pa
 
 
 def test_options_come_as_data():
-    assert figure_from("paper", {"log": True, "bands": "quantiles", "controllers": ["eqt"]}) == (
-        Paper(log=True, bands="quantiles", controllers=["eqt"])
+    assert figure_from("paper", {"log": True, "bands": "none", "controllers": ["eqt"]}) == (
+        Paper(log=True, bands="none", controllers=["eqt"])
     )
     assert figure_from("paper", {}) == Paper()
 
@@ -116,8 +116,7 @@ papper, {} → unknown figure 'papper'; did you mean 'paper'?
 paper, {bnads: 1} → figure 'paper': bnads: unknown key; did you mean 'bands'?
 paper, {x: 1} → figure 'paper': x: unknown key; expected one of controllers, focus, colours
 paper, {bands: some} →
-    figure 'paper': bands: expected 'none', 'quartiles', 'quantiles' or 'bootstrap', got
-        'some'
+    figure 'paper': bands: expected 'none' or 'quartiles', got 'some'
 paper, {log: 1} → figure 'paper': log: expected true or false, got 1
 paper, {controllers: eqt} → figure 'paper': controllers: expected a list, such as [eqt], got 'eqt'
 """),

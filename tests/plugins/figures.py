@@ -20,7 +20,7 @@ from eqt_cli.extend import (
     add_title,
     blank_sheet,
     component,
-    draw_band,
+    draw_middle,
     free_text,
     ink,
     line_style,
@@ -49,7 +49,7 @@ class Decay(OverTime):
 
     name: ClassVar[str] = "decay"
 
-    bands: Bands = "quantiles"
+    bands: Bands = "quartiles"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Two panels."""
@@ -64,8 +64,7 @@ class Decay(OverTime):
             mean = runs.values("lyapunov", ensemble).mean(axis=0)
             panels["lyapunov"].plot(times, mean, label=ensemble.label, **look)
             torque = runs.values("torque", ensemble)[..., 0]
-            panels["torque"].plot(times, torque.mean(axis=0), label=ensemble.label, **look)
-            draw_band(panels["torque"], times, torque, self.bands, look["color"], ensemble.label)
+            draw_middle(panels["torque"], times, torque, self.bands, ensemble)
         panels["torque"].plot(times, runs.desired("torque", ensemble)[:, 0], color=ink(0.5))
         scale_log(panels["lyapunov"], "y", mean[mean > 0])
         add_title(panels["lyapunov"], "decay", WIDTHS[width])
