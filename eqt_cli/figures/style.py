@@ -1,7 +1,6 @@
 """Colours, lines, fonts and sizes of figures, and text as LaTeX."""
 
 import ast
-import math
 import re
 import traceback
 import unicodedata
@@ -247,9 +246,6 @@ MOST = 300.0
 _MOST = {"dpi": 2400.0, "figsize": 50.0, "weight": 1000.0, "threshold": 1e4}
 """Bounds of numbers, by suffix of the key."""
 
-MOST_IN_CYCLE = 1000
-"""Most entries of a property cycle."""
-
 
 def check(key: str, value: Any, default: Any) -> None:
     """Raise a `ValueError` with the reason if a style may not set a key to a value.
@@ -281,36 +277,25 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def check_cycle(text: str) -> None:
-    """Raise a `ValueError` for a property cycle that is no cycler of literal values.
+    """Raise a `ValueError` for a property cycle that is no sum of cyclers of literal values.
 
     Matplotlib before 3.11 evaluates the text, with no names but ``cycler``; without attributes and
-    operators nothing else can be reached, and nothing is larger than it is written.
+    other operators nothing else can be reached, and nothing is larger than it is written.
     """
     try:
-        count = _entries(ast.parse(text.strip(), mode="eval").body)
+        terms = [ast.parse(text.strip(), mode="eval").body]
+        while terms:
+            term = terms.pop()
+            if isinstance(term, ast.BinOp) and isinstance(term.op, ast.Add):
+                terms += [term.left, term.right]
+            elif isinstance(term, ast.Call) and getattr(term.func, "id", None) == "cycler":
+                for each in (*term.args, *(keyword.value for keyword in term.keywords)):
+                    ast.literal_eval(each)
+            else:
+                raise ValueError
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ValueError(f"axes.prop_cycle is no cycler of literal values: {text}") from None
-    if count > MOST_IN_CYCLE:
-        raise ValueError(
-            f"Key axes.prop_cycle: expected at most {MOST_IN_CYCLE} entries, got {count}"
-        )
-
-
-def _entries(node: ast.expr) -> int:
-    """Return the number of entries of a cycle; raise a `ValueError` if it is none."""
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Mult):
-        both = _entries(node.left), _entries(node.right)
-        return max(both) if isinstance(node.op, ast.Add) else math.prod(both)
-    if not (isinstance(node, ast.Call) and getattr(node.func, "id", None) == "cycler"):
-        raise ValueError
-    arguments = [*node.args, *(keyword.value for keyword in node.keywords)]
-    return max((_length(ast.literal_eval(each)) for each in arguments), default=0)
-
-
-def _length(value: Any) -> int:
-    if isinstance(value, dict):
-        return max((_length(each) for each in value.values()), default=0)
-    return len(value) if isinstance(value, list | tuple | str) else 1
+        reason = "axes.prop_cycle is no sum of cyclers of literal values"
+        raise ValueError(f"{reason}: {text}") from None
 
 
 Width = Literal["column", "page", "slide"]
