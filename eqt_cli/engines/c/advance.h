@@ -157,16 +157,20 @@ EQT_INLINE eqt_mask eqt_wrong_somewhere(const eqt_lanes *lanes, eqt_real width)
 }
 
 /* Lets the sides of some lanes follow until all are right: one may depend on another. Those that a
-   crossing has just changed, `kept`, stay. */
+   crossing has just changed, `kept`, stay. Where no side has turned, none will in the next round. */
 static void eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *kept)
 {
     int j, round;
     for (round = 0; round <= EQT_COMPARISONS; round++) {
+        eqt_mask any = eqt_less(eqt_constant(0.0), eqt_constant(0.0));
         eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
         for (j = 0; j < EQT_COMPARISONS; j++) {
             eqt_mask turned = where & ~kept[j] & eqt_wrong(lanes, j, eqt_constant(0.0));
             lanes->sides[j] = eqt_select(turned, -lanes->sides[j], lanes->sides[j]);
+            any |= turned;
         }
+        if (!eqt_any(any))
+            return;
     }
 }
 
