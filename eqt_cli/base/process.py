@@ -15,9 +15,9 @@ from typing import Any, TextIO
 
 # Turns requests to stop into exceptions: Ctrl-C, and the signals of clusters and terminals --------
 #
-# A signal is deferred while a library is loaded, a process is started or pydantic checks a value:
-# the first two must not remain half done, and pydantic makes an error of the value of any
-# exception.
+# A signal is deferred while a library is loaded, a process is started, pydantic checks a value or
+# HDF5 reads a file: the first two must not remain half done, and the others make an error of the
+# value, or damage of the file, of any exception.
 
 
 STOP_SIGNALS = tuple(
@@ -173,11 +173,11 @@ def _signal_main_thread(number: int) -> None:
 
 
 def _must_not_interrupt(frame: FrameType | None) -> bool:
-    """Whether a module is imported, a process is started or pydantic builds or checks a value."""
+    """Whether a module is imported, a process started, a value checked or a result read."""
     while frame is not None:
         file, function = frame.f_code.co_filename, frame.f_code.co_name
-        library = str(frame.f_globals.get("__name__")).partition(".")[0]
-        if file.startswith("<frozen importlib") or library == "pydantic":
+        module = str(frame.f_globals.get("__name__"))
+        if file.startswith("<frozen importlib") or module.startswith(_SWALLOWING):
             return True
         if function == "start" and file.endswith(_PROCESSES):
             return True
@@ -186,6 +186,8 @@ def _must_not_interrupt(frame: FrameType | None) -> bool:
 
 
 _PROCESSES = str(Path("multiprocessing", "process.py"))
+_SWALLOWING = ("pydantic", "h5py", "eqt_cli.base.store_reader")
+"""Modules that take an exception for an error of the value or the file at hand."""
 
 
 @contextmanager

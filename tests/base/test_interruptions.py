@@ -8,9 +8,12 @@ import sys
 import time
 from typing import Annotated
 
+import h5py
 import pytest
 from pydantic import BaseModel, BeforeValidator, Discriminator, Tag, TypeAdapter
 
+from eqt_cli.base import store_reader
+from eqt_cli.base.errors import ResultError
 from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 
 
@@ -93,6 +96,32 @@ def test_a_signal_during_an_import_ends_the_wait_after_it(tmp_path, monkeypatch)
         load_and_wait()
     assert waited == []
     assert name in sys.modules
+
+
+def test_a_signal_while_a_file_is_read_is_no_damage_of_it(tmp_path, monkeypatch):
+    """HDF5 makes an error of its own of what is raised where it calls back."""
+    path, waited = tmp_path / "small.h5", []
+    h5py.File(path, "w").close()
+
+    def told(file):
+        try:
+            signal.raise_signal(signal.SIGTERM)
+            time.sleep(0)
+        except BaseException:
+            raise OSError("cannot read") from None
+
+    monkeypatch.setattr(store_reader, "format_of", told)
+
+    def open_and_wait():
+        with as_exceptions(lambda: None):
+            with pytest.raises(ResultError, match="is an HDF5 file, but not one of eqt's"):
+                store_reader.ResultFile(path)
+            time.sleep(10)
+            waited.append("to the end")
+
+    with pytest.raises(Interrupted) as raised:
+        open_and_wait()
+    assert (raised.value.exit_code, waited) == (143, [])
 
 
 def told(value):
