@@ -68,7 +68,12 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     """
     words, rtol = loop_in_words(config), config["solver"].get("rtol")
     rows = [entry["thrusters"] for entry in config.get("actuators") or () if "thrusters" in entry]
+    forces = [
+        each for of in ("model", "plant") for each in (config.get(of) or {}).get("forces") or ()
+    ]
+    ups = [each["up"] for each in forces if each.get("up")]
     return {
+        "down": any(str(up[-1]).startswith("-") for up in ups),
         "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
         "rtol": rtol if isinstance(rtol, float) else None,
         "seed": config["ensemble"]["seed"],

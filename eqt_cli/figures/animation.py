@@ -17,7 +17,16 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import Part, group_named
-from eqt_cli.figures.bodies import CORNERS, FACES, BodyPath, course, discs, moving_parts, rotors
+from eqt_cli.figures.bodies import (
+    CORNERS,
+    FACES,
+    BodyPath,
+    course,
+    discs,
+    moving_parts,
+    rotors,
+    upright,
+)
 from eqt_cli.figures.cells import scale_norm
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.labels import quantity, signal_label
@@ -50,6 +59,8 @@ class Motion:
         The controllers, in the order of curves and bodies.
     body, reference
         Courses of the bodies, with a leading controller axis, and of the reference.
+    frame : (3, 3)
+        What `bodies.upright` turned them by.
     has_translation
         Whether bodies move as well as turn.
     thrusts : (controllers, samples, thrusters, 2, 3)
@@ -67,6 +78,7 @@ class Motion:
     ensembles: Sequence[Ensemble]
     body: BodyPath
     reference: BodyPath
+    frame: Array
     has_translation: bool
     thrusts: Array
     rotors: Array
@@ -110,13 +122,14 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
     ends = [end for end in ends if results.has(f"pose_error{end}")] or [""]
     norms = [norm + end for norm in ("pose_error", "torque_norm") for end in ends]
     norms = [source.in_space(norm) for norm in norms]
-    turned = rotors(results)
+    turned, frame = rotors(results), upright(results)
     return Motion(
         run=run,
         times=results.times,
         ensembles=ensembles,
-        body=course(results.trajectory("pose", run)[shown], turning, moving),
-        reference=course(results["desired_pose"], turning, moving),
+        body=course(results.trajectory("pose", run)[shown], turning, moving, frame),
+        reference=course(results["desired_pose"], turning, moving, frame),
+        frame=frame,
         has_translation=moving is not None,
         thrusts=_thrusts(results, run, shown, turned, moving),
         rotors=turned,
@@ -431,7 +444,7 @@ class _Body:
         rotors: dict[str, Any] = {"marker": "o", "markevery": 3, "markersize": 2, "linewidth": 1.4}
         (self.rotors,) = axes.plot([], [], color=ink(), zorder=5, **rotors)
         (self.arms,) = axes.plot([], [], color=self.colour, linewidth=0.8, zorder=3.5)
-        _draw_inertial(axes)
+        _draw_inertial(axes, self.motion.frame)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
         self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
 
@@ -508,10 +521,10 @@ class _BodyBlock:
             artist.set_visible(not hidden)
 
 
-def _draw_inertial(axes: Axes) -> None:
+def _draw_inertial(axes: Axes, frame: Array) -> None:
     """Draw the directions of the inertial frame in a corner."""
     corner, length = np.array([0.12, 0.11]), 0.09
-    for name, end in zip(INERTIAL, flat(np.eye(3)), strict=True):
+    for name, end in zip(INERTIAL, flat(frame.T), strict=True):
         to = corner + length * end
         look: dict[str, Any] = {"color": ink(), "transform": axes.transAxes}
         axes.plot(*zip(corner, to, strict=True), linewidth=0.8, zorder=6, **look)

@@ -31,8 +31,15 @@ def moving_parts(G: MatrixLieGroup) -> tuple[Part | None, Part | None]:
     return turning, next((part for part in G.parts if part.pose_unit == "m"), None)
 
 
-def course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath:
-    """Return orientations and positions of poses ``(..., d, d)``."""
+def upright(result: Result) -> Array:
+    """Return what turns the axes of space so that the last one points up, ``(3, 3)``."""
+    return np.diag([1.0, -1.0, -1.0]) if result.described.down else np.eye(3)
+
+
+def course(
+    poses: Array, turning: Part | None, moving: Part | None, frame: Array | None = None
+) -> BodyPath:
+    """Return orientations and positions of poses ``(..., d, d)``, in a frame turned from space."""
     rotation = np.broadcast_to(np.eye(3), (*poses.shape[:-2], 3, 3)).copy()
     position = np.zeros((*poses.shape[:-2], 3))
     if turning is not None:
@@ -42,7 +49,11 @@ def course(poses: Array, turning: Part | None, moving: Part | None) -> BodyPath:
     if moving is not None:
         column = poses[(..., *moving.entries)][..., 0]
         position[..., : column.shape[-1]] = column[..., :3]
-    return BodyPath(rotation, position)
+    return (
+        BodyPath(rotation, position)
+        if frame is None
+        else BodyPath(frame @ rotation, position @ frame.T)
+    )
 
 
 HALF_SIZES = (0.62, 0.36, 0.13)

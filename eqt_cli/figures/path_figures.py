@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
@@ -19,7 +20,7 @@ from eqt_cli.base.option_types import Count, CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import layout
 from eqt_cli.figures.animation import camera
-from eqt_cli.figures.bodies import course, moving_parts, outline
+from eqt_cli.figures.bodies import course, moving_parts, outline, upright
 from eqt_cli.figures.cells import even
 from eqt_cli.figures.curves import THIN, diverging, open_frame, thin_line
 from eqt_cli.figures.figure import OverTime, ShownRuns
@@ -61,6 +62,8 @@ _STEEPEST, _TURNED, _GRID = np.deg2rad(55), np.deg2rad(25), np.deg2rad(30)
 """Greatest height from which a sphere is seen, the turn of the eye from the paths, and the angle
 between the lines on the sphere, rad."""
 _AXES = "xyz"
+_GREY = 0.05
+"""Largest difference between the channels of a grey."""
 
 
 class Flown(NamedTuple):
@@ -140,13 +143,15 @@ class PathFigure(OverTime):
         low, high = ends[0] - _MARGIN * extent, ends[1] + _MARGIN * extent
         for k, path in enumerate(paths):
             inside = ((path.places >= low) & (path.places <= high)).all(axis=-1, keepdims=True)
+            inside = np.logical_and.accumulate(inside, axis=1)
             paths[k] = path._replace(places=np.where(inside, path.places, np.nan))
         view = view or _plane(ends)
         views = ("xy", "xz") if view == "planes" else (view,)
         eyes = {name: _eye(name, places) for name in views}
         many = max(len(path.places) for path in paths) > 1
         apart = len(paths) > 1 and (many or view == "sphere")
-        drawing, panels = _sheet(width, eyes, len(paths) if apart else 1, ends, unit)
+        signs = np.diag(upright(runs.results[0]))
+        drawing, panels = _sheet(width, eyes, len(paths) if apart else 1, ends, unit, signs)
         for number, path in enumerate(paths):
             behind = apart or path.law in _one_of_each(runs.shown)
             for name, eye in eyes.items():
@@ -194,7 +199,8 @@ class PathFigure(OverTime):
         """Return the paths of the first runs of a law."""
         parts, axis = moving_parts(runs.known_group()), _AXES.index(self.axis)
         poses = runs.values("pose", law, most), runs.desired("pose", law)
-        actual, desired = (course(each, *parts) for each in poses)
+        frame = upright(law.results) if view == "space" else None
+        actual, desired = (course(each, *parts, frame) for each in poses)
         if view == "sphere":
             R, Rd = actual[0], desired[0]
             if self.error:
@@ -214,6 +220,9 @@ class PathFigure(OverTime):
             ground = of.desired * [1, 1, 0] + ends[0] * [0, 0, 1]
             _draw(axes, eye, [ground], "shadow", {"color": ink(_PALE), "linewidth": 0.5})
         look = line_style(of.law.look) | {"linewidth": _LINE}
+        if view == "sphere":  # alone in its panel, over a grey reference
+            is_grey = np.ptp(to_rgb(of.law.look.colour)) < _GREY
+            look |= {"linestyle": "-"} | ({"color": ink()} if is_grey else {})
         look = thin_line(of.law.look, len(of.places)) if many else look
         _draw(axes, eye, of.places, of.law.label, look, view)
         seen = of.places @ eye.T
@@ -274,9 +283,24 @@ def _leaving(runs: ShownRuns, errors: Iterable[Mapping[str, Array]]) -> set[str]
     """Return the labels of laws of which an error diverges, and say that they are cut off."""
     far = {label for each in errors for label in diverging(each)}
     if far:
-        titles = ", ".join(e.title for e in runs.shown if e.label in far)
-        runs.remarks.append(f"Cut off, since it leaves the reference: {titles}.")
+        titles = ", ".join(f"“{e.title}”" for e in runs.shown if e.label in far)
+        runs.remarks.append(f"Cut off where it leaves the reference: {titles}.")
     return far
+
+
+def _cut_off(axes: Axes, far: set[str]) -> None:
+    """End curves where they leave what the other curves of a panel need."""
+    kept = [line.get_ydata() for line in axes.lines if line.get_label() not in far]
+    if not far or not kept:
+        return
+    values = np.concatenate(kept)
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
+    axes.set_ylim(low, high)
+    for line in (line for line in axes.lines if line.get_label() in far):
+        drawn = np.asarray(line.get_ydata())
+        inside = np.logical_and.accumulate((drawn >= low) & (drawn <= high))
+        line.set_ydata(np.where(inside, drawn, np.nan))
 
 
 def _plane(ends: Array) -> str:
@@ -306,9 +330,12 @@ def _columns(width: Width, laws: int) -> int:
 
 
 def _sheet(
-    width: Width, eyes: Mapping[str, Array], laws: int, ends: Array, unit: str
+    width: Width, eyes: Mapping[str, Array], laws: int, ends: Array, unit: str, signs: Array
 ) -> tuple[Drawing, dict[str, Axes]]:
-    """Return a figure of panels to one scale, by view and number of the column of laws."""
+    """Return a figure of panels to one scale, by view and number of the column of laws.
+
+    `signs` are those of the axes of space, where the last one is drawn upwards.
+    """
     boxes = {layout.EMPTY: np.zeros((2, 2)), "sphere": np.array([[-0.5], [0.5]]) * [_GLOBE, _GLOBE]}
     corners = np.array([[ends[k][n] for n, k in enumerate(of)] for of in np.ndindex(2, 2, 2)])
     extent = float(np.ptp(ends, axis=0).max()) or 1.0
@@ -341,7 +368,7 @@ def _sheet(
         if view == "sphere":
             _draw_sphere(axes, eyes[view])
         elif view == "space":
-            _draw_room(axes, eyes[view], ends, unit)
+            _draw_room(axes, eyes[view], ends, unit, signs)
         else:
             lower = mosaic[r + 1][c] if r + 1 < len(mosaic) else layout.EMPTY
             first = c == 0 or mosaic[r][c - 1].split()[0] != view
@@ -349,7 +376,10 @@ def _sheet(
             axes.yaxis.set_major_locator(even())
             axes.tick_params(labelbottom=lower[0] != view[0], labelleft=first)
             axes.set_xlabel(quantity(view[0], unit) if lower[0] != view[0] else "")
-            layout.name_scale(axes, quantity(view[1], unit) if first else "")
+            down = bool(view[1] == "z" and signs[2] < 0)
+            layout.name_scale(axes, quantity(view[1], unit) + ", down" * down if first else "")
+            if down:
+                axes.invert_yaxis()
             open_frame(axes)
     return drawing, panels
 
@@ -396,7 +426,7 @@ def _draw_sphere(axes: Axes, eye: Array) -> None:
     axes.set(xlabel="right", ylabel="up")  # hidden, but names the numbers behind the figure
 
 
-def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str) -> None:
+def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str, signs: Array) -> None:
     """Draw the ground with numbers along its near edges, and heights on the walls behind."""
     axes.set_axis_off()
     low, high = ends
@@ -413,7 +443,7 @@ def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str) -> None:
             corners += [corners[1] + (high - low) * y] if k == 2 else []
             lines.append(np.array(corners) @ eye[:2].T)
             across, up = eye[:2] @ (place + gap * out)
-            text = f"{at + 0.0:.4g}".replace("-", "−")
+            text = f"{signs[k] * at + 0.0:.4g}".replace("-", "−")
             axes.text(across, up, text, ha="center", va="center", fontsize="small")
         across, up = eye[:2] @ (edge + (low[k] + high[k]) / 2 * axis + 3.4 * gap * out)
         axes.text(across, up, quantity(_AXES[k], unit), ha="center", va="center")
@@ -486,11 +516,7 @@ class PoseFigure(OverTime):
         )
         for name, axes in panels.items():
             open_frame(axes)
-            kept = [x.get_ydata() for x in axes.lines if x.get_label() not in far]
-            if far and kept:
-                values = np.concatenate(kept)
-                low, high = float(np.nanmin(values)), float(np.nanmax(values))
-                axes.set_ylim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+            _cut_off(axes, far)
             if name.endswith(" error"):
                 axes.set_ylim(bottom=0)
         handles = _laws(runs) | {"reference": Line2D([], [], **_reference())}
@@ -502,7 +528,7 @@ class PoseFigure(OverTime):
         """Draw the error of a part, by the end of its name; return that of each law."""
         signal = runs.in_space(f"pose_error{end}")
         label = runs.error_label(signal, degrees=self.degrees)
-        layout.name_scale(axes, label.replace("attitude error", "error"))
+        layout.name_scale(axes, label)
         drawn = {}
         for e in runs.shown:
             drawn[e.label] = runs.errors(signal, e, degrees=self.degrees, run=self.run)

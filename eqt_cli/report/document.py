@@ -181,7 +181,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "ground": [[_rounded(end) for end in line] for line in scene.ground],
         "trail": TRAIL,
         "axes": AXES | {"x": "currentColor"},
-        "inertial": list(INERTIAL),
+        "inertial": [*zip(INERTIAL, shown.frame.T.tolist(), strict=True)],
         "view": [float(AZIMUTH), float(ELEVATION)],
         "corners": CORNERS.tolist(),
         "faces": [list(face) for face in FACES],

@@ -158,6 +158,8 @@ class Experiment(BaseModel):
         Departures of the loop from the one of the theorems, as verify says them.
     thrusters
         Place, m, and direction of each thruster in the body; a planar one has z = 0.
+    down
+        Whether the last axis of space points down.
     holds
         Signals that are held between ticks, with the time between two changes, s; none where the
         clock or the actuators are swept.
@@ -176,6 +178,7 @@ class Experiment(BaseModel):
     loop: Words = ""
     departures: Words = ""
     thrusters: list[tuple[Arrow, Arrow]] = []
+    down: bool = False
     holds: dict[str, PositiveFloat] = {}
     decimate: PositiveInt = 1
 

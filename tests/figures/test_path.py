@@ -8,6 +8,7 @@ from said import error_of
 
 import eqt_cli
 from eqt_cli.cli.plot import _of_one
+from eqt_cli.figures.animation import camera, motion
 from eqt_cli.figures.bodies import CORNERS, FACES, outline, rotors
 from eqt_cli.figures.curves import diverging
 from eqt_cli.figures.path_figures import PathFigure, PoseFigure, continuous
@@ -130,7 +131,36 @@ def test_a_law_that_leaves_is_cut_off_and_named(se3, altered, opened):
     pose[1, 0, :, 0, 3] += 10.0 ** np.linspace(-3, 6, 41)
     drawing = PathFigure(view="xz").draw([altered(se3, pose=pose)])
     assert np.ptp(drawing.axes[0].get_xlim()) < 50
-    assert "Cut off, since it leaves the reference: GT." in drawing.get_supxlabel()
+    assert "Cut off where it leaves the reference: “GT”." in drawing.get_supxlabel()
+
+
+def test_a_path_ends_where_it_leaves_and_does_not_come_back(se3, altered, opened):
+    pose = opened(se3)["pose"].copy()
+    pose[1, 0, 20:, 0, 3] = 1e6
+    pose[1, 0, 30:35, :3, 3] = pose[0, 0, 30:35, :3, 3]
+    axes = PathFigure(view="xz").draw([altered(se3, pose=pose)]).axes[0]
+    assert np.flatnonzero(np.isfinite(curve(axes, "gt 0")).all(axis=-1)).tolist() == [*range(20)]
+
+
+@pytest.mark.parametrize(("up", "down"), [(1, False), (-1, True)])
+def test_a_last_axis_that_points_down_is_drawn_so(up, down, simulate, opened):
+    """In the plane and in space; the file says which way is up."""
+    forces = [{"kind": "restoring", "weight": 1.0, "up": [0, 0, up]}]
+    brief = {"time": {"duration": 0.5, "samples": 3}, "controllers": ["eqt"], "inertia": 1.0}
+    brief["reference"] = {"torque": ["0.1", "0", "0", "0", "0.2", "0"]}
+    result = opened(simulate(group="SE3", plant={"forces": forces}, **brief))
+    (axes,) = PathFigure(view="xz").draw([result]).axes
+    assert axes.yaxis_inverted() == down
+    assert axes.get_ylabel() == r"$z$ $(\mathrm{m})$" + ", down" * down
+    (room,) = PathFigure(view="space").draw([result]).axes
+    drawn = curve(room, "eqt 0")
+    height = result["pose"][0, 0, :, 2, 3] * up
+    sideways = result["pose"][0, 0, :, :2, 3] * [1, up]
+    seen = np.column_stack([sideways, height]) @ camera()[:2].T
+    np.testing.assert_allclose(drawn, seen, atol=1e-12)
+    shown = motion(result, 0)
+    np.testing.assert_allclose(shown.body.position[0, :, 2], height)
+    np.testing.assert_allclose(shown.frame @ [0, 0, up], [0, 0, 1])
 
 
 def test_diverging_is_what_ends_ten_times_above_all_others():
@@ -190,7 +220,7 @@ def test_pose_shows_components_reference_and_errors(se3, opened, picture):
         r"$x$ $(\mathrm{m})$", r"roll $(\mathrm{deg})$",
         r"$y$ $(\mathrm{m})$", r"pitch $(\mathrm{deg})$",
         r"$z$ $(\mathrm{m})$", r"yaw $(\mathrm{deg})$",
-        r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$", r"error $(\mathrm{deg})$",
+        r"$\|p - p_{\mathrm{d}}\|$ $(\mathrm{m})$", r"attitude error $(\mathrm{deg})$",
     ]  # fmt: skip
     pose = results["pose"][0, 2]
     y = curve(panels[r"$y$ $(\mathrm{m})$"], "eqt")[:, 1]
@@ -204,7 +234,7 @@ def test_pose_shows_components_reference_and_errors(se3, opened, picture):
         # enlarges that.
         np.testing.assert_allclose(turns, np.round(turns), atol=1e-5)
         assert there.sum() > 35
-    errors = curve(panels[r"error $(\mathrm{deg})$"], "gt")[:, 1]
+    errors = curve(panels[r"attitude error $(\mathrm{deg})$"], "gt")[:, 1]
     np.testing.assert_array_equal(errors, results["attitude_angle"][1, 2])
 
 

@@ -118,8 +118,8 @@
     if (!body) parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: look.colour }, "run failed"));
 
     // The directions of the inertial frame, in a corner.
-    data.inertial.forEach((name, k) => {
-      const [x, y] = [eye[0][k], -eye[1][k]], corner = [30, SIZE - 28];
+    data.inertial.forEach(([name, axis]) => {
+      const [x, y] = [dot(eye[0], axis), -dot(eye[1], axis)], corner = [30, SIZE - 28];
       parts.push(element("path", { class: "inertial", d: line([corner, [corner[0] + 20 * x, corner[1] + 20 * y]]) }));
       parts.push(element("text", { class: "inertial-name", x: corner[0] + 29 * x, y: corner[1] + 29 * y }, name));
     });
