@@ -208,7 +208,8 @@ class Torque(Panelled, OverTime):
         ]
         if not self.panels and 0 < len(still) < len(wanted):
             wanted = [name for name in wanted if name not in still]
-            runs.remarks.append(f"Nothing pushes along {', '.join(still)}.")
+            none = (f"${force_component(x, unit)}$" for x, unit in runs.axes if x in still)
+            runs.remarks.append(f"Nothing pushes along {', '.join(none)}.")
         units = {name: unit for name, unit in runs.axes if name in wanted}
         size = "size of the " if self.log else ""
         what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
@@ -306,6 +307,8 @@ _STEP = 0.03
 """Least step of a curve that counts, as a share of its range."""
 _MOST_TURNS, _SHOWN_TURNS, _BINS = 200, 20, 150
 """Most turns of a curve in a panel, those of a closer look, and parts of a range over time."""
+_SKIPPED = 1.5
+"""Periods of the control between two samples from which they hide what is between them."""
 _CLOSELY = "closely"
 """Row of a closer look."""
 _FEW = 4
@@ -398,6 +401,16 @@ class Commands(Panelled, OverTime):
 
         None if every curve can be drawn.
         """
+        one = runs.shown[0]
+        control, stored = (
+            one.results.loops[one.law].vehicle.control,
+            float(np.diff(runs.times(one))[0]),
+        )
+        period = control.period if control else np.inf
+        if stored > _SKIPPED * period:
+            words = f"Stored every {stored:.3g} s, commanded every {period:.3g} s"
+            runs.remarks.append(f"{words}: faster motion is not seen.")
+            return None
         most, found = _MOST_TURNS, None
         for e, (name, k) in product(runs.shown, places.items()):
             times, (output, command) = runs.times(e), self._values(runs, e, k)

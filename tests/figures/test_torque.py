@@ -162,6 +162,6 @@ def test_an_axis_along_which_nothing_pushes_has_no_panel_unless_asked(se3, alter
     pushed = altered(se3, torque=torque)
     drawing = Torque(share="total").draw([pushed])
     assert [axes.get_label() for axes in drawing.axes] == ["ωx", "vz", "ωy", "ωz"]
-    assert "Nothing pushes along vx, vy." in drawing.get_supxlabel()
+    assert "Nothing pushes along $f_{x}$, $f_{y}$." in drawing.get_supxlabel()
     (asked,) = Torque(share="total", panels=["vx"]).draw([pushed]).axes
     assert asked.get_label() == "vx"
