@@ -146,8 +146,6 @@ _DEVIATIONS = 3.0
 """Standard deviations from the middle of a band to its edges."""
 _OF_ONE, _OF_MEAN = 0.1, 0.28
 """Shares of ink between the limits of a run and between the limits of a mean."""
-_ALIKE = 0.05
-"""Bands that differ by less than this share of the widest are drawn as the first of them."""
 _LINE = 0.8
 """Line width of a coordinate, pt."""
 
@@ -156,9 +154,10 @@ _LINE = 0.8
 class EstimateFigure(OverTime):
     """Errors of the estimate in one run within ±3 of its own deviations; NEES with χ² limits.
 
-    A column per law. Errors are those of the pose, in exponential coordinates, and of the
-    bias, part by part. Two shades in the lowest panels are 95 % of χ²: that of one run and, darker,
-    that of the mean over runs. A filter without a covariance has neither bands nor NEES.
+    A column per law. Errors are those of the pose, in exponential coordinates, and of the bias,
+    part by part, in the band of the coordinate with the largest deviation. Two shades in the lowest
+    panels are 95 % of χ²: that of one run and, darker, that of the mean over runs. A filter without
+    a covariance has neither bands nor NEES.
 
     Attributes
     ----------
@@ -227,24 +226,22 @@ class EstimateFigure(OverTime):
         G: MatrixLieGroup,
         part: Part,
     ) -> float:
-        """Draw the errors in the coordinates of a part, each in its band; return what is to see.
+        """Draw the errors in the coordinates of a part in the widest of their bands.
+
+        Return what is to see.
 
         That is the largest error, and the usual width of the band, which is wide at the start.
         """
         times = runs.times(ensemble)
         values = runs.of_run(f"{error}_estimate_error", ensemble, self.run)[:, part.axes]
-        reach = np.zeros(values.shape)
+        reach = np.zeros(len(times))
         if ensemble.results.has(f"{error}_estimate_std"):
             deviation = runs.of_run(f"{error}_estimate_std", ensemble, self.run)[:, part.axes]
-            reach = _DEVIATIONS * deviation
-        alike = np.ptp(reach, axis=1).max() < _ALIKE * reach.max()
+            reach = _DEVIATIONS * deviation.max(axis=1)
+            axes.fill_between(times, -reach, reach, label="3σ", **band_look(ink()))
         for k, axis in enumerate(G.axis_names[part.axes]):
-            look = component_style(k)
-            if reach[:, k].any() and not (alike and k):
-                band = band_look(ink())
-                axes.fill_between(times, -reach[:, k], reach[:, k], label=f"3σ {axis}", **band)
-            axes.plot(times, values[:, k], label=axis, linewidth=_LINE, **look)
-        return float(max(np.abs(values).max(), np.median(reach, axis=0).max()))
+            axes.plot(times, values[:, k], label=axis, linewidth=_LINE, **component_style(k))
+        return float(max(np.abs(values).max(), np.median(reach)))
 
     def _judge(self, runs: ShownRuns, panels: dict[Axes, Ensemble]) -> None:
         """Draw NEES of the run and its mean over runs, each between its limits."""
