@@ -323,8 +323,8 @@ class Forest(OfDifferences):
         first, second = swept.titles
         differences = np.array([self._difference(*of_point) for of_point in values])
         _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
-        label = metric_label(swept.results, self.metric_of(swept), 40)
-        left.set_xlabel(f"{label}\n{first} − {second}, % of {second}")
+        words = free_text(swept.results.quantity(self.metric_of(swept)).plain, 40)
+        left.set_xlabel(f"difference of {words}\n{first} − {second}, % of {second}")
         for k, look in enumerate(swept.looks):
             share = shares(settled[:, k].astype(float), self.confidence)
             _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])

@@ -49,8 +49,10 @@ NO_NUMBERS = "<density>"
 sample over an edge."""
 _LEAST_OF_PANEL = 0.6
 """Least share of a panel's width for its name."""
-_WHOLE = 9
+_WHOLE = 12
 """Most characters of a word that is never broken in a name."""
+_FULL = 0.97
+"""Most of the width of a figure that a legend takes."""
 _ROW_PITCH = 1.15
 """Distance from row to row, in heights of a panel."""
 _LEAST_TYPE, _INDEX = 5.5, 0.7
@@ -222,6 +224,7 @@ def add_legend(
     The names are texts of a user, row by row; `whole` of them stay in one row, or start a new one.
     """
     room = figure.get_figwidth() - 0.5  # beside the handle
+    whole = whole if whole < len(names) else 1
     characters = _characters(room, size_of_type("legend.fontsize"))
     for rows in range(1, len(names) + 1):
         columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
@@ -239,7 +242,7 @@ def add_legend(
             # Not as labels above: Matplotlib leaves out those that begin with an underscore.
             text.set_text(free_text(name, characters))
         extent = legend.get_window_extent()
-        if extent.width <= figure.bbox.width or columns == 1:
+        if extent.width <= _FULL * figure.bbox.width or columns == 1:
             break
         legend.remove()
     figure.set_figheight(figure.get_figheight() + extent.height / figure.dpi)

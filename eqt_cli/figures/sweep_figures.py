@@ -46,7 +46,6 @@ _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0, "slide": 2.4}
 
 _LOWER: dict[Width, float] = {"column": 1.6, "page": 2.2, "slide": 1.6}
 """Heights of maps in several rows, in."""
-_EQUAL = 1e-9
 
 _COLOURS, _AROUND = 1.15, 0.5
 """Width of the colour scale and a map's scale, and height of title and scale, in."""
@@ -117,8 +116,8 @@ class SweepFigure(OfOneMetric):
             named = swept.laws(index)
             others = np.array([point not in named for point in range(len(means))])
             shown = np.where(others, means[:, index], np.nan)
-            written = cells.write(panel, shown, image, room)
-            cells.mark(panel, _best(means[:, index], better, written=written))
+            cells.write(panel, shown, image, room)
+            cells.mark(panel, _best(means[:, index], better))
             for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
             return image
@@ -186,16 +185,11 @@ def _draw_maps(
     return drawing
 
 
-def _best(means: Array, better: str, *, written: bool) -> list[int]:
-    """Return the points with the best mean: all written alike, or equal if means are not written.
-
-    The list is empty where no mean is better.
-    """
+def _best(means: Array, better: str) -> list[int]:
+    """Return the points with the best mean, as it is written in a cell; none if none is better."""
     if better == "neither" or not np.isfinite(means).any():
         return []
     best = np.nanmax(means) if better == "higher" else np.nanmin(means)
-    if not written:
-        return np.flatnonzero(np.isclose(means, best, rtol=_EQUAL, atol=0)).tolist()
     return [k for k, mean in enumerate(means) if np.isfinite(mean) and short(mean) == short(best)]
 
 
