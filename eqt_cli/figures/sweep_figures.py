@@ -1,7 +1,7 @@
 """Figures of sweeps: curves and maps, winners, trade-offs."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 
-from eqt_cli.analysis.certified import rates_of
+from eqt_cli.analysis.certified import box_of, rates_of
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map
@@ -350,16 +350,23 @@ class Settled(OfSweep):
     ----------
     by
         Time by which a run must have settled for good, s; its end if 0.
+    certified
+        Angle, deg, from which each law is proved to return at the first point, if it can be; this
+        is printed below, and takes some 15 s a law. None is proved if 0.
     """
 
     name: ClassVar[str] = "settled"
 
     by: float = 0.0
+    certified: float = 0.0
 
     def check(self, problems: Problems) -> None:
-        """Require a time of 0 or more."""
+        """Require a time of 0 or more, and an angle below a half-turn."""
         if not self.by >= 0:
             problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
+        if not 0 <= self.certified < 180:
+            message = f"expected an angle from 0 to below 180 deg, got {self.certified:g}"
+            problems.at("certified").add(message)
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw a panel of curves, or a map for each law, with scales from 0 to 100 %."""
@@ -367,6 +374,7 @@ class Settled(OfSweep):
         label = f"share settled {when} (%)"
         percent = 100 * shares(swept.settled(self.by).astype(float))
         share, low, high = np.moveaxis(percent, -1, 0)
+        swept.remarks += self._proved(swept) if self.certified else ()
         if len(axes) == 1:
             swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
             drawing = _draw_curves(swept, axes[0], share, np.array([low, high]), label, width)
@@ -392,6 +400,15 @@ class Settled(OfSweep):
             f"A cell per tested value, of {swept.count}; {_intervals(percent, written)}."
         )
         return drawing
+
+    def _proved(self, swept: ShownSweep) -> Iterator[str]:
+        """Yield what is proved of each law, where the runs only find."""
+        first = swept.results.point(0)
+        box = box_of(first["desired_velocity"])
+        for k, title in zip(swept.controllers, swept.titles, strict=True):
+            label = swept.results.labels[k]
+            found = rates_of(label, first.loops[label], [box], start=self.certified)
+            yield f"{title}, proved: {found.refused or found.rates[0].region}."
 
 
 def _intervals(percent: Array, written: list[bool]) -> str:

@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 from said import error_of
 
+from eqt_cli.analysis import certified
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import Resampling, relative_difference, share
 from eqt_cli.analysis.maps import NOBODY, compare_map
@@ -496,6 +497,22 @@ def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
     ]
     assert written == [[], ["0.5", "1"], ["0.5", "1"]]
     assert [axes.xaxis.label.get_visible() for axes in panels] == [False, True, True]
+
+
+@pytest.mark.slow("solves SDPs")
+def test_shares_may_stand_beside_what_is_proved(simulate, opened, monkeypatch):
+    pytest.importorskip("clarabel", reason="the extra certify is not installed")
+    monkeypatch.setattr(certified, "proved", lambda *_: (1, True))  # which takes seconds
+    laws = {"controllers": ["eqt", "lee2010"], "ensemble": {"runs": 2, "seed": 1}}
+    drawing = Settled(certified=60.0).draw([opened(simulate(sweep=ONE, **STARTS, **laws))])
+    eqt, lee, *_ = [line for line in drawing.get_supxlabel().split("\n") if "proved: " in line]
+    assert eqt.startswith("EqT, proved: from every start within 60° at rest")
+    assert lee.startswith("Lee 2010, proved: ") and "from every start" not in lee
+
+
+def test_an_angle_to_prove_is_below_a_half_turn(swept):
+    with pytest.raises(EqtError, match="certified: expected an angle from 0 to below 180 deg"):
+        Settled(certified=180.0).draw([swept(ONE)])
 
 
 def test_shares_of_cases_are_beside_each_other(swept, picture):
