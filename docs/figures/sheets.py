@@ -94,7 +94,7 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "pose": ("lee", "pose", {}),
     "pose, AUV": ("thrusters", "pose", {}),
     "pose, SE(2)": ("se2", "pose", {}),
-    "pose, SO(3)": ("paper", "pose", {"angles": "rotvec"}),
+    "pose, SO(3)": ("paper", "pose", {}),
     "pose, SE2(3)": ("se23", "pose", {}),
     "torque": ("paper", "torque", {}),
     "torque, SE(3)": ("se3", "torque", {}),

@@ -472,23 +472,18 @@ class PoseFigure(OverTime):
     ----------
     run
         Number of the run.
-    angles
-        ``rpy``, roll, pitch and yaw; or ``rotvec``, the rotation vector.
-    degrees
-        Angles in degrees.
     """
 
     name: ClassVar[str] = "pose"
 
     run: CountOrNone = 0
-    angles: Literal["rpy", "rotvec"] = "rpy"
-    degrees: bool = True
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
         parts = sorted(G.parts, key=lambda part: part.turns)
-        names = {part.name: self._names(runs, G, part) for part in parts}
+        shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
+        names = {part.name: _coordinates(G, part, shown_in[part.name][0]) for part in parts}
         ends = {name: f"_{name}" if len(parts) > 1 else "" for name in names}
         errors = {name: end for name, end in ends.items() if end in runs.parts}
         mosaic = [
@@ -502,13 +497,14 @@ class PoseFigure(OverTime):
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST_POSE)
         for part in parts:
             for e in runs.shown:
-                near = self._values(runs, G, part, runs.desired("pose", e))
-                values = self._values(runs, G, part, runs.of_run("pose", e, self.run), near)
+                near = _values(G, part, runs.desired("pose", e))
+                values = _values(G, part, runs.of_run("pose", e, self.run), near)
+                _, factor = shown_in[part.name]
                 for k, label in enumerate(names[part.name]):
-                    axes = panels[f"{part.name} {k}"]
+                    axes, times = panels[f"{part.name} {k}"], runs.times(e)
                     if e in _one_of_each(runs.shown):
-                        axes.plot(runs.times(e), near[:, k], label="desired", **_reference())
-                    axes.plot(runs.times(e), values[:, k], label=e.label, **line_style(e.look))
+                        axes.plot(times, factor * near[:, k], label="desired", **_reference())
+                    axes.plot(times, factor * values[:, k], label=e.label, **line_style(e.look))
                     layout.name_scale(axes, label)
         far = _leaving(
             runs,
@@ -527,62 +523,29 @@ class PoseFigure(OverTime):
     def _draw_error(self, runs: ShownRuns, axes: Axes, end: str) -> dict[str, Array]:
         """Draw the error of a part, by the end of its name; return that of each law."""
         signal = runs.in_space(f"pose_error{end}")
-        label = runs.error_label(signal, degrees=self.degrees)
-        layout.name_scale(axes, label)
+        layout.name_scale(axes, runs.error_label(signal, degrees=True))
         drawn = {}
         for e in runs.shown:
-            drawn[e.label] = runs.errors(signal, e, degrees=self.degrees, run=self.run)
+            drawn[e.label] = runs.errors(signal, e, degrees=True, run=self.run)
             axes.plot(runs.times(e), drawn[e.label], label=e.label, **line_style(e.look))
         return drawn
 
-    def _unit(self, runs: ShownRuns, part: Part) -> tuple[str, float]:
-        """Return the unit of a part, and the factor from rad or its own unit to it."""
-        unit = part.pose_unit if not part.turns else "deg" if self.degrees else "rad"
-        shown, factor = runs.results[0].shown_in("", unit)
-        return shown, np.degrees(factor) if unit == "deg" else factor
 
-    def _names(self, runs: ShownRuns, G: MatrixLieGroup, part: Part) -> list[str]:
-        """Return the labels of the scales of a part."""
-        unit, _ = self._unit(runs, part)
-        if not part.turns:
-            return [quantity(name, unit) for name in _coordinates(G, part)]
-        words = ["heading"] if _is_planar(part) else ["roll", "pitch", "yaw"]
-        if self.angles == "rotvec" and len(words) > 1:
-            words = [f"rotation, ${axis}$" for axis in _AXES]
-        return [in_words(each, unit) for each in words]
-
-    def _values(
-        self,
-        runs: ShownRuns,
-        G: MatrixLieGroup,
-        part: Part,
-        poses: Array,
-        near: Array | None = None,
-    ) -> Array:
-        """Return the coordinates of a part, ``(samples, coordinates)``, whole turns near others."""
-        _, factor = self._unit(runs, part)
-        beside = None if near is None else near / factor
-        if not part.turns or (self.angles == "rotvec" and not _is_planar(part)):
-            values, _ = part_curves(G, part, "pose", poses, degrees=False, near=beside)
-            return factor * values
-        values = continuous(_angles(poses[(..., *part.entries)]))
-        if beside is not None:
-            turns = np.nanmedian(beside - values, axis=0) / (2 * np.pi)
-            values = values + 2 * np.pi * np.round(turns)
-        return factor * values
+def _unit(part: Part) -> str:
+    return "deg" if part.turns else part.pose_unit
 
 
-def _is_planar(part: Part) -> bool:
-    return part.entries[0].stop - part.entries[0].start == 2
-
-
-def _angles(R: Array) -> Array:
-    """Return roll, pitch and yaw, or the heading, ``(samples, angles)``, rad."""
-    yaw = np.arctan2(R[:, 1, 0], R[:, 0, 0])
-    if R.shape[-1] == 2:
-        return yaw[:, None]
-    roll, pitch = np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
-    return np.stack([roll, pitch, yaw], axis=-1)
+def _values(G: MatrixLieGroup, part: Part, poses: Array, near: Array | None = None) -> Array:
+    """Return the coordinates of a part, ``(samples, coordinates)``, whole turns near others."""
+    if not part.turns:
+        return part_curves(G, part, "pose", poses, degrees=False)[0]
+    R = poses[(..., *part.entries)]
+    angles = np.arctan2(R[:, 1, 0], R[:, 0, 0])[:, None]  # yaw, or the heading
+    if R.shape[-1] == 3:
+        roll, pitch = np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
+        angles = np.column_stack([roll, pitch, angles])
+    values = np.degrees(continuous(angles))
+    return values if near is None else values + 360 * np.round(np.nanmedian(near - values, 0) / 360)
 
 
 def continuous(angles: Array) -> Array:
@@ -592,10 +555,12 @@ def continuous(angles: Array) -> Array:
     return np.where(jumps, np.nan, joined)
 
 
-def _coordinates(G: MatrixLieGroup, part: Part) -> list[str]:
-    """Return the symbols of the coordinates of a vector: ``x``, or ``v_{x}`` beside others."""
+def _coordinates(G: MatrixLieGroup, part: Part, unit: str) -> list[str]:
+    """Return the labels of a part's coordinates: ``x``, or ``v_{x}`` beside others, or angles."""
+    if part.turns:
+        words = ["roll", "pitch", "yaw"] if len(G.axis_names[part.axes]) == 3 else ["heading"]
+        return [in_words(each, unit) for each in words]
     names = [axis[1:] for axis in G.axis_names[part.axes]]
-    alone = sum(not each.turns for each in G.parts) == 1
-    if alone and all(name in _AXES for name in names):
-        return names
-    return [component(symbols(G, part)[0], name) for name in names]
+    if sum(not each.turns for each in G.parts) > 1 or not set(names) <= set(_AXES):
+        names = [component(symbols(G, part)[0], name) for name in names]
+    return [quantity(name, unit) for name in names]
