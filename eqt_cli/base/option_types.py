@@ -628,6 +628,8 @@ def _note_errors(
             messages[path] = str(context["error"])
         else:
             words = _EXPECTED[code].format(**context) if code in _EXPECTED else detail["msg"]
+            if any(isinstance(context.get(bound), float) for bound in ("ge", "lt")):
+                words = words.replace("a whole number", "a number").removesuffix(".0")
             expected.setdefault(path, []).append(words)
     noted = [*expected, *messages, *unknown]
     for path, alternatives in expected.items():

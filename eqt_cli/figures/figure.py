@@ -4,11 +4,12 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import ClassVar, Generic, Protocol, TypeVar, cast
+from typing import Annotated, ClassVar, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from pydantic import Field
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
@@ -617,13 +618,7 @@ class OfDifferences(OfOneMetric):
         Confidence of each interval on its own; of a map, 1 minus the probability of any false win.
     """
 
-    confidence: float = 0.95
-
-    def check(self, problems: Problems) -> None:
-        """Require a confidence between 0 and 1."""
-        if not 0 < self.confidence < 1:
-            expected = "expected a number between 0 and 1"
-            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
 
 
 @dataclass(frozen=True)

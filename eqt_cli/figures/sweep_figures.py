@@ -4,20 +4,20 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
+from pydantic import Field
 
 from eqt_cli.analysis.certified import box_of, rates_of
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import (
@@ -357,16 +357,8 @@ class Settled(OfSweep):
 
     name: ClassVar[str] = "settled"
 
-    by: float = 0.0
-    certified: float = 0.0
-
-    def check(self, problems: Problems) -> None:
-        """Require a time of 0 or more, and an angle below a half-turn."""
-        if not self.by >= 0:
-            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
-        if not 0 <= self.certified < 180:
-            message = f"expected an angle from 0 to below 180 deg, got {self.certified:g}"
-            problems.at("certified").add(message)
+    by: Annotated[float, Field(ge=0)] = 0.0
+    certified: Annotated[float, Field(ge=0, lt=180)] = 0.0
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw a panel of curves, or a map for each law, with scales from 0 to 100 %."""

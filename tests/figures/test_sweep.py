@@ -510,9 +510,17 @@ def test_shares_may_stand_beside_what_is_proved(simulate, opened, monkeypatch):
     assert lee.startswith("Lee 2010, proved: ") and "from every start" not in lee
 
 
-def test_an_angle_to_prove_is_below_a_half_turn(swept):
-    with pytest.raises(EqtError, match="certified: expected an angle from 0 to below 180 deg"):
-        Settled(certified=180.0).draw([swept(ONE)])
+@pytest.mark.parametrize(
+    ("figure", "said"),
+    [
+        (Settled(certified=180.0), "certified: expected a number less than 180, got 180"),
+        (Settled(by=-1.0), "by: expected a number of at least 0, got -1"),
+        (Winners(confidence=1.5), "confidence: expected a number less than 1, got 1.5"),
+    ],
+)
+def test_options_have_bounds(figure, said, swept):
+    with pytest.raises(EqtError, match=said):
+        figure.draw([swept(ONE)])
 
 
 def test_shares_of_cases_are_beside_each_other(swept, picture):
