@@ -627,9 +627,7 @@ def _note_errors(
         elif code == "value_error":
             messages[path] = str(context["error"])
         else:
-            words = _EXPECTED[code].format(**context) if code in _EXPECTED else detail["msg"]
-            if any(isinstance(context.get(bound), float) for bound in ("ge", "lt")):
-                words = words.replace("a whole number", "a number").removesuffix(".0")
+            words = _expectation(code, context) if code in _EXPECTED else detail["msg"]
             expected.setdefault(path, []).append(words)
     noted = [*expected, *messages, *unknown]
     for path, alternatives in expected.items():
@@ -645,6 +643,14 @@ def _note_errors(
         if not (path in meant and message.startswith(MISSING)):
             problems.at(*path).add(message)
     return list(unknown)
+
+
+def _expectation(code: str, context: Mapping[str, Any]) -> str:
+    """Return what was expected, in words; a bound that is no whole number is of any number."""
+    words = _EXPECTED[code].format(**context)
+    if any(isinstance(context.get(bound), float) for bound in ("ge", "lt")):
+        return words.replace("a whole number", "a number").removesuffix(".0")
+    return words
 
 
 def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> str:

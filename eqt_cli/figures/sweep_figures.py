@@ -270,7 +270,7 @@ class Winners(OfDifferences):
         cells.hatch(panel, failed, WITH_FAILED)
         room = (WIDTHS[width] - _SCALE) / columns
         if room >= _NUMBER and height / rows >= _CELL * 0.6:
-            _number_leads(panel, cells, wins, int(room / _LETTER))
+            _number_leads(panel, cells, wins, int(room / _LETTER), pale=too_few)
         below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
         drawing.set_figheight(height + below)
         add_title(
@@ -298,14 +298,18 @@ class Winners(OfDifferences):
         return drawing
 
 
-def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
-    """Write each lead, and the law if its name fits in a line of `characters`."""
+def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int, *, pale: bool) -> None:
+    """Write each lead, and the law if its name fits in a line of `characters`.
+
+    Where no law wins, the pale colours of the better means have the law alone.
+    """
     for cell in wins.cells:
-        if cell.winner != NOBODY and np.isfinite(cell.lead.value):
+        law, value = (cell.best, 0.0) if pale else (cell.winner, cell.lead.value)
+        if law != NOBODY and np.isfinite(value):
             place = cells.columns[cell.point], cells.rows[cell.point]
-            lead, title = f"{100 * abs(cell.lead.value):.2g}", wins.titles[cell.winner]
+            lead, title = "" if pale else f"{100 * abs(value):.2g}", wins.titles[law]
             text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
-            panel.annotate(text, place, ha="center", va="center", fontsize="small")
+            panel.annotate(text.strip(), place, ha="center", va="center", fontsize="small")
 
 
 def _explain_winners(

@@ -371,6 +371,8 @@ def test_without_any_win_the_better_means_have_pale_colours(swept, picture):
     assert cells.tolist() == (1 + means.argmin(axis=-1)).ravel().tolist()
     assert drawing.axes[0].collections[0].get_alpha() == _PALE_TINT
     assert [text.get_text() for text in drawing.legends[0].get_texts()] == ["EqT", "GT"]
+    named = ["EqT" if law == 0 else "GT" for law in results["effort"].mean(axis=-1).argmin(axis=1)]
+    assert [text.get_text() for text in drawing.axes[0].texts] == named
 
 
 def test_cases_are_not_joined_by_lines(swept, picture):
