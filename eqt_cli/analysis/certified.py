@@ -8,6 +8,7 @@ computed exactly, semidefinite programs find P and λ in floats, and fractions p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -178,7 +179,7 @@ class Certified:
     slowest_rate
         The rate of this mode, 1/s, which no proved rate exceeds.
     gain, region
-        What a push does, if asked and proved; from where a law returns, if asked.
+        What a push does, and from where a law returns, if asked.
     """
 
     rate: Fraction | None
@@ -204,9 +205,11 @@ def certified(A: Array, box: Box, B: Array | None = None, push: float = 0.0) -> 
     overshoot = np.inf if proof is None else float(np.sqrt(np.linalg.cond(proof.astype(float))))
     rows = None if proof is None else entrywise(str, proof).tolist()
     ends, gain = np.array(box, dtype=float), None
-    if B is not None and rate is not None:
+    if B is not None:
         tried = np.vstack([np.array(corners, dtype=float), slowest])
-        gain = _gain(at_corners, B, float(rate), push, tried, A.astype(float))
+        gain = Gain(push)
+        if rate is not None:
+            gain = _gain(at_corners, B, float(rate), push, tried, A.astype(float)) or gain
     return Certified(rate, rows, overshoot, ends.tolist(), slowest.tolist(), bound, gain)
 
 
@@ -268,12 +271,7 @@ def minimum(cost: Sequence[float], lmis: Sequence[Any]) -> Array:
     """
     from scipy.sparse import csc_matrix  # slow to import
 
-    try:
-        import clarabel
-    except ImportError as error:
-        message = "certified rates need Clarabel (extra certify): pip install clarabel"
-        raise EqtError(message) from error
-    entries, cones = [], []
+    clarabel, entries, cones = _clarabel(), [], []
     for F in map(np.asarray, lmis):
         rows, columns = np.tril_indices(F.shape[-1])  # of the upper triangle, column by column
         packed = F[..., rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2.0))
@@ -284,6 +282,24 @@ def minimum(cost: Sequence[float], lmis: Sequence[Any]) -> Array:
     settings.verbose = False
     program = none, cost, csc_matrix(stacked[:, 1:]), -stacked[:, 0], cones, settings
     return np.array(clarabel.DefaultSolver(*program).solve().x)
+
+
+def _clarabel() -> Any:
+    try:
+        import clarabel
+    except ImportError as error:
+        message = "certified rates need Clarabel (extra certify): pip install clarabel"
+        raise EqtError(message) from error
+    return clarabel
+
+
+def check_asked(push: float, start: float) -> None:
+    """Refuse a push, N m, or an angle of a start, deg, of which nothing can be proved here."""
+    if not 0 <= push < np.inf:
+        raise InputError(f"push: expected 0 N m or more, got {push:g}")
+    if not 0 <= start < 180:
+        raise InputError(f"the angle of a start: expected 0 to below 180 deg, got {start:g}")
+    _clarabel()
 
 
 def _proved(A: Sequence[Array], P: Array) -> tuple[Fraction | None, Array | None]:
@@ -329,22 +345,33 @@ class Gain:
         Of ``peak`` and ``energy``, α, μ (the square in rad/(N m)) and Q in fractions, as text: with
         ε = Cx, AQ + QAᵀ + αQ + BBᵀ/α ≺ 0 and CQCᵀ ≺ μI at every corner; or
         [[AQ + QAᵀ + BBᵀ, QCᵀ], [CQ, −μI]] ≺ 0.
+    refused
+        Reason why nothing was tried; without one and ``peak``, nothing was proved.
     """
 
     push: float
-    peak: float
-    aligned: float
-    at: list[float]
-    energy: float
-    proofs: dict[str, Any]
+    peak: float | None = None
+    aligned: float | None = None
+    at: list[float] | None = None
+    energy: float | None = None
+    proofs: dict[str, Any] = field(default_factory=dict)
+    refused: str = ""
 
     def __str__(self) -> str:
         """What is proved, in words that go on from the name of the law; bounds are rounded up."""
+        if self.peak is None or self.aligned is None or self.energy is None:
+            return self.refused or f"has no proved bound of a push of {self.push:g} N m"
         return (
-            f"is turned by at most {self.peak + 5e-3:.2f}° by a push of {self.push:g} N m to first "
-            f"order, and by {self.aligned - 5e-3:.2f}° at the worst constant V_d; L2 gain "
-            f"{self.energy + 5e-4:.3f} rad/(N m)"
+            f"is turned by at most {_rounded(self.peak, 4, up=True)}° by a push of {self.push:g} "
+            f"N m to first order, and by {_rounded(self.aligned, 4)}° at the worst constant V_d; "
+            f"L2 gain {_rounded(self.energy, 4, up=True)} rad/(N m)"
         )
+
+
+def _rounded(number: float, digits: int, *, up: bool = False) -> str:
+    """Return a positive number with so many significant digits, rounded down or up."""
+    unit = 10.0 ** (math.floor(math.log10(number)) + 1 - digits) if number > 0 else 1.0
+    return f"{(math.ceil if up else math.floor)(number / unit) * unit:#.{digits}g}"
 
 
 def _gain(
@@ -372,7 +399,10 @@ def _block(A: Array, B: Array, Q: Array, alpha: Any, mu: Any) -> Array:
 
 def _bounded(corners: Sequence[Array], B: Array, rate: float) -> dict[str, Any]:
     """Return α, the least μ, and Q if fractions prove them at all corners; else nothing."""
+    # In a unit of the wrench in which B is about 1: slack and digits must not depend on the units.
+    unit = Fraction(2) ** round(np.log2(np.abs(B.astype(float)).max()))
     basis, alpha, lmis = basis_of(len(B)), Fraction(round(rate * DIGITS), DIGITS), []
+    B = B / unit
     for A in corners:
         floats, none = (A.astype(float), B.astype(float)), 0 * basis[0]
         F = _block(*floats, none, rate, 0.0)
@@ -384,6 +414,7 @@ def _bounded(corners: Sequence[Array], B: Array, rate: float) -> dict[str, Any]:
     Q = np.tensordot(np.array(entries), basis.astype(int), axes=1)
     if not (is_definite(Q) and all(is_definite(-_block(A, B, Q, alpha, mu)) for A in corners)):
         return {}
+    mu, Q = mu * unit**2, Q * unit**2
     return {"alpha": str(alpha), "mu": str(mu), "Q": entrywise(str, Q).tolist()}
 
 
@@ -413,8 +444,11 @@ def _aligned(A: Array, B: Array) -> Array:
 
 def _by_wrench(loop: ClosedLoop, A: Array) -> Array:
     """Return the fractions of B with ẋ = A x + B w, ``(n, 3)``, for wrenches w on SO(3)."""
+    none = "has no bound of what a push does: "
     if loop.group.name != "SO3":
-        raise InputError("has no bound of what a push does: eqt proves one on SO3 only")
+        raise InputError(f"{none}eqt proves one on SO3 only")
+    if not loop.vehicle.is_ideal:  # such as limits of the torque, which its linear part lacks
+        raise InputError(f"{none}{loop.vehicle.departures}")
     matrix = entrywise(lambda x: _exact(repr(float(x))), loop.inertia.at(0.0).matrix)
     return np.pad(_values(exact.inverse(matrix)), ((3, A.shape[-1] - 6), (0, 0)))
 
@@ -466,8 +500,8 @@ class Region:
         """What is proved, in words that go on from the name of the law."""
         if self.refused or not self.rate:
             return self.refused or f"has no decided region up to {self.angle:g}°"
-        within = (f" or {a:g}° and {v - 5e-3:.2f} rad/s" for a, v in self.starts)
-        falls = f"W falls at {self.rate - 5e-5:.4f} 1/s or faster"
+        within = (f" or {a:g}° and {_rounded(v, 3)} rad/s" for a, v in self.starts)
+        falls = f"W falls at {_rounded(self.rate, 4)} 1/s or faster"
         return f"from every start within {self.angle:g}° at rest{''.join(within)}: {falls}"
 
 
@@ -506,7 +540,8 @@ def _numbers(label: str, loop: ClosedLoop) -> tuple[Any, ...]:
     numbers = point[:4], loop.gains.K, loop.gains.K_d, loop.inertia.at(0.0).matrix
     weights, K, K_d, J = (entrywise(lambda x: Fraction(repr(float(x))), x) for x in numbers)
     if weights[1] + weights[2] != 1:
-        raise InputError(f"{none}L falls if c + n is 1, and here it is {sum(point[1:3]):g}")
+        off = float(weights[1] + weights[2] - 1)
+        raise InputError(f"{none}L falls if c + n is 1, and here c + n − 1 is {off:.3g}")
     if any((each != each[0, 0] * np.eye(3, dtype=int)).any() for each in (K, K_d)):
         raise InputError(f"{none}kp and kd must be multiples of the identity")
     states = ExactStates(label, loop, np.random.default_rng(0))
@@ -669,10 +704,13 @@ def rates_of(
 
     What is proved in a box is proved in those within it, so that no rate is below the next.
     """
-    found: list[Certified] = []
+    found, refused, B = list[Certified](), "", None
     try:
         A = affine(loop)
-        B = _by_wrench(loop, A) if push else None
+        try:
+            B = _by_wrench(loop, A) if push else None
+        except InputError as error:
+            refused = str(error)
         for box in reversed(boxes):
             with threadpool_limits(1):  # threads slow down small matrices
                 here = certified(A, box, B, push)
@@ -680,6 +718,7 @@ def rates_of(
                 here = replace(
                     here, **{k: getattr(found[-1], k) for k in ("rate", "P", "overshoot")}
                 )
+            here = replace(here, gain=Gain(push, refused=refused)) if refused else here
             found.append(replace(here, region=region(label, loop, box, start)) if start else here)
     # The others come from code that does not run on fractions, as a law in C.
     except (InputError, TypeError, ValueError, AttributeError, TraceError) as error:

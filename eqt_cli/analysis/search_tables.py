@@ -369,7 +369,8 @@ def _worst_notes(record: Record) -> Iterator[str]:
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
         if "certified" in law:
-            yield f"{law_title(law['label'])}, proved at this point: {law['certified']}."
+            where = "at this point, for references within its velocities"
+            yield f"{law_title(law['label'])}, proved {where}: {law['certified']}."
         if law["in_profile"]:
             values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
             yield (

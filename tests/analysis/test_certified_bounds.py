@@ -22,6 +22,7 @@ import eqt_cli
 from eqt_cli.analysis import certified, identities
 from eqt_cli.analysis.identities import forms_of_W, weights_of
 from eqt_cli.analysis.sample import ExactStates, Proof, Refutation, prove
+from eqt_cli.base.errors import InputError
 
 pytest.importorskip("clarabel", reason="the extra certify is not installed")
 
@@ -501,7 +502,10 @@ def test_what_has_no_region_is_refused_by_name() -> None:
     of_space = f"{none}only laws (g, c, n) with errors in space on SO3 have one"
     assert refusal(controllers=["lee2010"]) == of_space
     planted = {"kind": "family", "transport": -1.0}
-    assert refusal(controllers=[planted]) == f"{none}L falls if c + n is 1, and here it is -1"
+    off = f"{none}L falls if c + n is 1, and here c + n − 1 is "
+    assert refusal(controllers=[planted]) == f"{off}-2"
+    nearly = {"kind": "family", "transport": 1 - 0.7, "connection": 0.7}  # 0.30000000000000004
+    assert refusal(controllers=[nearly]) == f"{off}4e-17"
     limited = refusal(actuators=[{"kind": "limit", "limit": 1.0}])
     assert limited == f"{none}torque limited"
     stiff = "has a stiffness or damping in space that depends on the desired pose R_d"
@@ -521,7 +525,45 @@ def test_pushes_are_bounded_on_rotations_only() -> None:
         [0.5],
         push=1.0,
     )
-    assert law.refused == "has no bound of what a push does: eqt proves one on SO3 only"
+    none = "has no bound of what a push does: "
+    assert str(law.rates[0].gain) == f"{none}eqt proves one on SO3 only"
+    assert law.rates[0].rate  # which needs no push
+
+    limited = paper("eqt", actuators=[{"kind": "limit", "limit": 0.01}])
+    [law] = eqt_cli.certified(limited, [0.5], push=PUSH)  # more than the vehicle can give
+    assert str(law.rates[0].gain) == f"{none}torque limited"
+
+
+def test_a_gain_does_not_depend_on_the_unit_of_the_wrench() -> None:
+    """ẍ = −x − ẋ/2 + w about three axes, and the same with w in units from 1e-8 to 1e8."""
+    one, none = np.eye(3, dtype=int), np.zeros((3, 3), dtype=int)
+    A = np.block([[none, one], [-one, -one * Fraction(1, 2)]]) + Fraction(0)
+    B = np.vstack([none, one]) + Fraction(0)
+    for share in (0.2, 0.0):
+        mu = Fraction(certified._bounded([A], B, share)["mu"])
+        for unit in (Fraction(1, 10**8), Fraction(1, 1000), Fraction(10**5), Fraction(10**8)):
+            other = Fraction(certified._bounded([A], B * unit, share)["mu"])
+            assert float(other / unit**2 / mu) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_what_is_not_proved_is_said_and_numbers_have_digits() -> None:
+    assert str(certified.Gain(0.1)) == "has no proved bound of a push of 0.1 N m"
+    tiny = certified.Gain(1e-5, 0.00231, 0.00204, [0.0] * 3, 2.0093e-4, {})
+    assert str(tiny) == (
+        "is turned by at most 0.002310° by a push of 1e-05 N m to first order, and by 0.002040° "
+        "at the worst constant V_d; L2 gain 0.0002010 rad/(N m)"
+    )
+    slow = certified.Region(120.0, 1.239e-5, [[60.0, 0.004567]])
+    assert str(slow) == (
+        "from every start within 120° at rest or 60° and 0.00456 rad/s: W falls at 1.239e-05 1/s "
+        "or faster"
+    )
+
+
+@pytest.mark.parametrize(("push", "start"), [(-1.0, 0.0), (float("nan"), 0.0), (0.0, 180.0)])
+def test_what_cannot_be_asked_is_refused_first(push: float, start: float) -> None:
+    with pytest.raises(InputError, match="expected 0"):
+        certified.check_asked(push, start)
 
 
 # The evidence: W and its rate are those of the code -----------------------------------------------

@@ -133,6 +133,12 @@ def worst(folder, monkeypatch):
 
 
 @pytest.mark.slow("searches, and draws what it finds")
+def test_an_angle_to_prove_is_refused_before_the_search(refused, worst):
+    pytest.importorskip("clarabel", reason="the extra certify is not installed")
+    said = refused("worst", worst, "--certified", "200")
+    assert said == "eqt: the angle of a start: expected 0 to below 180 deg, got 200\n"
+
+
 def test_worst_prints_what_was_found_and_draws_it(eqt, worst):
     done = eqt("worst", worst, "--fail-above", "100")
     told = "at most 42 for the picture along all keys (worst.profile)"
