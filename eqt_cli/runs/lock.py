@@ -51,13 +51,21 @@ def commit_of(folder: Path) -> str | None:
     This command starts nothing that a repository names (hooks, filters, the monitor of files,
     helpers of remotes), as its system calls show; git refuses repositories of other users.
     """
-    words, null = ["git", "-C", str(folder), "rev-parse", "--verify", "HEAD"], subprocess.DEVNULL
+    null = subprocess.DEVNULL
     # Such variables name another repository, as where a hook of git starts eqt.
     env = {name: text for name, text in os.environ.items() if not name.startswith("GIT_")}
-    with suppress(OSError, subprocess.SubprocessError):
-        said = subprocess.check_output(words, stdin=null, stderr=null, env=env, timeout=_PATIENCE)
-        if match := _HASH.fullmatch(said):
-            return match[1].decode()
+
+    def told(*words: str) -> bytes:
+        asked = ["git", "-C", str(folder), "rev-parse", *words]
+        return subprocess.check_output(asked, stdin=null, stderr=null, env=env, timeout=_PATIENCE)
+
+    with suppress(OSError, ValueError, subprocess.SubprocessError):
+        match = _HASH.fullmatch(told("--verify", "HEAD"))
+        name = told("--symbolic-full-name", "HEAD").decode().rstrip("\n")
+        path = folder / told("--git-path", name).decode().rstrip("\n")
+        # A link may lead to any file with a hash in it, and results are shared.
+        links = any(each.is_symlink() for each in [path, *path.parents][: name.count("/") + 1])
+        return match[1].decode() if match and not links else None
     return None
 
 

@@ -248,6 +248,16 @@ def _reference_waits(git, main):
     os.mkfifo(main)
 
 
+def _reference_links_out(git, main):
+    main.unlink()
+    main.symlink_to(git.parents[1] / "heads/main")
+
+
+def _references_link_out(git, main):
+    shutil.rmtree(main.parent)
+    main.parent.symlink_to(git.parents[1] / "heads")
+
+
 def _settings_wait(git, main):
     os.mkfifo(git / "pipe")
     _put(git / "config", b"[include]\n\tpath = pipe\n")
@@ -279,6 +289,8 @@ HOSTILE = [
     _is_large,
     _waits,
     _reference_waits,
+    _reference_links_out,
+    _references_link_out,
     _settings_wait,
     _is_a_circle,
     _points_at_itself,
