@@ -98,9 +98,16 @@ class _Handler:
         self._at_once = at_once
         self._loss: weakref.finalize[Any, Interrupted] | None = None
         self._again: threading.Timer | None = None
+        self._deferred_at: float | None = None
+        self._sends_again = False
 
     def handle(self, number: int, frame: FrameType | None) -> None:
+        again, self._sends_again = self._sends_again, False
         if _must_not_interrupt(frame):
+            self._deferred_at = self._deferred_at or time.monotonic()
+            if not again and time.monotonic() > self._deferred_at + PATIENCE:
+                self._at_once()
+                _end_now(number)
             self._raise_again(number)
         elif self.requested_at is None:
             self.requested_at = time.monotonic()
@@ -127,9 +134,13 @@ class _Handler:
         """Send the signal again after a delay."""
         if self._again:
             self._again.cancel()
-        self._again = threading.Timer(AGAIN_AFTER, _signal_main_thread, [number])
+        self._again = threading.Timer(AGAIN_AFTER, self._send, [number])
         self._again.daemon = True
         self._again.start()
+
+    def _send(self, number: int) -> None:
+        self._sends_again = True
+        _signal_main_thread(number)
 
     def end(self) -> None:
         """Raise nothing again from now on."""
@@ -177,7 +188,8 @@ def _must_not_interrupt(frame: FrameType | None) -> bool:
     while frame is not None:
         file, function = frame.f_code.co_filename, frame.f_code.co_name
         module = str(frame.f_globals.get("__name__"))
-        if file.startswith("<frozen importlib") or module.startswith(_SWALLOWING):
+        library = module.partition(".")[0]
+        if file.startswith("<frozen importlib") or {library, module} & _SWALLOWING:
             return True
         if function == "start" and file.endswith(_PROCESSES):
             return True
@@ -186,7 +198,7 @@ def _must_not_interrupt(frame: FrameType | None) -> bool:
 
 
 _PROCESSES = str(Path("multiprocessing", "process.py"))
-_SWALLOWING = ("pydantic", "h5py", "eqt_cli.base.store_reader")
+_SWALLOWING = {"pydantic", "h5py", "eqt_cli.base.store_reader"}
 """Modules that take an exception for an error of the value or the file at hand."""
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import pickle
 import signal
+import sys
 import threading
 import time
 from abc import abstractmethod
@@ -15,7 +17,7 @@ from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field
 from itertools import islice
-from multiprocessing import connection, get_context
+from multiprocessing import connection, get_context, parent_process
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from threadpoolctl import threadpool_limits
@@ -291,6 +293,8 @@ def _serve(pipe: Any, task: Task) -> None:
     process.of_worker()
     # At exit, Python stops the workers that an interruption left with this signal.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if sys.platform != "linux":  # which ends it with its parent
+        threading.Thread(target=_end_with_parent, daemon=True).start()
     due = pending = 0.0
 
     def report(amount: float) -> None:
@@ -309,6 +313,14 @@ def _serve(pipe: Any, task: Task) -> None:
                 answer = ("error", _portable(error))
             pending = 0.0
             pipe.send(answer)
+
+
+def _end_with_parent() -> None:
+    """Exit when the parent process ends, even if it was killed."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
 
 
 def _portable(error: Exception) -> Exception:
