@@ -71,9 +71,9 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     forces = [
         each for of in ("model", "plant") for each in (config.get(of) or {}).get("forces") or ()
     ]
-    ups = [each["up"] for each in forces if each.get("up")]
+    ups = [each.get("up") for each in forces if each["kind"] == "restoring"]
     return {
-        "down": any(str(up[-1]).startswith("-") for up in ups),
+        "down": any(map(_is_down, ups)),
         "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
         "rtol": rtol if isinstance(rtol, float) else None,
         "seed": config["ensemble"]["seed"],
@@ -85,6 +85,13 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
             for each in next(filter(None, rows), ())
         ],
     }
+
+
+def _is_down(up: Any) -> bool:
+    """Whether a direction is against the last axis, mostly; None is along it."""
+    if not isinstance(up, list) or not all(isinstance(x, int | float) for x in up):
+        return False
+    return up[-1] == -max(map(abs, up)) < 0
 
 
 def loop_in_words(config: Mapping[str, Any]) -> str:

@@ -197,9 +197,10 @@ def add_title(axes: Axes, name: str, room: float) -> None:
     """Write a user's text as the title of a panel `room` inches wide."""
     # Room for the letter on both sides, since the title is centred.
     room = max(room - 2.5 * _LETTER, _LEAST_OF_PANEL * room)
-    fit = _characters(room, size_of_type("axes.titlesize"))
-    whole = [len(word) for word in name.split() if len(word) <= _WHOLE]
-    axes.set_title(free_text(name, max([fit, *whole])))
+    size = size_of_type("axes.titlesize")
+    fit = _characters(room, size)
+    longest = max([len(word) for word in name.split() if len(word) <= _WHOLE], default=0)
+    axes.set_title(free_text(name, max(fit, longest)), fontsize=size * min(1, fit / (longest or 1)))
 
 
 def add_letters(figure: Figure) -> None:

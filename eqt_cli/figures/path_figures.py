@@ -151,6 +151,8 @@ class PathFigure(OverTime):
         many = max(len(path.places) for path in paths) > 1
         apart = len(paths) > 1 and (many or view == "sphere")
         signs = np.diag(upright(runs.results[0]))
+        if len({one.described.down for one in runs.results}) > 1:
+            raise runs.error("draws a last axis up or down; show these results by themselves")
         drawing, panels = _sheet(width, eyes, len(paths) if apart else 1, ends, unit, signs)
         for number, path in enumerate(paths):
             behind = apart or path.law in _one_of_each(runs.shown)

@@ -270,7 +270,7 @@ class EstimateFigure(OverTime):
             for k, name in enumerate(names)
         }
         if judged:
-            handles[f"±{_DEVIATIONS:g}σ"] = Patch(**band_look(ink()))
+            handles[f"±{_DEVIATIONS:g}σ, the widest"] = Patch(**band_look(ink()))
             handles["NEES"] = Line2D([], [], **_NEES)
             handles["mean over runs"] = Line2D([], [], color=ink(), linewidth=_LINE)
             handles[r"95 % of $\chi^2$"] = Patch(facecolor=ink(_OF_ONE), linewidth=0)

@@ -81,7 +81,7 @@ class SweepFigure(OfOneMetric):
         """Draw means over the runs: one panel of curves, or a map per law."""
         name = self.metric_of(swept)
         swept.results.check_metrics([name], who=f"figure '{self.name}'")
-        if swept.results.quantity(name).counts:
+        if name == "settled":
             return Settled().compose(swept, width)
         axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
         label = metric_label(swept.results, name, 36)
@@ -404,7 +404,8 @@ class Settled(OfSweep):
         for k, title in zip(swept.controllers, swept.titles, strict=True):
             label = swept.results.labels[k]
             found = rates_of(label, first.loops[label], [box], start=self.certified)
-            yield f"{title}, proved: {found.refused or found.rates[0].region}."
+            said = found.refused or found.rates[0].region
+            yield f"{title}, proved for the loop and the reference of the first point: {said}."
 
 
 def _intervals(percent: Array, written: list[bool]) -> str:

@@ -401,16 +401,12 @@ class Commands(Panelled, OverTime):
 
         None if every curve can be drawn.
         """
-        one = runs.shown[0]
-        control, stored = (
-            one.results.loops[one.law].vehicle.control,
-            float(np.diff(runs.times(one))[0]),
-        )
-        period = control.period if control else np.inf
-        if stored > _SKIPPED * period:
-            words = f"Stored every {stored:.3g} s, commanded every {period:.3g} s"
-            runs.remarks.append(f"{words}: faster motion is not seen.")
-            return None
+        for e in runs.shown:
+            control, stored = e.results.loops[e.law].vehicle.control, np.diff(runs.times(e))[0]
+            if control and stored > _SKIPPED * control.period:
+                words = f"Stored every {stored:.3g} s, commanded every {control.period:.3g} s"
+                runs.remarks.append(f"{words}: faster motion is not seen.")
+                return None
         most, found = _MOST_TURNS, None
         for e, (name, k) in product(runs.shown, places.items()):
             times, (output, command) = runs.times(e), self._values(runs, e, k)

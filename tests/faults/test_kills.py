@@ -220,7 +220,7 @@ def test_kills_of_pack(reference, tmp_path, which):
         out = shutil.copytree(parted, tmp_path / f"out{number}")
         session = Session("pack", config, out, [])
         session.wait_for_start()
-        done += _strike_coordinator(session, rng, duration, out, 1, None)
+        done += _strike_coordinator(session, rng, duration, out, 1)
         if session.process.returncode == -9:
             session = Session("pack", config, out, [])
         session.finish()

@@ -7,6 +7,7 @@ import pytest
 from said import error_of
 
 import eqt_cli
+from eqt_cli.base.errors import EqtError
 from eqt_cli.cli.plot import _of_one
 from eqt_cli.figures.animation import camera, motion
 from eqt_cli.figures.bodies import CORNERS, FACES, outline, rotors
@@ -161,6 +162,17 @@ def test_a_last_axis_that_points_down_is_drawn_so(up, down, simulate, opened):
     shown = motion(result, 0)
     np.testing.assert_allclose(shown.body.position[0, :, 2], height)
     np.testing.assert_allclose(shown.frame @ [0, 0, up], [0, 0, 1])
+
+
+def test_results_of_which_one_points_down_are_not_drawn_together(simulate, opened):
+    brief = {"time": {"duration": 0.5, "samples": 3}, "controllers": ["eqt"], "inertia": 1.0}
+    brief |= {"group": "SE3", "reference": {"torque": ["0.1", "0", "0", "0", "0.2", "0"]}}
+    both = [
+        opened(simulate(plant={"forces": [{"kind": "restoring", "weight": 1, "up": up}]}, **brief))
+        for up in ([0, 0, 1], [0, 0, -1])
+    ]
+    with pytest.raises(EqtError, match="draws a last axis up or down; show these results by"):
+        PathFigure().draw(both)
 
 
 def test_diverging_is_what_ends_ten_times_above_all_others():
