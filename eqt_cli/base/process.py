@@ -98,24 +98,22 @@ class _Handler:
         self._at_once = at_once
         self._loss: weakref.finalize[Any, Interrupted] | None = None
         self._again: threading.Timer | None = None
-        self._deferred_at: float | None = None
+        self._first_at: float | None = None
         self._sends_again = False
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        again, self._sends_again = self._sends_again, False
-        if _must_not_interrupt(frame):
-            self._deferred_at = self._deferred_at or time.monotonic()
-            if not again and time.monotonic() > self._deferred_at + PATIENCE:
-                self._at_once()
-                _end_now(number)
+        again, self._sends_again, now = self._sends_again, False, time.monotonic()
+        deferred = _must_not_interrupt(frame)
+        self._first_at = self._first_at or now
+        if deferred and (again or now <= self._first_at + PATIENCE):
             self._raise_again(number)
-        elif self.requested_at is None:
-            self.requested_at = time.monotonic()
+        elif self.requested_at is None and not deferred:
+            self.requested_at = now
             raise self._interruption(number)
-        elif time.monotonic() > self.requested_at + PATIENCE:
+        elif now > (self.requested_at or self._first_at) + PATIENCE:
             self._at_once()
             _end_now(number)
-        elif time.monotonic() > self.requested_at + ONE_MOMENT:
+        elif now > (self.requested_at or now) + ONE_MOMENT:
             for each in STOP_SIGNALS:
                 if signal.getsignal(each) == self.handle:
                     signal.signal(each, signal.SIG_DFL)

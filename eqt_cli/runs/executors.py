@@ -317,10 +317,9 @@ def _serve(pipe: Any, task: Task) -> None:
 
 def _end_with_parent() -> None:
     """Exit when the parent process ends, even if it was killed."""
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(1)
+    parent: Any = parent_process()
+    connection.wait([parent.sentinel])
+    os._exit(1)
 
 
 def _portable(error: Exception) -> Exception:

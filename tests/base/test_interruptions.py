@@ -12,7 +12,7 @@ import h5py
 import pytest
 from pydantic import BaseModel, BeforeValidator, Discriminator, Tag, TypeAdapter
 
-from eqt_cli.base import store_reader
+from eqt_cli.base import process, store_reader
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 
@@ -122,6 +122,27 @@ def test_a_signal_while_a_file_is_read_is_no_damage_of_it(tmp_path, monkeypatch)
     with pytest.raises(Interrupted) as raised:
         open_and_wait()
     assert (raised.value.exit_code, waited) == (143, [])
+
+
+def test_a_second_signal_long_after_a_deferred_one_ends_at_once(tmp_path, monkeypatch):
+    """What is sent again by itself does not count; a file may keep Python busy for minutes."""
+    path, ended = tmp_path / "small.h5", []
+    h5py.File(path, "w").close()
+    monkeypatch.setattr(process, "PATIENCE", 0.1)
+    monkeypatch.setattr(process, "_end_now", ended.append)
+
+    def told(file):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(0.3)
+        assert ended == []
+        signal.raise_signal(signal.SIGTERM)
+        assert ended == [signal.SIGTERM]
+        raise ValueError("read")
+
+    monkeypatch.setattr(store_reader, "format_of", told)
+    with as_exceptions(lambda: None), pytest.raises(ResultError):
+        store_reader.ResultFile(path)
+    assert ended == [signal.SIGTERM]
 
 
 def told(value):
