@@ -172,7 +172,8 @@ class PathFigure(OverTime):
         handles |= {name: Line2D([], [], **dot) for name, dot in _ends(ink(0.7))}
         layout.add_legend(drawing, list(handles.values()), list(handles))
         turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
-        what = f": the body axis $e_{self.axis}$ {turned}" if view == "sphere" else ""
+        what = f": the body axis $e_{self.axis}$ {turned}, pale behind" if view == "sphere" else ""
+        what = "; on the ground, the shadow of the reference" if view == "space" else what
         first = {int(runs.numbers(law, 1)[0]) for law in runs.shown}
         which = f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
         which = f"First {max(len(p.places) for p in paths)} runs" if many else which

@@ -292,7 +292,7 @@ class Winners(OfDifferences):
             else [
                 "Numbers: difference from the next law in per cent of its mean.",
                 f"{len(wins.cells)} points, {wins.runs} runs each; probability of any false win ≤ "
-                f"{share}; failures rarer than 3/n of the runs are not excluded.",
+                f"{share}; failures of less than {3 / wins.runs:.2g} of all runs are not excluded.",
             ]
         )
         return drawing
@@ -486,7 +486,9 @@ class Pareto(OfSweep):
         panel.set_xlabel(metric_label(swept.results, cost_name, 36))
         panel.set_ylabel(metric_label(swept.results, error_name, 36))
         add_legend(drawing, lines, swept.titles)
-        swept.remarks.append(f"Each point: mean over {swept.count}.")
+        swept.remarks.append(
+            f"Each point: mean over {swept.count}. Pale: another is better in both."
+        )
         return drawing
 
 
