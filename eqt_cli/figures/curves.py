@@ -1,6 +1,6 @@
 """Curves shared by several figures: bands, single runs, paths; it knows no signal."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures.labels import free_text
-from eqt_cli.figures.shown import Ensemble
+from eqt_cli.figures.shown import Ensemble, ShownControllers
 from eqt_cli.figures.style import Look, ink, line_style
 
 BAND = (0.1, 0.9)
@@ -118,6 +118,30 @@ def diverging(curves: Mapping[str, Array]) -> list[str]:
         else:
             others = max(others, peaks[name])
     return far
+
+
+def leaving(shown: ShownControllers, errors: Iterable[Mapping[str, Array]]) -> set[str]:
+    """Return the labels of laws of which an error diverges, and say that they are cut off."""
+    far = {label for each in errors for label in diverging(each)}
+    if far:
+        titles = ", ".join(f"“{e.title}”" for e in shown.shown if e.label in far)
+        shown.remarks.append(f"Cut off where it leaves the reference: {titles}.")
+    return far
+
+
+def cut_off(axes: Axes, far: set[str]) -> None:
+    """End curves where they leave what the other curves of a panel need."""
+    kept = [line.get_ydata() for line in axes.lines if line.get_label() not in far]
+    if not far or not kept:
+        return
+    values = np.concatenate(kept)
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
+    axes.set_ylim(low, high)
+    for line in (line for line in axes.lines if line.get_label() in far):
+        drawn = np.asarray(line.get_ydata())
+        inside = np.logical_and.accumulate((drawn >= low) & (drawn <= high))
+        line.set_ydata(np.where(inside, drawn, np.nan))
 
 
 _MOST_NAME = 16

@@ -22,7 +22,7 @@ from eqt_cli.figures import layout
 from eqt_cli.figures.animation import camera
 from eqt_cli.figures.bodies import course, moving_parts, outline, upright
 from eqt_cli.figures.cells import even
-from eqt_cli.figures.curves import THIN, diverging, open_frame, thin_line
+from eqt_cli.figures.curves import THIN, cut_off, leaving, open_frame, thin_line
 from eqt_cli.figures.figure import OverTime, ShownRuns
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.shown import Ensemble
@@ -135,7 +135,7 @@ class PathFigure(OverTime):
             path.law.label: np.linalg.norm(path.places - path.desired, axis=-1).max(axis=0)
             for path in paths
         }
-        far = _leaving(runs, [away]) if view != "sphere" else []
+        far = leaving(runs, [away]) if view != "sphere" else []
         kept = [x.reshape(-1, 3) for p in paths if p.law.label not in far for x in p[2:]]
         places = np.concatenate(kept)
         ends = np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
@@ -280,30 +280,6 @@ def _reference(over: bool = False, *, rests: bool = False) -> dict[str, Any]:
 def _one_of_each(laws: Sequence[Ensemble]) -> list[Ensemble]:
     """Return the first law of each result, whose reference is drawn."""
     return [law for k, law in enumerate(laws) if law.results not in [e.results for e in laws[:k]]]
-
-
-def _leaving(runs: ShownRuns, errors: Iterable[Mapping[str, Array]]) -> set[str]:
-    """Return the labels of laws of which an error diverges, and say that they are cut off."""
-    far = {label for each in errors for label in diverging(each)}
-    if far:
-        titles = ", ".join(f"“{e.title}”" for e in runs.shown if e.label in far)
-        runs.remarks.append(f"Cut off where it leaves the reference: {titles}.")
-    return far
-
-
-def _cut_off(axes: Axes, far: set[str]) -> None:
-    """End curves where they leave what the other curves of a panel need."""
-    kept = [line.get_ydata() for line in axes.lines if line.get_label() not in far]
-    if not far or not kept:
-        return
-    values = np.concatenate(kept)
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
-    axes.set_ylim(low, high)
-    for line in (line for line in axes.lines if line.get_label() in far):
-        drawn = np.asarray(line.get_ydata())
-        inside = np.logical_and.accumulate((drawn >= low) & (drawn <= high))
-        line.set_ydata(np.where(inside, drawn, np.nan))
 
 
 def _plane(ends: Array) -> str:
@@ -509,13 +485,13 @@ class PoseFigure(OverTime):
                         axes.plot(times, factor * near[:, k], label="desired", **_reference())
                     axes.plot(times, factor * values[:, k], label=e.label, **line_style(e.look))
                     layout.name_scale(axes, label)
-        far = _leaving(
+        far = leaving(
             runs,
             [self._draw_error(runs, panels[f"{name} error"], end) for name, end in errors.items()],
         )
         for name, axes in panels.items():
             open_frame(axes)
-            _cut_off(axes, far)
+            cut_off(axes, far)
             if name.endswith(" error"):
                 axes.set_ylim(bottom=0)
         handles = _laws(runs) | {"reference": Line2D([], [], **_reference())}

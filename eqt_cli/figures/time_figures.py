@@ -17,7 +17,16 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
-from eqt_cli.figures.curves import Bands, bound, draw_middle, middle_of, of_bands, open_frame
+from eqt_cli.figures.curves import (
+    Bands,
+    bound,
+    cut_off,
+    draw_middle,
+    leaving,
+    middle_of,
+    of_bands,
+    open_frame,
+)
 from eqt_cli.figures.figure import OfReference, OverTime, Panelled, ShownRuns, law_columns
 from eqt_cli.figures.labels import (
     axis_labels,
@@ -224,7 +233,14 @@ class Torque(Panelled, OverTime):
                 draw_middle(panels[name], runs.times(ensemble), drawn, self.bands, ensemble)
         lines = panels[wanted[0]].lines
         handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
+        sizes = [
+            {str(x.get_label()): np.abs(np.asarray(x.get_ydata(), float)) for x in axes.lines}
+            for axes in panels.values()
+        ]
         handles |= {} if share == "feedback" else _draw_desired(runs, panels, log=self.log)
+        far = leaving(runs, sizes)
+        for axes in panels.values():
+            cut_off(axes, far)
         scale_rounding([(panels[name], unit) for name, unit in units.items()])
         for name, unit in units.items():
             symbol = force_component(name, unit)

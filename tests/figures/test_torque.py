@@ -165,3 +165,14 @@ def test_an_axis_along_which_nothing_pushes_has_no_panel_unless_asked(se3, alter
     assert "Nothing pushes along $f_{x}$, $f_{y}$." in drawing.get_supxlabel()
     (asked,) = Torque(share="total", panels=["vx"]).draw([pushed]).axes
     assert asked.get_label() == "vx"
+
+
+def test_a_torque_that_diverges_does_not_set_the_scale(so3, altered, opened):
+    torque = opened(so3)["torque"].copy()
+    others = np.abs(torque[[0, 2, 3], ..., 2]).max()
+    torque[1, ..., 2] = 10.0 ** np.linspace(-2, 6, 41)
+    drawing = Torque(share="total").draw([altered(so3, torque=torque)])
+    assert max(np.abs(drawing.axes[2].get_ylim())) < 2 * others
+    assert "Cut off where it leaves the reference: “GT”." in drawing.get_supxlabel()
+    (gone,) = (line for line in drawing.axes[2].lines if line.get_label() == "gt")
+    assert np.isnan(gone.get_ydata()[-1])
