@@ -284,8 +284,8 @@ class Errors(NamedTuple):
 
     Attributes
     ----------
-    pose : (..., d, d)
-        E with Q_m = Q E.
+    pose : (..., m)
+        n with Q_m = Q exp(n), as it is drawn; where it is measured, E = exp(n), ``(..., d, d)``.
     velocity : (..., m)
         b with V_m = V + b.
     arrived : (..., channels)
@@ -302,6 +302,11 @@ class Errors(NamedTuple):
     def of(self, *places: Any) -> "Errors":
         """Return the errors of some runs, or at some instants."""
         return Errors(*(part[places] for part in self.of_runs))
+
+    def measured(self, G: MatrixLieGroup, *places: Any) -> "Errors":
+        """Return the errors of some runs, or at some instants, with E."""
+        chosen = self.of(*places)
+        return chosen._replace(pose=G.exp(chosen.pose))
 
     @property
     def of_runs(self) -> list[Array]:

@@ -1,7 +1,7 @@
 """The parts between a law and the motion: actuators, sensors, estimators, forces, plant."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
@@ -112,8 +112,8 @@ class Vehicle:
         estimator = configured.estimator
 
         def flying(place: str, part: Any = None) -> Any:
-            random = random_of(place) if random_of else None
-            return (part or configured.parts[place]).of_run(G, random)
+            part = part or configured.parts[place]
+            return part.of_run(G, random_of(place) if random_of and part.varies else None)
 
         inertia = None if self.inertia is None else flying(INERTIA)
         acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
@@ -209,26 +209,30 @@ class Vehicle:
                 columns = axes if sensor.of is None else slice(None)
                 yield place, sensor, clock, axes, columns
 
-    def measurement_errors(self, G: MatrixLieGroup, instants: int, random_of: RandomOf) -> Errors:
-        """Return the measurement errors at the ticks of a run.
+    def measurement_errors(
+        self, G: MatrixLieGroup, instants: int, runs: Sequence[RandomOf]
+    ) -> Errors:
+        """Return the measurement errors of some runs at the ticks, ``(runs, instants, …)``.
 
         The numbers that a sensor draws for a part depend only on the index of the measurement.
         """
-        n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
-        bias = np.zeros((instants, 0 if self.estimator is None else G.dimension))
+        shape, holding = (len(runs), instants), self.holding(G)
+        n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY)}
+        bias = np.zeros((*shape, 0 if self.estimator is None else G.dimension))
         for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
-            drawn = sensor.errors(G, int(last[-1]) + 1, period, random_of(place))
-            errors, signal = drawn[last][:, columns], place.partition("[")[0]
-            n[signal][:, axes] += errors
+            sizes = G, int(last[-1]) + 1, period
+            drawn = np.array([sensor.errors(*sizes, random_of(place)) for random_of in runs])
+            errors, signal = drawn[:, last][..., columns], place.partition("[")[0]
+            n[signal][..., axes] += errors
             if self.estimator and signal == VELOCITY and sensor.bias_deviation(G) is not None:
-                bias[:, axes] += errors
+                bias[..., axes] += errors
         arrived = [
-            channel.arrivals(instants, random_of(f"{channel.name}.arrived"))
-            for channel in self.holding(G)
+            [channel.arrivals(instants, random_of(f"{channel.name}.arrived")) for random_of in runs]
+            for channel in holding
         ]
-        flags = np.array(arrived).reshape(len(arrived), instants).T
-        return Errors(G.exp(n[POSE]), n[VELOCITY], flags, bias)
+        flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
+        return Errors(n[POSE], n[VELOCITY], flags, bias)
 
     def after_measuring(
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]

@@ -57,7 +57,7 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.inertia import in_other_order, over_horizon
 from eqt_cli.components.initial_states import Stream, draw_initial_states, generator_at
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.sensors import Errors, Sensor
+from eqt_cli.components.sensors import Sensor
 from eqt_cli.components.vehicle import ACTUATORS, RandomOf
 from eqt_cli.components.vehicle_parts import PlantInertia
 from eqt_cli.engines.engine import Problem, Status
@@ -308,9 +308,9 @@ def _try_sensor(loop: ClosedLoop, each: LoopPart, random_of: RandomOf) -> None:
 
 def _try_estimator(loop: ClosedLoop, name: str, random_of: RandomOf, states: Array) -> None:
     """At two instants, as engines call it."""
-    errors = loop.vehicle.measurement_errors(loop.group, 2, random_of)
+    errors = loop.vehicle.measurement_errors(loop.group, 2, [random_of])
     for tick in range(2):
-        states = loop.measured(0.0, states, Errors(*(part[tick] for part in errors)))
+        states = loop.measured(0.0, states, errors.measured(loop.group, 0, tick))
     if not np.isfinite(states).all():
         raise InputError(f"{name} gives no number {WHEN}: its states are not finite")
 

@@ -106,8 +106,10 @@ class Problem:
     varying
         Leaves of the loop that differ from run to run, by path, ``(runs, …)``.
     errors
-        Sensor errors at every control instant, ``(runs, instants, …)``; None if the law is given
+        Sensor errors at every control instant, ``(draws, instants, …)``; None if the law is given
         the true state.
+    draws : (runs,)
+        Row of `errors` of each run, which runs at several points share; None: its own number.
     halved
         Whether no step is longer than half its span: where spans bound the steps of a solve,
         those of a tighter one would be the same.
@@ -119,6 +121,7 @@ class Problem:
     varying: Mapping[str, Array] = field(default_factory=dict)
     errors: Errors | None = None
     halved: bool = False
+    draws: Array | None = None
 
     @property
     def runs(self) -> int:
@@ -169,12 +172,25 @@ class Problem:
     def select(self, runs: slice | Array) -> Problem:
         """Return the problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
-        errors = None if self.errors is None else self.errors.of(runs)
-        return Problem(self.loop, self.states[runs], self.times, varying, errors, self.halved)
+        return replace(self, states=self.states[runs], varying=varying, draws=self.rows[runs])
+
+    @property
+    def rows(self) -> Array:
+        """Row of `errors` of each run."""
+        return np.arange(self.runs) if self.draws is None else self.draws
+
+    def errors_over(self, ticks: range, runs: slice | Array = slice(None)) -> Errors:
+        """Return the sensor errors at some control instants, with E, ``(ticks, runs, …)``."""
+        assert self.errors is not None
+        known, which = np.unique(self.rows[runs], return_inverse=True)
+        drawn = self.errors.of(known[None], np.array(ticks)[:, None])
+        return drawn.measured(self.loop.group).of(slice(None), which)
 
     def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
         """Return the sensor errors at a control instant, in these runs."""
-        return None if self.errors is None else self.errors.of(runs, tick)
+        if self.errors is None:
+            return None
+        return self.errors_over(range(tick, tick + 1), runs).of(0)
 
     @property
     def begun(self) -> tuple[ClosedLoop, Array]:
@@ -198,7 +214,7 @@ class Problem:
         ]
         varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
         states = np.concatenate([problem.states for problem in problems])
-        known = [problem.errors for problem in problems if problem.errors is not None]
+        known = [each.errors.of(each.rows) for each in problems if each.errors is not None]
         errors = Errors(*map(np.concatenate, zip(*known, strict=True))) if known else None
         return Problem(first.loop, states, first.times, varying, errors)
 
@@ -268,6 +284,9 @@ Progress = Callable[[float], None]
 # It knows no engine.
 
 
+ERRORS_AT_ONCE = 2**14
+"""Number of instants of runs whose sensor errors are computed at once; they fit a cache."""
+
 NO_LONGER_FINITE = "the state or its derivative is no longer finite"
 NOT_FINITE = "the command is not finite"
 
@@ -320,6 +339,8 @@ class Integrator(ABC):
     ----------
     problem
         All runs.
+    ahead, errors
+        Control instants whose sensor errors are known, and the errors of the current runs there.
     runs : (runs,)
         The current runs.
     loop
@@ -333,6 +354,8 @@ class Integrator(ABC):
     """
 
     runs: Array
+    ahead: range
+    errors: Errors
     loop: ClosedLoop
     vector_field: Callable[[float, Array], Array]
     samples: Array | None
@@ -348,6 +371,16 @@ class Integrator(ABC):
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """Return the states after a control instant, with these measurement errors."""
         return self.loop.after_instant(t, states, errors)
+
+    def errors_at(self, tick: int) -> Errors | None:
+        """Return the sensor errors at a control instant, computed for many of them at once."""
+        if self.problem.errors is None:
+            return None
+        if tick not in self.ahead:
+            stop = tick + max(1, ERRORS_AT_ONCE // len(self.runs))
+            self.ahead = range(tick, min(stop, self.problem.errors.velocity.shape[1]))
+            self.errors = self.problem.errors_over(self.ahead, self.runs)
+        return self.errors.of(tick - self.ahead.start)
 
     def hold(self, span: Span) -> None:
         """Set the numbers that the loop holds in a span."""
@@ -442,6 +475,7 @@ def walked(
 def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Progress) -> None:
     """Fill in the solution of a group of runs."""
     problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
+    integrator.ahead = range(0)
     failed: dict[int, tuple[Span, Failure | None]] = {}
     steps: Any = 0
     states, solution.steps[runs] = problem.states[runs], 0
@@ -494,7 +528,7 @@ def _at_instant(
     if span.tick is None:
         return states, {}
     problem = integrator.problem
-    errors = problem.errors_at(span.tick, integrator.runs)
+    errors = integrator.errors_at(span.tick)
     states = integrator.at_instant(span.start, states, errors)
     gone = ~np.isfinite(states).all(axis=1)
     lost = dict.fromkeys(np.flatnonzero(gone).tolist(), (Status.NON_FINITE, NOT_FINITE))

@@ -4,6 +4,8 @@ The truth is that of eqt's own run, at the control instants, and the errors of m
 that the run drew. So nothing is integrated twice, and only rounding can differ.
 """
 
+from functools import partial
+
 import numpy as np
 import plain_filters as plain
 import pytest
@@ -13,7 +15,7 @@ from eqt_cli.components.estimators import Complementary
 from eqt_cli.components.filters import Eqf, Invariant
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
-from eqt_cli.components.sensors import Bias, Errors, Noise
+from eqt_cli.components.sensors import Bias, Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.loop.signals import compute
@@ -56,7 +58,8 @@ def told(problem, solution):
         found = compute(loop, problem.times, solution.states)
     k = slice(0, len(problem.times) - 1)  # the last sample is before its instant
     signals = {name: values[:, k] for name, values in found.items()}
-    E, b = (part[:, k] for part in problem.errors[:2])
+    errors = problem.errors.of(problem.rows).measured(loop.group)
+    E, b = (part[:, k] for part in errors[:2])
     return signals, signals["pose"] @ E, signals["velocity"] + b
 
 
@@ -261,16 +264,12 @@ def given_vehicle(estimator):
 
 def states_of(vehicle, bodies):
     """The states after every instant, by name, of several runs side by side."""
-    errors = [
-        vehicle.measurement_errors(
-            SE2, INSTANTS, lambda place, run=run: generator_at(4, Stream.VEHICLE, run, place)
-        )
-        for run in range(len(bodies))
-    ]
+    runs = [partial(generator_at, 4, Stream.VEHICLE, run) for run in range(len(bodies))]
+    errors = vehicle.measurement_errors(SE2, INSTANTS, runs)
     flown = vehicle.of_run(SE2)
     states = {name: np.zeros((len(bodies), count)) for name, count in flown.states(SE2).items()}
     for k in range(INSTANTS):
-        now = Errors(*(np.stack(parts) for parts in zip(*(e.of(k) for e in errors), strict=True)))
+        now = errors.measured(SE2, slice(None), k)
         Q, V = (np.stack([each[part][k] for each in bodies]) for part in range(2))
         states = states | flown.after_measuring(SE2, Q, V, now, states)
         yield states

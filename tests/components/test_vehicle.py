@@ -570,7 +570,7 @@ def test_errors_may_be_without_a_bias_that_is_estimated():
     assert [part.shape for part in errors.of(1, 4)] == [(3, 3), (3,), (0,), (0,)]
     clocked = Vehicle(control=Sampling(0.1), velocity_sensors=(Bias(value=0.1),))
     random_of = lambda place: np.random.default_rng(1)  # noqa: E731 shorter than a function
-    assert clocked.measurement_errors(SO3, 5, random_of).bias.shape == (5, 0)
+    assert clocked.measurement_errors(SO3, 5, [random_of]).bias.shape == (1, 5, 0)
 
 
 def test_a_channel_holds_nothing_unless_told():

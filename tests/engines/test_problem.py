@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from eqt_cli.components.groups import group_named
 from eqt_cli.components.sensors import Errors
 from eqt_cli.engines.engine import (
     Engine,
@@ -23,6 +24,7 @@ from eqt_cli.engines.engine import (
     engines,
     walked,
 )
+from eqt_cli.numbers.leaves import STRUCTURE
 
 
 @pytest.mark.parametrize(
@@ -201,13 +203,14 @@ class Moving:
     """Stands for a loop with one number."""
 
     speed: float = 2.0
+    group: object = field(default=group_named("SO3"), metadata=STRUCTURE)
 
 
 def errors_of(*runs):
     """Errors at two instants, which tell the run and the instant."""
     velocity = np.array(runs)[:, None, None] + np.array([0.0, 0.25])[:, None]
     shape = (len(runs), 2)
-    return Errors(np.zeros((*shape, 1, 1)), velocity, np.empty((*shape, 0)))
+    return Errors(np.zeros((*shape, 3)), velocity, np.empty((*shape, 0)))
 
 
 TIMES = np.array([0.0, 1.0])
@@ -232,6 +235,9 @@ def test_runs_of_several_problems_are_those_of_one(measured):
         assert both.errors.velocity[:, 0, 0].tolist() == [1, 2, 3]
         assert chosen.errors_at(1).velocity.ravel().tolist() == [3.25, 1.25]
         assert chosen.errors_at(0, slice(1, 2)).velocity.ravel().tolist() == [1]
+        over = chosen.errors_over(range(2))
+        assert over.velocity[..., 0].tolist() == [[3, 1], [3.25, 1.25]]
+        np.testing.assert_array_equal(over.pose, np.broadcast_to(np.eye(3), (2, 2, 3, 3)))
     else:
         assert chosen.errors is None
         assert chosen.errors_at(0) is None

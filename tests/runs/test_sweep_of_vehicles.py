@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.api.loading import open_at
+from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.results.result import open_result
+from eqt_cli.runs.batches import batches
 
 CONFIG = mapping(
     name="flies",
@@ -83,3 +86,58 @@ def test_a_swept_delay_changes_the_states_of_its_points(tmp_path):
     with open_at(path, point=1) as late:
         assert (late["torque"][:, :, :2] == 0).all()  # until the first command arrives
         assert (late["torque"][:, :, 2] != 0).any()
+
+
+# The errors of measurement, which points share.
+
+
+DRAWN = {
+    "control": {"period": 0.1},
+    "sensors": {
+        "pose": [{"kind": "noise", "std": 0.01}],
+        "velocity": [{"kind": "noise", "std": [0.1, 0.2, 0.3]}],
+    },
+    "sweep": [{"grid": {"gains.kp": [1.0, 2.0]}}],
+}
+
+
+def drawn(changes, entries):
+    found = api.load_experiment(CONFIG | DRAWN | changes)
+    [batch] = batches(found, "eqt", np.array(entries))
+    return batch.problem
+
+
+def test_points_share_errors_and_each_run_has_its_own():
+    seed, runs = 7, CONFIG["ensemble"]["runs"]
+    problem = drawn({"ensemble": CONFIG["ensemble"] | {"seed": seed}}, [1, 0, runs + 1])
+    assert problem.rows.tolist() == [1, 0, 1]
+    errors = problem.errors_over(range(5))
+    for place, run in enumerate((1, 0, 1)):
+        random = generator_at(seed, Stream.VEHICLE, run, "sensors.velocity[0]")
+        expected = [0.1, 0.2, 0.3] * random.standard_normal((5, 3))
+        np.testing.assert_array_equal(errors.velocity[:, place], expected)
+        n = 0.01 * generator_at(seed, Stream.VEHICLE, run, "sensors.pose[0]").standard_normal(
+            (5, 3)
+        )
+        turns = Rotation.from_rotvec(n).as_matrix()
+        np.testing.assert_allclose(errors.pose[:, place], turns, atol=1e-15)
+
+
+def test_errors_are_drawn_once_for_equal_sensors():
+    first = drawn({}, [0, 1]).errors
+    assert drawn({"gains": {"kp": 0.5, "kd": 0.5}}, [1, 0]).errors is first
+    noisier = {"sensors": DRAWN["sensors"] | {"pose": [{"kind": "noise", "std": 0.02}]}}
+    np.testing.assert_array_equal(drawn(noisier, [0, 1]).errors.pose, 2 * first.pose)
+    assert drawn({"time": {"duration": 0.3, "samples": 4}}, [0, 1]).errors.pose.shape[1] == 3
+    assert drawn({"ensemble": CONFIG["ensemble"] | {"seed": 8}}, [0, 1]).errors is not first
+    assert drawn({}, [0]).errors is not first
+
+
+def test_only_so_many_errors_are_kept(monkeypatch):
+    monkeypatch.setattr("eqt_cli.runs.batches._kept", {})
+    size = sum(part.nbytes for part in drawn({}, [0]).errors)
+    monkeypatch.setattr("eqt_cli.runs.batches.KEPT_BYTES", 2 * size)
+    kept = [drawn({}, [run]).errors for run in (0, 1, 0, 2)]
+    assert kept[2] is kept[0]
+    assert drawn({}, [0]).errors is kept[0]
+    assert drawn({}, [1]).errors is not kept[1]  # the one that was not used for the longest time

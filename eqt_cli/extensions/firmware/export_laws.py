@@ -18,7 +18,6 @@ from eqt_cli.components.initial_states import Stream, generator, generator_at
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.references import ClosedReference, references
 from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
-from eqt_cli.components.sensors import Errors
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
@@ -206,13 +205,13 @@ def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
     G, flying = loop.group, loop.vehicle
     flying = replace(flying, estimator=with_fields(flying.estimator, initial_error=None))
     random_of = partial(generator_at, seed, Stream.VEHICLE, 0)
-    errors = flying.measurement_errors(G, INSTANTS, random_of)
+    errors = flying.measurement_errors(G, INSTANTS, [random_of])
     V = 0.3 * random_of("the motion of an exported filter").standard_normal(G.dimension)
     states = {name: np.zeros(count) for name, count in flying.states(G).items()}
     flown: dict[str, list[Array]] = {"pose": [], "velocity": [], "arrived": []}
     estimates, holding = [], [channel.name for channel in flying.holding(G)]
     for k in range(INSTANTS):
-        at = Errors(*(part[k] for part in errors))
+        at = errors.measured(G, 0, k)
         Q = G.exp(k * flying.tick * V)
         states = states | flying.after_measuring(G, Q, V, at, states)
         Q_m, V_m = flying.as_arrived(G, Q @ at.pose, V + at.velocity, states)
