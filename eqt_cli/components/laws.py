@@ -47,6 +47,25 @@ class RunsCode:
     real: str
 
 
+class CodeCall(NamedTuple):
+    """The code of a law as C calls it; the function takes the arguments of ``eqt_code``.
+
+    Attributes
+    ----------
+    begins
+        Its second argument.
+    reads
+        The parts of `LawInput` that it is given, in their order.
+    options : (…, numbers)
+        Its numbers, of every run.
+    """
+
+    function: Any
+    begins: int
+    reads: tuple[str, ...]
+    options: Array
+
+
 class LinearPlant(NamedTuple):
     """The loop without feedback to first order: ẋ, or x a period later, is A x + B u.
 
@@ -243,6 +262,11 @@ class Controller(TimeVarying, Component):
     @property
     def code(self) -> RunsCode | None:
         """The code that the law runs; None for a formula."""
+        return None
+
+    @property
+    def code_call(self) -> CodeCall | None:
+        """How C calls that code without Python; None for a formula."""
         return None
 
     def loaded(

@@ -348,7 +348,7 @@ class Integrator(ABC):
     vector_field
         Time derivatives of states ``(runs, n)`` at a time t of the current span.
     samples : (runs, samples, n) or None
-        The samples of the current runs, to be filled in, if these runs are neighbours.
+        Whole states at the samples of the current runs, to be filled in, if these are neighbours.
     reached
         May be called with a time that the runs have reached, to show progress.
     """
@@ -389,9 +389,29 @@ class Integrator(ABC):
 
     def room(self, span: Span) -> Array:
         """Return an array for the samples of a span; what is written there need not be copied."""
-        if self.samples is None:
-            return np.empty((len(self.runs), span.later, self.problem.loop.moving_length))
+        length = self.problem.loop.moving_length
+        if self.samples is None or length < self.samples.shape[-1]:
+            return np.empty((len(self.runs), span.later, length))
         return self.samples[:, span.first : span.first + span.later]
+
+    def leave(self, places: list[int]) -> None:  # noqa: B027  # most need not do anything
+        """Leave some of the current runs, by their index here, where they have ended."""
+
+    def walk_ahead(self, place: int, states: Array) -> tuple[int, Array, Array | int, Array | int]:
+        """Walk from the span at a place up to one in which something happens besides motion.
+
+        Samples are stored. By default it stays where it is.
+
+        Returns
+        -------
+        place
+            That of the next span.
+        states : (runs, n)
+            Whole states at its start.
+        steps, last : (runs,)
+            The work of each run in all these spans, and in the last one.
+        """
+        return place, states, 0, 0
 
     @abstractmethod
     def advance(self, span: Span, states: Array) -> SpanResult:
@@ -481,18 +501,24 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
     states, solution.steps[runs] = problem.states[runs], 0
     neighbours = slice(int(runs[0]), int(runs[0]) + len(runs))
     together = bool((np.diff(runs) == 1).all())
-    room = together and problem.loop.moving_length == states.shape[1]
-    integrator.runs, integrator.samples = runs, solution.states[neighbours] if room else None
+    integrator.runs, integrator.samples = runs, solution.states[neighbours] if together else None
     integrator.reached = reached = _Reached(problem, len(runs), progress)
     integrator.begin(runs)
-    for span in problem.spans:
+    place, spans = 0, problem.spans
+    while place < len(spans):
+        if place and np.max(steps) <= SUSPECT:
+            place, states, steps = _ahead(integrator, place, states, going, solution.steps)
+        if place == len(spans):
+            break
+        span, place = spans[place], place + 1
         integrator.hold(span)
         states, ending = _at_instant(integrator, span, states, steps)
         if span.sampled_start:
             solution.states[runs, span.first - 1] = states
         if ending:
-            failed = {place: (span, why) for place, why in ending.items()} | failed
+            failed = {run: (span, why) for run, why in ending.items()} | failed
             going[list(ending)] = False
+            integrator.leave(list(ending))
             states = np.where(going[:, None], states, problem.states[runs])  # where steps are long
         result = _advanced(integrator, span, states, solution.states)
         states, steps = result.states, result.steps
@@ -501,18 +527,41 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
         if not np.isfinite(states).all():
             lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
             ended = {**dict.fromkeys(lost, Failure()), **ended}
-        for place, failure in ended.items():
-            failed.setdefault(place, (span, failure))
-            going[place] = False
+        for run, failure in ended.items():
+            failed.setdefault(run, (span, failure))
+            going[run] = False
+        integrator.leave(list(ended))
         if len(failed) == len(runs):
             break
         reached(span.stop)
+    _end(integrator, solution, runs, failed, progress)
+    reached.finish()
+
+
+def _ahead(
+    integrator: Integrator, place: int, states: Array, going: Array, work: Array
+) -> tuple[int, Array, Any]:
+    """Walk ahead from a span, and count the work; return place, states and the last steps."""
+    after, states, more, last = integrator.walk_ahead(place, states)
+    work[integrator.runs] += np.where(going, more, 0)
+    if after > place:
+        integrator.reached(integrator.problem.spans[after - 1].stop)
+    return after, states, last
+
+
+def _end(
+    integrator: Integrator,
+    solution: Solution,
+    runs: Array,
+    failed: Mapping[int, tuple[Span, Failure | None]],
+    progress: Progress,
+) -> None:
+    """Note the runs that have failed, or integrate once more those that others may have stopped."""
     for place, (span, failure) in failed.items():
         if failure is None and len(runs) > 1:
             _walk(integrator, solution, runs[[place]], lambda runs: progress(0.0))
         else:
-            _note(solution, problem, runs[place], span, failure or Failure())
-    reached.finish()
+            _note(solution, integrator.problem, runs[place], span, failure or Failure())
 
 
 def _at_instant(
@@ -535,7 +584,8 @@ def _at_instant(
     if np.max(steps) > SUSPECT or not span.tick:
         gone = _diverged(integrator, span, states)
         lost |= dict.fromkeys(np.flatnonzero(gone).tolist(), DIVERGED)
-    lost |= dict.fromkeys(np.flatnonzero(problem.loop.estimate_lost(states)).tolist(), INDEFINITE)
+    if (at := problem.loop.lost_at) is not None:
+        lost |= dict.fromkeys(np.flatnonzero(states[:, at]).tolist(), INDEFINITE)
     return states, {place: Failure(*why, span.start) for place, why in lost.items()}
 
 

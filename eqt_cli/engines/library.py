@@ -32,12 +32,14 @@ from eqt_cli.numbers.program import (
 
 
 ADVANCE, STORE, MEASURE, EVALUATE = "advance.h", "store.h", "measure.h", "evaluate.h"
-METHOD, ROWS = "dop853.h", "rows.h"
+METHOD, ROWS, WALK = "dop853.h", "rows.h", "walk.h"
 DEVICE, KERNEL = "opencl.h", "kernel.h"
 _TEMPLATES = Path(__file__).parent / "c"
 
 
-def integration_source(field: Program, lanes: int, at_samples: SampleProgram | None = None) -> str:
+def integration_source(
+    field: Program, lanes: int, at_samples: SampleProgram | None = None, walks: bool = False
+) -> str:
     """Return the C source of ``eqt_advance``, for a program of ``derivative``.
 
     Parameters
@@ -46,6 +48,8 @@ def integration_source(field: Program, lanes: int, at_samples: SampleProgram | N
         Number of runs side by side; it changes no bit of a result.
     at_samples
         Program that looks at each sample; without it, states are stored.
+    walks
+        Whether there is ``eqt_walk``, too.
     """
     program, comparisons = with_comparison_sides(field)
     lengths = dict(program.inputs)
@@ -63,7 +67,7 @@ def integration_source(field: Program, lanes: int, at_samples: SampleProgram | N
         _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
         f"static {c_function(fused(program), 'eqt_field')}",
     ]
-    names = [METHOD, ADVANCE, STORE]
+    names = [METHOD, ADVANCE, STORE, *([ROWS, WALK] if walks else [])]
     if at_samples is not None:
         emitted.append(_measuring(at_samples))
         names = [ROWS, METHOD, ADVANCE, MEASURE]
@@ -221,7 +225,7 @@ Evaluation = Callable[[int, int, Sequence["Rows"]], dict[str, Array]]
 It takes the numbers of runs and of samples, and the program's inputs, a stretch after the other.
 """
 
-_INTEGERS = ("runs", "later", "most_steps", "to_next_run")
+_INTEGERS = ("runs", "later", "most_steps", "to_next_run", "row")
 SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol", "longest")
 _ARRAYS = ("grid", "held", "parameters", "states", "samples", "steps", "counts", "ends", "times")
 
@@ -247,6 +251,7 @@ class _Evaluations(ctypes.Structure):
     _fields_ = [
         ("runs", ctypes.c_int64),
         ("samples", ctypes.c_int64),
+        ("count", ctypes.c_int64),
         ("sources", ctypes.POINTER(_Source)),
         ("found", ctypes.POINTER(ctypes.c_void_p)),
     ]
@@ -269,6 +274,7 @@ def integration(field: Program, at_samples: SampleProgram | None = None) -> Adva
     function = compiler.library(text).eqt_advance
 
     def advance(measuring: Measuring | None, **values: Any) -> None:
+        values["row"] = values["states"].shape[1]
         measured = None if measuring is None else measuring.as_c()  # it must live during the call
         span = _Span(
             measuring=None if measured is None else ctypes.addressof(measured),
@@ -329,34 +335,170 @@ class Measuring:
 
     def as_c(self) -> _Measuring:
         """Return it as measure.h takes it, valid as long as this object lives."""
-        samples = self.stored.shape[1]
-        sources = _sources(self.rows, [rows.values for rows in self.rows], samples)
+        sources = _sources(self.rows, [rows.values for rows in self.rows])
         places = (each.ctypes.data for each in (self.starts, self.memory, self.stored))
         return _Measuring(sources, *places)
 
 
-def _sources(inputs: Sequence[Rows], arrays: Sequence[Array], samples: int) -> Any:
+def _sources(inputs: Sequence[Rows], arrays: Sequence[Array]) -> Any:
     """Return where the numbers of some rows lie in memory."""
     sources = (_Source * len(inputs))()
     for place, (rows, array) in enumerate(zip(inputs, arrays, strict=True)):
         along = rows.length if rows.by_sample else 0
-        per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
+        per_run = array[:1].size if rows.by_run else 0
         sources[place] = _Source(array.ctypes.data, per_run, along)
     return sources
 
 
 @lru_cache(maxsize=64)
+def _evaluate(program: Program, stretches: tuple[int, ...]) -> Any:
+    """Return ``eqt_evaluate`` of a program."""
+    text = evaluation_source(program, stretches, compiler.compiler().lanes)
+    return compiler.library(text).eqt_evaluate
+
+
+def _asked(
+    program: Program, runs: int, samples: int, inputs: Sequence[Rows], arrays: Sequence[Array]
+) -> tuple[_Evaluations, dict[str, Array]]:
+    """Return what a program is asked, and the arrays that it will fill in."""
+    found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
+    places = (ctypes.c_void_p * len(found))(*(x.ctypes.data for x in found.values()))
+    return _Evaluations(runs, samples, len(inputs), _sources(inputs, arrays), places), found
+
+
+@lru_cache(maxsize=64)
 def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
     """Compile a program whose inputs are cut into stretches of these lengths."""
-    text = evaluation_source(program, stretches, compiler.compiler().lanes)
-    function = compiler.library(text).eqt_evaluate
+    function = _evaluate(program, stretches)
 
     def evaluated(runs: int, samples: int, inputs: Sequence[Rows]) -> dict[str, Array]:
         arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in inputs]
-        sources = _sources(inputs, arrays, samples)
-        outputs = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
-        places = (ctypes.c_void_p * len(outputs))(*(x.ctypes.data for x in outputs.values()))
-        function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
-        return outputs
+        asked, found = _asked(program, runs, samples, inputs, arrays)
+        function(ctypes.byref(asked))
+        return found
 
     return evaluated
+
+
+# Walks through many spans by one call -------------------------------------------------------------
+
+
+def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names.split()]
+
+
+WALKED = np.dtype(
+    _each(float, "start stop first_inside last_inside longest")
+    + _each(np.int64, "first later sampled_start tick acts")
+)
+"""A span as in walk.h."""
+
+
+class _Instant(ctypes.Structure):
+    _fields_ = [
+        ("evaluate", ctypes.c_void_p),
+        ("asked", _Evaluations),
+        ("moved", ctypes.POINTER(_Source)),
+        ("at_start", ctypes.POINTER(_Source)),
+        ("by_tick", ctypes.POINTER(ctypes.c_int64)),
+    ]
+
+
+class _Walks(ctypes.Structure):
+    _fields_ = [
+        ("span", _Span),
+        *_each(ctypes.c_int64, "place stop suspicious lost"),
+        *_each(ctypes.c_void_p, "list times held samples commanded before counted"),
+        ("programs", _Instant * 2),
+        ("parts", ctypes.c_int64),
+        ("code", ctypes.c_void_p),
+        *_each(ctypes.c_int64, "begins memory_at memory_length"),
+        ("period", ctypes.c_double),
+        *_each(ctypes.c_void_p, "measured options law_inputs memory torques"),
+    ]
+
+
+def _set(structure: Any, members: Mapping[str, Any]) -> None:
+    for name, value in members.items():
+        setattr(structure, name, value.ctypes.data if isinstance(value, np.ndarray) else value)
+
+
+@lru_cache(maxsize=32)
+def _walk(field: Program) -> Any:
+    """Return ``eqt_walk`` of a field."""
+    text = integration_source(field, compiler.compiler().lanes, walks=True)
+    function = compiler.library(text).eqt_walk
+    function.restype = ctypes.c_int64
+    return function
+
+
+class Walk:
+    """Walks some runs through the spans of a sampled loop by calls of ``eqt_walk``.
+
+    Parameters
+    ----------
+    field
+        Program of the vector field.
+    spans : (spans,)
+        `WALKED` of every span.
+    arrays
+        ``times`` of samples, ``held`` numbers of every span, and ``samples`` of the runs.
+    span
+        Other members of ``eqt_span``; all runs' ``states`` are whole.
+
+    Attributes
+    ----------
+    counts : (runs,)
+        The steps of each run before the last span.
+    """
+
+    def __init__(
+        self, field: Program, spans: Array, arrays: Mapping[str, Array], **span: Any
+    ) -> None:
+        self._function = _walk(field)
+        runs, row = span["states"].shape
+        kept = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}
+        self.counts = kept["counted"][:, 0]
+        self._c = _Walks(parts=0)
+        _set(self._c.span, {**span, "runs": runs, "row": row})
+        self._lives: list[Any] = [span]  # what C points to
+        self.set(list=spans, **arrays, **kept)
+
+    def set(self, **members: Any) -> None:
+        """Set members of ``eqt_walks``, of which arrays are given as such."""
+        _set(self._c, members)
+        self._lives.append(members)
+
+    def evaluate(
+        self, program: Program, inputs: Sequence[Rows], ticks: int = 0
+    ) -> dict[str, Array]:
+        """Have a program evaluated at instants; return the arrays that it fills in.
+
+        Parameters
+        ----------
+        inputs
+            Samples are spans; the last `ticks` ones are those of `measure`.
+        """
+        runs, function = self._c.span.runs, _evaluate(program, tuple(row.length for row in inputs))
+        arrays = [rows.values for rows in inputs]
+        asked, found = _asked(program, runs, 1, inputs, arrays)
+        moves = (ctypes.c_int64 * len(inputs))(*[0] * (len(inputs) - ticks), *[1] * ticks)
+        address, at_start = ctypes.cast(function, ctypes.c_void_p), _sources(inputs, arrays)
+        self._c.programs[self._c.parts] = _Instant(address, asked, asked.sources, at_start, moves)
+        self._c.parts += 1
+        self._lives.append((arrays, asked, found, at_start, moves))
+        return found
+
+    def measure(self, errors: Sequence[Array], first: int) -> None:
+        """Have the first program read sensor errors, ``(ticks, runs, …)``, from tick `first` on."""
+        program, parts = self._c.programs[0], [np.ascontiguousarray(part) for part in errors]
+        self._errors = parts  # which must live
+        for place, part in enumerate(parts, program.asked.count - len(parts)):
+            along = part[0].size
+            start = part.ctypes.data - first * along * part.itemsize
+            program.at_start[place] = _Source(start, part[0, 0].size, along)
+
+    def __call__(self, place: int, stop: int) -> int:
+        """Walk through some spans; return the place of the one that was not walked, or `stop`."""
+        self._c.place, self._c.stop = place, stop
+        return int(self._function(ctypes.byref(self._c)))

@@ -8,6 +8,7 @@ has the same bits whatever its neighbours, its thread and the compiler.
 
 from __future__ import annotations
 
+import ctypes
 import math
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,10 +25,13 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.base.registry import of_extension
+from eqt_cli.components.laws import CodeCall
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
+from eqt_cli.components.vehicle_parts import Clock
 from eqt_cli.engines import compiler, library
 from eqt_cli.engines.engine import (
+    SUSPECT,
     Engine,
     Failure,
     Integrator,
@@ -55,6 +59,9 @@ from eqt_cli.numbers.running import Memory, Running
 
 MOST_RUNNING = 512
 """Most numbers that a reduction may keep from sample to sample."""
+
+ROWS = "law_rows"
+"""Output of a program: the input of the user's code as `LawInput.rows` gives it."""
 
 Arrays = Mapping[str, Array]
 """Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
@@ -125,7 +132,7 @@ class InstantPrograms:
     ----------
     input
         Input of the law, by the names of `LawInput`, from the loop's inputs; and ``state``, if
-        sensors hold their measurements.
+        sensors hold their measurements; and `ROWS`, if C may call the code of the law.
     law
         Command of the law; None if the law is the user's code.
     after
@@ -189,9 +196,11 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]
         errors = _errors(loop, inputs)
         state = symbolic.measured(t, state, errors)
-        named = symbolic.law_input(t, state, errors)._asdict() | ({"state": state} if holds else {})
+        law = symbolic.law_input(t, state, errors)
+        named = law._asdict() | ({"state": state} if holds else {})
         arrays = {name: np.asarray(value) for name, value in named.items() if value is not None}
-        return {name: value if name == "t" else value[0] for name, value in arrays.items()}
+        found = {name: value if name == "t" else value[0] for name, value in arrays.items()}
+        return found if call is None else found | {ROWS: law.rows(call.reads)[0]}
 
     def after(inputs: Arrays) -> Mapping[str, Array]:
         symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]
@@ -201,7 +210,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         solved = inputs["solved"][None] if "solved" in inputs else None
         return {"state": symbolic.after_answer(t, state, inputs["torque"][None], memory, solved)[0]}
 
-    m, holds = loop.group.dimension, loop.changes_by_measuring
+    m, holds, call = loop.group.dimension, loop.changes_by_measuring, loop.controller.code_call
     inputs = _inputs(loop, loop.state_length)
     measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
     remembered = sum(loop.controller.memory(loop.group).values())
@@ -414,8 +423,18 @@ def _places(trace: TracebackType | None, loop: ClosedLoop) -> dict[str, str]:
 # Integration of runs through a span by compiled DOP853; each run has its own steps ----------------
 
 
-SPANS_AT_ONCE = 256
-"""Number of spans whose held numbers are read together, which takes little longer than for one."""
+RUN_SPANS = 50_000
+"""Most spans, counted for each run, between two reports of progress: some tenths of a second."""
+
+LEFT = library.SWITCHING + 1
+"""Outcome of a run that has ended at an instant."""
+
+
+def _walked_span(span: Span, clock: Clock) -> tuple[float | int, ...]:
+    """Return the entries of `library.WALKED`."""
+    at = (-1, 0) if span.tick is None else (span.tick, int(clock.is_due(span.tick)))
+    times = (span.start, span.stop, *span.within, span.longest)
+    return (*times, span.first, span.later, int(span.sampled_start), *at)
 
 
 class Lanes(Integrator):
@@ -429,10 +448,19 @@ class Lanes(Integrator):
         ``rtol`` and ``atol``, the tolerances of a step, and ``most_steps``, of a run.
     advance
         What integrates the field of the loop: the CPU or a device.
+    walks
+        Whether C may walk through many spans of a sampled loop.
     """
 
+    _walk: library.Walk | None
+
     def __init__(
-        self, problem: Problem, law: LoopPrograms, settings: Mapping[str, float], advance: Advance
+        self,
+        problem: Problem,
+        law: LoopPrograms,
+        settings: Mapping[str, float],
+        advance: Advance,
+        walks: bool = False,
     ) -> None:
         super().__init__(problem)
         self._law, self._advance = law, advance
@@ -440,7 +468,12 @@ class Lanes(Integrator):
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
         self._span_starts = np.array([span.start for span in problem.spans])
-        self._held_from: dict[float, Array] = {}
+        self._all_held = held_rows(problem.loop, self._span_starts)
+        control = problem.loop.vehicle.control
+        self._listed = np.empty(0, library.WALKED)
+        if walks and control is not None and not problem.loop.vehicle.solves:
+            listed = [_walked_span(span, control.clock) for span in problem.spans]
+            self._listed = np.array(listed, library.WALKED)
 
     def begin(self, runs: Array) -> None:
         """Begin these runs with no step taken, and the length of the first one unknown."""
@@ -450,15 +483,99 @@ class Lanes(Integrator):
         self._parameters = self._all_parameters[runs]
         self._steps, self._times = np.zeros(count), np.zeros(count)
         self._counts, self._ends = np.zeros((2, count), dtype=np.int64)
+        self._walk = self._walking(runs) if len(self._listed) else None
+
+    def _walking(self, runs: Array) -> library.Walk | None:
+        """Return what walks these runs through many spans; None where Python has to take part."""
+        loop, around, samples = self.problem.loop, self._law.around_code, self.samples
+        call = None if around is None else self.loop.controller.code_call
+        program = self._law.after_instant if around is None else around.input if call else None
+        if samples is None or program is None:
+            return None
+        count = len(runs)
+        self._whole = np.empty((count, loop.state_length))
+        arrays = {"times": self.problem.times, "held": self._all_held, "samples": samples}
+        ends = {"counts": self._counts, "ends": self._ends, "times": self._times}
+        walk = library.Walk(
+            self._law.field,
+            self._listed,
+            arrays,
+            to_next_run=samples[0].size,
+            parameters=self._parameters,
+            states=self._whole,
+            steps=self._steps,
+            **ends,
+            **self._settings,
+        )
+        inputs = [
+            Rows(self._whole, by_run=True),
+            Rows(self._span_starts[:, None], by_sample=True),
+            Rows(self._parameters, by_run=True),
+            Rows(self._all_held, by_sample=True),
+        ]
+        measured = []
+        if self.errors_at(0) is not None:
+            parts = self.errors.of_runs
+            measured = [Rows(part[0].reshape(count, -1), by_run=True) for part in parts]
+        found = walk.evaluate(program, [*inputs, *measured], len(measured))
+        if around is not None and call is not None:
+            found = self._call_code(walk, call, around, found, inputs)
+        lost = -1 if loop.lost_at is None else loop.lost_at
+        walk.set(commanded=found["state"], suspicious=SUSPECT, lost=lost)
+        return walk
+
+    def _call_code(
+        self,
+        walk: library.Walk,
+        call: CodeCall,
+        around: InstantPrograms,
+        found: dict[str, Array],
+        inputs: list[Rows],
+    ) -> dict[str, Array]:
+        """Have the user's code called in C, between both programs around it."""
+        loop, count = self.problem.loop, len(self.runs)
+        slices = loop.layout.slices.items()
+        memory = [place for name, place in slices if name.startswith(CONTROLLER)]
+        length = sum(place.stop - place.start for place in memory)
+        states = found.get("state", self._whole).reshape(self._whole.shape)
+        torques, kept = np.zeros((count, loop.group.dimension)), np.empty((count, length))
+        options = np.broadcast_to(call.options, (count, call.options.shape[-1])).copy()
+        walk.set(
+            code=ctypes.cast(call.function, ctypes.c_void_p).value,
+            begins=call.begins,
+            period=float(loop.period),
+            measured=states,
+            options=options,
+            law_inputs=found[ROWS],
+            torques=torques,
+            memory=kept,
+            memory_at=memory[0].start if memory else 0,
+            memory_length=length,
+        )
+        given = (Rows(values, by_run=True) for values in (torques, kept))
+        return walk.evaluate(around.after, [Rows(states, by_run=True), *inputs[1:], *given])
 
     def hold(self, span: Span) -> None:
         """Set the held numbers, which all runs share."""
-        if span.start not in self._held_from:
-            first = np.searchsorted(self._span_starts, span.start)
-            starts = self._span_starts[first : first + SPANS_AT_ONCE]
-            rows = held_rows(self.problem.loop, starts)
-            self._held_from = dict(zip(starts.tolist(), rows, strict=True))
-        self._held = self._held_from[span.start]
+        self._held = self._all_held[np.searchsorted(self._span_starts, span.start)]
+
+    def leave(self, places: list[int]) -> None:
+        """Integrate these runs no further."""
+        self._ends[places] = np.where(self._ends[places], self._ends[places], LEFT)
+
+    def walk_ahead(self, place: int, states: Array) -> tuple[int, Array, Array | int, Array | int]:
+        """Walk in C, as far as sensor errors are known; see `Integrator.walk_ahead`."""
+        if self._walk is None:
+            return super().walk_ahead(place, states)
+        stop, before = place + max(1, RUN_SPANS // len(states)), self._counts.copy()
+        ticks = self._listed["tick"][place:stop]
+        if self.problem.errors is not None and ticks.max() >= 0:
+            self.errors_at(int(ticks[ticks >= 0][0]))
+            self._walk.measure(self.errors.of_runs, self.ahead.start)
+            stop = place + int(np.searchsorted(np.maximum.accumulate(ticks), self.ahead.stop))
+        self._whole[...] = states
+        place = self._walk(place, min(stop, len(self._listed)))
+        return place, self._whole.copy(), self._counts - before, self._counts - self._walk.counts
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """Return the states after an instant, by compiled code.
@@ -497,6 +614,7 @@ class Lanes(Integrator):
             return outputs["torque"], outputs.get("memory", none), outputs.get("state", states)
         outputs = self._evaluated(around.input, runs, inputs)
         states = outputs.pop("state", states)
+        outputs.pop(ROWS, None)
         law_input = LawInput(**outputs)._replace(t=t)
         torque, memory = self.loop.answer_if_due(law_input, states)
         return torque, np.concatenate([none, *memory.values()], axis=1), states
@@ -705,7 +823,8 @@ class Native(Engine):
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
         law = programs(problem.loop)
-        return Lanes(problem, law, self._settings, self._integration(law.field))
+        field, walks = self._integration(law.field), self.device == CPU
+        return Lanes(problem, law, self._settings, field, walks)
 
     def _integration(
         self, field: Program, at_samples: SampleProgram | None = None

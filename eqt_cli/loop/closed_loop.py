@@ -462,10 +462,11 @@ class ClosedLoop:
             return self.answer(inputs, memory, self.period)
         return 0.0 * inputs.velocity, memory
 
-    def estimate_lost(self, state: Array) -> Array:
-        """Return where the covariance of the estimate is no longer definite, by flat state."""
+    @property
+    def lost_at(self) -> int | None:
+        """The place in a flat state that is not 0 where the estimate's covariance is indefinite."""
         where = self.layout.slices.get(f"{VEHICLE}{LOST}")
-        return np.zeros(0) if where is None else state[..., where.start]
+        return None if where is None else where.start
 
     def memory(self, state: Array) -> dict[str, Array]:
         """Return the memory of the law in a flat state, by name."""

@@ -54,7 +54,7 @@ int main(void)
                                                   {pose, sizes[3], 0},
                                                   {velocity, sizes[4], 0}};
                     double *after = room(runs * EQT_STATES), *found[1];
-                    const eqt_evaluations asked = {runs, 1, sources, found};
+                    const eqt_evaluations asked = {runs, 1, sizeof sources / sizeof *sources, sources, found};
                     found[0] = after;
                     eqt_evaluate(&asked);
                     free(states);
@@ -68,6 +68,7 @@ int main(void)
                                        .later = later,
                                        .most_steps = sizes[2],
                                        .to_next_run = later * EQT_STATES,
+                                       .row = EQT_STATES,
                                        .start = limits[0],
                                        .stop = limits[1],
                                        .longest = limits[1] - limits[0],

@@ -91,7 +91,7 @@ def built(monkeypatch):
         chosen = dataclasses.replace(compiler.compiler(), **compiled_by)
         monkeypatch.setattr(compiler, "compiler", lambda: chosen)
         monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
-        for name in ("integration", "evaluation"):
+        for name in ("integration", "evaluation", "_evaluate", "_walk"):
             monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
 
     return by

@@ -21,6 +21,7 @@ enum { EQT_THROUGH, EQT_STEP_LIMIT, EQT_NOT_FINITE, EQT_STEP_TOO_SHORT, EQT_SWIT
 typedef struct {
     int64_t runs, later, most_steps;
     int64_t to_next_run;              /* in samples: from one run to the next */
+    int64_t row;                      /* in states and samples: at least EQT_STATES */
     double start, stop;
     double first_inside, last_inside; /* the field is evaluated between these times */
     double rtol, atol;                /* tolerances of a step */
@@ -28,8 +29,8 @@ typedef struct {
     const EQT_GLOBAL double *grid;    /* (later): sample times behind the start */
     const EQT_GLOBAL double *held;    /* (held) */
     const EQT_GLOBAL double *parameters; /* (runs, parameters) */
-    EQT_GLOBAL double *states;        /* (runs, states): at the start, then where a run has ended */
-    EQT_GLOBAL double *samples;       /* store.h: (later, states) of each run */
+    EQT_GLOBAL double *states;        /* (runs, row): at the start, then where a run has ended */
+    EQT_GLOBAL double *samples;       /* store.h: (later, row) of each run */
     EQT_GLOBAL double *steps;         /* (runs): length of the next step, s; 0: not known */
     EQT_GLOBAL int64_t *counts;       /* (runs): steps taken so far */
     EQT_GLOBAL int64_t *ends;         /* (runs): how it has ended; others than 0 are left alone */
@@ -301,7 +302,7 @@ static void eqt_take(eqt_lanes *lanes, int lane, int64_t run)
     const eqt_span *span = lanes->span;
     int i;
     for (i = 0; i < EQT_STATES; i++)
-        EQT_LANE(lanes->y[i], lane) = span->states[run * EQT_STATES + i];
+        EQT_LANE(lanes->y[i], lane) = span->states[run * span->row + i];
     for (i = 0; i < EQT_PARAMETERS; i++)
         EQT_LANE(lanes->parameters[i], lane) = span->parameters[run * EQT_PARAMETERS + i];
     for (i = 0; i < EQT_COMPARISONS; i++)
@@ -325,7 +326,7 @@ static void eqt_leave(eqt_lanes *lanes, int lane, int64_t end)
     int i;
     eqt_end_samples(lanes, lane, end);
     for (i = 0; i < EQT_STATES; i++)
-        span->states[run * EQT_STATES + i] = EQT_LANE(lanes->y[i], lane);
+        span->states[run * span->row + i] = EQT_LANE(lanes->y[i], lane);
     span->steps[run] = EQT_LANE(lanes->step, lane);
     span->times[run] = EQT_LANE(lanes->t, lane);
     span->ends[run] = end;

@@ -9,12 +9,6 @@
 #ifndef EQT_EVALUATE_H
 #define EQT_EVALUATE_H
 
-typedef struct {
-    int64_t runs, samples;
-    const eqt_source *sources;
-    double *const *found; /* of each array (runs, samples, its length) */
-} eqt_evaluations;
-
 void eqt_evaluate(const eqt_evaluations *asked)
 {
     eqt_real in[EQT_INPUTS + 1], out[EQT_OUTPUTS + 1];

@@ -15,7 +15,7 @@ __kernel void eqt_runs(long later, long most_steps, double start, double stop, d
                        __global double *kept)
 {
     const long run = get_global_id(0), to_next_run = later * EQT_STATES;
-    eqt_span span = {1,    later,        most_steps,  to_next_run, start, stop, first_inside,
+    eqt_span span = {1,    later,        most_steps,  to_next_run, EQT_STATES, start, stop, first_inside,
                      last_inside, rtol, atol, longest, grid, held};
 #ifdef EQT_MEASURE
     eqt_source sources[EQT_SOURCES];

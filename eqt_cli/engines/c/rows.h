@@ -10,6 +10,15 @@ typedef struct {
     int64_t to_next_run, to_next_sample;
 } eqt_source;
 
+#ifndef EQT_DEVICE
+/* What evaluate.h is asked. */
+typedef struct {
+    int64_t runs, samples, count; /* the last: how many sources there are */
+    const eqt_source *sources;
+    double *const *found; /* of each array (runs, samples, its length) */
+} eqt_evaluations;
+#endif
+
 /* A stretch, of a run and a sample for each lane. */
 static void eqt_read(const eqt_source *source, int64_t length, const int64_t *run,
                      const int64_t *sample, eqt_real *in)

@@ -16,7 +16,7 @@ from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
 from eqt_cli.base.option_types import Kind, Real, shown
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller, RunsCode, controllers
+from eqt_cli.components.laws import CodeCall, Controller, RunsCode, controllers
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
@@ -181,6 +181,12 @@ class Code(_Numbers):
     def formula(self) -> Controller | None:
         """The law that it claims to be."""
         return self.claimed
+
+    @property
+    def code_call(self) -> CodeCall:
+        """The compiled function, with these numbers."""
+        reads, function = tuple(self.called.code.inputs), self.called.library.eqt_code
+        return CodeCall(function, 2 * self.called.fills, reads, np.asarray(self.values))
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque of one call of the function."""
