@@ -158,8 +158,9 @@ EQT_INLINE eqt_mask eqt_wrong_somewhere(const eqt_lanes *lanes, eqt_real width)
 }
 
 /* Lets the sides of some lanes follow until all are right: one may depend on another. Those that a
-   crossing has just changed, `kept`, stay. Where no side has turned, none will in the next round. */
-static void eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *kept)
+   crossing has just changed, `kept`, stay. Where no side has turned, none will in the next round.
+   Returns whether `at` then holds the slopes. */
+static int eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *kept)
 {
     int j, round;
     for (round = 0; round <= EQT_COMPARISONS; round++) {
@@ -171,8 +172,9 @@ static void eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *k
             any |= turned;
         }
         if (!eqt_any(any))
-            return;
+            return 1;
     }
+    return 0;
 }
 
 /* The slope of a stage, by the names y, k, h and i of the function around it. */
@@ -265,34 +267,82 @@ static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
                       h * fifth / eqt_sqrt(both * (double)EQT_STATES));
 }
 
-/* How much of the step leads up to the first crossing of a comparison; more than 1: there is none.
-   The dense output is ready; it does not need stage 1, whose place takes slopes of no use. */
-static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
+/* Copies what the step of a lane depends on into all lanes of `all`. */
+static void eqt_spread(const eqt_lanes *lanes, int lane, eqt_lanes *all)
 {
-    enum { LOOKS = 16, HALVINGS = 48 };
-    eqt_real before = eqt_constant(0.0), behind = eqt_constant(2.0);
-    eqt_mask none = eqt_less(behind, before), found = none;
-    int look;
-    for (look = 1; look <= LOOKS; look++) {
-        eqt_real theta = eqt_constant((double)look / LOOKS);
-        eqt_mask wrong;
-        eqt_in_step(lanes, theta, eqt_all, lanes->at);
-        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
-        wrong = eqt_wrong_somewhere(lanes, lanes->width) & ~found;
-        if (look == LOOKS)
-            wrong |= crosses_at_end & ~found;
-        behind = eqt_select(wrong, theta, behind);
-        found |= wrong;
-        before = eqt_select(found, before, theta);
+    int i, j;
+#define SPREAD(name) all->name = eqt_constant(EQT_LANE(lanes->name, lane));
+    all->span = lanes->span;
+    SPREAD(t)
+    SPREAD(h)
+    for (i = 0; i < EQT_PARAMETERS; i++)
+        SPREAD(parameters[i])
+    for (i = 0; i < EQT_HELD; i++)
+        all->held[i] = lanes->held[i];
+    for (i = 0; i < EQT_COMPARISONS; i++)
+        SPREAD(sides[i])
+    for (i = 0; i < EQT_STATES; i++) {
+        SPREAD(y[i])
+        SPREAD(next[i])
+        for (j = 0; j < 16; j++)
+            SPREAD(k[j][i])
     }
-    for (look = 0; look < HALVINGS; look++) {
-        eqt_real theta = 0.5 * (before + behind);
-        eqt_mask wrong;
-        eqt_in_step(lanes, theta, eqt_all, lanes->at);
-        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
-        wrong = eqt_wrong_somewhere(lanes, eqt_constant(0.0));
-        behind = eqt_select(found & wrong, theta, behind);
-        before = eqt_select(found & ~wrong, theta, before);
+#undef SPREAD
+}
+
+/* Where in a step, a fraction for each lane, a comparison is on the wrong side: 1 or 0. The slopes
+   there go to stage 1, which the dense output does not need. */
+static eqt_real eqt_wrong_at(eqt_lanes *lanes, eqt_real theta, double width)
+{
+    eqt_in_step(lanes, theta, eqt_all, lanes->at);
+    eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
+    return eqt_select(eqt_wrong_somewhere(lanes, eqt_constant(width)), eqt_constant(1.0),
+                      eqt_constant(0.0));
+}
+
+/* How much of the step of a lane leads up to its first crossing of a comparison; more than 1: there
+   is none. `all` are copies of that lane, so that several places are looked at together: in the
+   bisection, a tree of all places that the next halvings may come to. */
+static double eqt_crossing(eqt_lanes *all, double width, int crosses_at_end)
+{
+    enum {
+        LOOKS = 16,
+        HALVINGS = 48,
+        AT_ONCE = EQT_LANES >= 7 ? 3 : EQT_LANES >= 3 ? 2 : 1,
+        NODES = 1 << AT_ONCE
+    };
+    double before = 0.0, behind = 2.0;
+    int look, halving, lane, node;
+    for (look = 1; look <= LOOKS && behind > 1.0; look += EQT_LANES) {
+        eqt_real theta = eqt_constant(1.0), wrong;
+        for (lane = 0; lane < EQT_LANES && look + lane <= LOOKS; lane++)
+            EQT_LANE(theta, lane) = (double)(look + lane) / LOOKS;
+        wrong = eqt_wrong_at(all, theta, width);
+        for (lane = 0; lane < EQT_LANES && look + lane <= LOOKS && behind > 1.0; lane++)
+            if (EQT_LANE(wrong, lane) > 0.0 || (look + lane == LOOKS && crosses_at_end))
+                behind = EQT_LANE(theta, lane);
+            else
+                before = EQT_LANE(theta, lane);
+    }
+    if (behind > 1.0)
+        return behind;
+    for (halving = 0; halving < HALVINGS; halving += AT_ONCE) {
+        double low[2 * NODES], high[2 * NODES];
+        eqt_real theta = eqt_constant(0.5 * (before + behind)), wrong;
+        low[1] = before;
+        high[1] = behind;
+        for (node = 1; node < NODES; node++) {
+            double middle = 0.5 * (low[node] + high[node]);
+            EQT_LANE(theta, node - 1) = middle;
+            low[2 * node] = low[node];
+            high[2 * node] = low[2 * node + 1] = middle;
+            high[2 * node + 1] = high[node];
+        }
+        wrong = eqt_wrong_at(all, theta, 0.0);
+        for (node = 1; node < NODES;)
+            node = 2 * node + !(EQT_LANE(wrong, node - 1) > 0.0);
+        before = low[node];
+        behind = high[node];
     }
     return behind;
 }
@@ -338,20 +388,20 @@ static void eqt_leave(eqt_lanes *lanes, int lane, int64_t end)
 static void eqt_begin(eqt_lanes *lanes)
 {
     eqt_mask kept[EQT_COMPARISONS + 1], fresh = eqt_lanes_where(lanes->fresh), unknown;
-    int i, starts[EQT_LANES];
+    int i, known = 0, starts[EQT_LANES];
     for (i = 0; i < EQT_LANES; i++)
         starts[i] = lanes->fresh[i] == 1;
-    if (eqt_any_of(starts)) {
-        if (EQT_COMPARISONS) {
-            for (i = 0; i < EQT_COMPARISONS; i++)
-                kept[i] = eqt_less(eqt_constant(1.0), eqt_constant(0.0));
-            eqt_settle_sides(lanes, eqt_lanes_where(starts), kept);
-        }
-        eqt_at_start(lanes, eqt_lanes_where(starts));
+    if (EQT_COMPARISONS && eqt_any_of(starts)) {
+        for (i = 0; i < EQT_COMPARISONS; i++)
+            kept[i] = eqt_less(eqt_constant(1.0), eqt_constant(0.0));
+        known = eqt_settle_sides(lanes, eqt_lanes_where(starts), kept);
     }
-    eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
+    if (!known)
+        eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
     for (i = 0; i < EQT_STATES; i++)
         lanes->k[0][i] = eqt_select(fresh, lanes->at[i], lanes->k[0][i]);
+    if (eqt_any_of(starts))
+        eqt_at_start(lanes, eqt_lanes_where(starts));
     unknown = fresh & ~eqt_less(eqt_constant(0.0), lanes->step);
     for (i = 0; i < EQT_LANES; i++)
         if (lanes->fresh[i] && !(EQT_LANE(lanes->step, i) > 0.0)) {
@@ -413,25 +463,28 @@ static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
 
 /* Ends the steps of some lanes that cross a comparison at the crossing: these are to be taken again,
    and are accepted no longer. */
-static void eqt_pin_crossings(eqt_lanes *lanes, int *accepted, eqt_mask suspected)
+static void eqt_pin_crossings(eqt_lanes *lanes, eqt_lanes *all, int *accepted, eqt_mask suspected)
 {
-    eqt_mask at_end = eqt_wrong_somewhere(lanes, lanes->width), crosses = suspected | at_end;
-    eqt_real marked = eqt_select(crosses, eqt_constant(1.0), eqt_constant(0.0)), theta;
-    int lane, any = 0;
-    for (lane = 0; lane < EQT_LANES; lane++)
-        any |= accepted[lane] && !lanes->pinned[lane] && EQT_LANE(marked, lane) > 0.0;
-    if (!any)
-        return;
-    eqt_prepare_dense(lanes);
-    theta = eqt_crossing(lanes, at_end);
-    for (lane = 0; lane < EQT_LANES; lane++)
-        if (accepted[lane] && !lanes->pinned[lane] && EQT_LANE(marked, lane) > 0.0
-            && EQT_LANE(theta, lane) <= 1.0) {
-            EQT_LANE(lanes->h, lane) = EQT_LANE(theta, lane) * EQT_LANE(lanes->h, lane);
-            lanes->pinned[lane] = 1;
-            lanes->last[lane] = lanes->last[lane] && EQT_LANE(theta, lane) == 1.0;
-            accepted[lane] = 0;
-        }
+    const eqt_real one = eqt_constant(1.0), zero = eqt_constant(0.0);
+    eqt_mask wrong = eqt_wrong_somewhere(lanes, lanes->width);
+    eqt_real at_end = eqt_select(wrong, one, zero), marked = eqt_select(suspected | wrong, one, zero);
+    int lane, prepared = 0;
+    for (lane = 0; lane < EQT_LANES; lane++) {
+        double theta;
+        if (!accepted[lane] || lanes->pinned[lane] || !(EQT_LANE(marked, lane) > 0.0))
+            continue;
+        if (!prepared)
+            eqt_prepare_dense(lanes);
+        prepared = 1;
+        eqt_spread(lanes, lane, all);
+        theta = eqt_crossing(all, EQT_LANE(lanes->width, lane), EQT_LANE(at_end, lane) > 0.0);
+        if (theta > 1.0)
+            continue;
+        EQT_LANE(lanes->h, lane) = theta * EQT_LANE(lanes->h, lane);
+        lanes->pinned[lane] = 1;
+        lanes->last[lane] = lanes->last[lane] && theta == 1.0;
+        accepted[lane] = 0;
+    }
 }
 
 /* Changes the sides of comparisons that lanes have come to. */
@@ -461,7 +514,7 @@ static void eqt_cross(eqt_lanes *lanes, const int *crossing)
 
 void eqt_advance(const eqt_span *span)
 {
-    eqt_lanes lanes = {0};
+    eqt_lanes lanes = {0}, all;
     int64_t next_run = 0;
     int lane, i;
     lanes.span = span;
@@ -519,7 +572,7 @@ void eqt_advance(const eqt_span *span)
                 eqt_leave(&lanes, lane, EQT_STEP_LIMIT);
         }
         if (EQT_COMPARISONS)
-            eqt_pin_crossings(&lanes, accepted, suspected);
+            eqt_pin_crossings(&lanes, EQT_LANES > 1 ? &all : &lanes, accepted, suspected);
         taken = eqt_lanes_where(accepted);
         if (span->later)
             eqt_sample(&lanes, taken);
