@@ -401,9 +401,10 @@ class Gust(Force):
 
     std: Annotated[vehicle_parts.Numbers, Unit(TORQUE)]
     time_constant: Annotated[vehicle_parts.Number, Scale("time constant of the gust", "s")]
-    amplitude: Any = field(default=None, init=False, repr=False)
     frequency: Any = field(default=None, init=False, repr=False)
-    phase: Any = field(default=None, init=False, repr=False)
+    sine: Any = field(default=None, init=False, repr=False)
+    cosine: Any = field(default=None, init=False, repr=False)
+    axes: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
 
     @property
     def varies(self) -> bool:
@@ -411,26 +412,31 @@ class Gust(Force):
         return True
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Return the gust with its sines: amplitude ``(m,)``, frequency and phase.
+        """Return the gust with its sines: frequencies ω ``(sines,)``, a cos φ and a sin φ.
 
-        Frequencies are ``(sines, 1)``, phases ``(sines, m)``.
+        These are ``(sines, n)`` along the n `axes` whose σ is not 0.
         """
         part, m = self.drawn(random), G.dimension
-        shape = SINES, m
+        std = np.broadcast_to(np.array(self.std, dtype=object), m)
+        axes = [k for k in range(m) if vehicle_parts.is_drawn(std[k]) or std[k]]
+        a = np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), m)[axes]
+        phase = np.zeros((SINES, m)) if random is None else random.uniform(0, 2 * np.pi, (SINES, m))
         return with_fields(
             part,
             std=None,
             time_constant=None,
-            amplitude=np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), (m,)),
-            frequency=(SHARES / part.time_constant)[:, None],
-            phase=np.zeros(shape) if random is None else random.uniform(0.0, 2 * np.pi, shape),
+            frequency=SHARES / part.time_constant,
+            sine=a * np.cos(phase[:, axes]),
+            cosine=a * np.sin(phase[:, axes]),
+            axes=axes,
         )
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
-        """Return Σ a sin(ω t + φ)."""
-        frequency, phase = self.frequency, self.phase
-        waves = [sin(frequency[..., k, :] * _column(t, V) + phase[..., k, :]) for k in range(SINES)]
-        return self.amplitude * sum(waves)
+        """Return Σ a sin(ω t + φ) = Σ a cos φ sin ω t + a sin φ cos ω t."""
+        angle = (self.frequency * _column(t, V))[..., None, :]
+        force = np.zeros_like(V)
+        force[..., self.axes] = (sin(angle) @ self.sine + cos(angle) @ self.cosine)[..., 0, :]
+        return force
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative deviations, a time constant that is not positive, and a wrong length."""

@@ -451,7 +451,7 @@ def _identity(argument: Any) -> Any:
 # keeps the error of the worst run of a block below its error alone.
 
 
-EXPLICIT_BLOCK = 100
+EXPLICIT_BLOCK = 200
 GROWTH = 1.5
 """After a known instant, the first step is this many times the longest step of the span before it.
 SciPy's own guess costs an evaluation and is often half as long; with 1, steps could not grow."""
@@ -471,7 +471,7 @@ class SolveIvp(Engine):
     rtol, atol
         Relative and absolute tolerance of a single run.
     block
-        Runs per call of `solve_ivp`. Default: 100 for explicit methods, 1 for implicit ones, whose
+        Runs per call of `solve_ivp`. Default: 200 for explicit methods, 1 for implicit ones, whose
         Jacobians grow with the block.
     max_steps
         Most evaluations of the vector field that a block may take.

@@ -1,6 +1,7 @@
 """What the parts of a vehicle compute, in closed form; and what is said of wrong options."""
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -133,9 +134,9 @@ def test_weight_alone_pulls_at_the_origin(up, down):
 def test_gusts_forget_within_their_time_constant():
     """The correlation Σ ½a² cos(ωs) of the sines is e^(−s/T), up to their number."""
     gust = Gust(std=0.3, time_constant=2.0).of_run(SO3, None)
-    power, frequency = gust.amplitude[0] ** 2 / 2, gust.frequency[:, 0]
+    power = (gust.sine[:, 0] ** 2 + gust.cosine[:, 0] ** 2) / 2
     for lapse in (0.0, 1.0, 2.0, 4.0):
-        found = power * np.cos(frequency * lapse).sum()
+        found = (power * np.cos(gust.frequency * lapse)).sum()
         assert found == pytest.approx(0.09 * np.exp(-lapse / 2.0), abs=0.1 * 0.09)
 
 
@@ -147,23 +148,46 @@ def test_gusts_have_the_variance_that_is_asked_for():
     V = np.zeros((len(times), 3))
     found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (len(times), 3, 3)), V)
     np.testing.assert_allclose(found.std(axis=0), 0.3, rtol=0.02)
-    assert gust.phase.shape == (12, 3)
-    start = gust.in_body(SO3, 0.0, np.eye(3), np.zeros(3))
-    np.testing.assert_allclose(start, gust.amplitude * np.sin(gust.phase).sum(axis=0), rtol=1e-12)
+    assert gust.sine.shape == gust.cosine.shape == (12, 3)
+
+
+def test_a_gust_is_a_sum_of_sines_with_phases_of_the_run_and_still_where_std_is_0():
+    """Σ √(2/12) σ sin(ω t + φ) with the phases as they are drawn."""
+    place = generator_at, 0, Stream.VEHICLE, 0, "plant.forces[0]"
+    phase = partial(*place)().uniform(0.0, 2 * np.pi, (12, 3))
+    std, times = np.array([0.3, 0.0, 0.1]), np.array([0.0, 0.7, 31.0])
+    gust = Gust(std=std.tolist(), time_constant=2.0).of_run(SO3, partial(*place)())
+    found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (3, 3, 3)), np.ones((3, 3)))
+    omega = np.tan(np.pi * (np.arange(12) + 0.5) / 24) / 2.0
+    waves = np.sin(omega[:, None] * times[:, None, None] + phase).sum(axis=1)
+    np.testing.assert_allclose(found, np.sqrt(2 / 12) * std * waves, rtol=0, atol=1e-13)
+    assert gust.sine.shape == (12, 2) and not found[:, 1].any()
+
+
+@pytest.mark.parametrize("std", [0.0, [0, 0, 0.0]])
+def test_a_gust_without_deviation_is_still(std):
+    gust = Gust(std=std, time_constant=2.0).of_run(SO3, np.random.default_rng(0))
+    assert not gust.in_body(SO3, 1.0, np.eye(3), np.ones(3)).any()
+
+
+def test_a_gust_blows_along_axes_whose_deviation_is_drawn():
+    drawn = Gust(std=[Uniform([0.0, 1.0]), 0.0, 0.0], time_constant=2.0)
+    assert drawn.of_run(SO3, None).axes == drawn.of_run(SO3, np.random.default_rng(0)).axes == [0]
 
 
 def test_sines_of_a_gust_are_amid_equal_parts_of_its_spectrum():
     """Below ω lies the share (2/π) atan(ωT) of the variance."""
     gust = Gust(std=0.3, time_constant=2.0).of_run(SO3, None)
-    shares = 2 / np.pi * np.arctan(2.0 * gust.frequency[:, 0])
+    shares = 2 / np.pi * np.arctan(2.0 * gust.frequency)
     np.testing.assert_allclose(shares, (np.arange(12) + 0.5) / 12, rtol=0, atol=ROUNDING)
 
 
 def test_phases_of_gusts_are_any():
     gust = Gust(std=0.3, time_constant=2.0)
-    phases = np.array([gust.of_run(SO3, np.random.default_rng(k)).phase for k in range(20)])
-    assert 0 <= phases.min() < 0.1
-    assert 2 * np.pi - 0.1 < phases.max() < 2 * np.pi
+    runs = [gust.of_run(SO3, np.random.default_rng(k)) for k in range(20)]
+    phases = np.array([np.arctan2(run.cosine, run.sine) for run in runs])
+    assert -np.pi < phases.min() < 0.1 - np.pi
+    assert np.pi - 0.1 < phases.max() < np.pi
 
 
 def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
@@ -495,7 +519,7 @@ def test_runs_differ_where_a_part_has_numbers_to_draw():
     [
         (Quantisation, ["up", "down"]),
         (Thrusters, ["inverse", "scale"]),
-        (Gust, ["amplitude", "frequency", "phase"]),
+        (Gust, ["frequency", "sine", "cosine", "axes"]),
         (Drag, ["expressions"]),
     ],
 )

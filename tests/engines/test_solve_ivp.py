@@ -196,7 +196,7 @@ def test_runs_at_once_are_whole_blocks():
 
 
 def test_block_is_one_by_default_for_methods_with_jacobians():
-    assert [SolveIvp(method=method).runs_per_block for method in METHODS] == [100] * 3 + [1] * 3
+    assert [SolveIvp(method=method).runs_per_block for method in METHODS] == [200] * 3 + [1] * 3
 
 
 def test_tightened_tolerances():
