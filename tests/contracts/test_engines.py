@@ -107,7 +107,7 @@ def sampled(loop_with):
     instants, random = problem.control_instants, np.random.default_rng(5)
     pose, velocity = random.normal(0.0, 0.1, (2, RUNS, instants, 1))
     varying = {"controller.stiffness": STIFFNESS, "controller.damping": np.full((RUNS, 1), 0.4)}
-    errors = Errors(problem.loop.group.exp(pose), velocity, np.empty((RUNS, instants, 0)))
+    errors = Errors(pose, velocity, np.empty((RUNS, instants, 0)))
     x, v, pushes = np.ones(RUNS), np.zeros(RUNS), []
     for k in range(instants):
         told, speed = x + pose[:, k, 0], v + velocity[:, k, 0]
