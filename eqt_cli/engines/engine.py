@@ -10,9 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar, final
+from typing import Any, ClassVar, Protocol, final
 
 import numpy as np
 
@@ -91,6 +91,13 @@ class Span:
         return replace(self, stop=stop, within=within, grid=self.grid[: 1 + known], later=known)
 
 
+class ErrorsOfRuns(Protocol):
+    """Sensor errors of many runs, ``(draws, instants, …)``: `Errors`, or what draws them."""
+
+    def of(self, *places: Any) -> Errors:
+        """Return those of some draws, at some instants."""
+
+
 @dataclass(frozen=True)
 class Problem:
     """Many runs of one closed loop, from their own initial states, on a common time grid.
@@ -119,7 +126,7 @@ class Problem:
     states: Array
     times: Array
     varying: Mapping[str, Array] = field(default_factory=dict)
-    errors: Errors | None = None
+    errors: ErrorsOfRuns | None = None
     halved: bool = False
     draws: Array | None = None
 
@@ -131,43 +138,15 @@ class Problem:
     @cached_property
     def spans(self) -> list[Span]:
         """The horizon, cut at the instants that are known in advance, and at control instants."""
-        start, stop = float(self.times[0]), float(self.times[-1])
-        instants = self.loop.instants(stop)
-        ticks = self._control_instants(start, stop)
-        within_it = instants[(start < instants) & (instants < stop)]  # of perhaps a long recording
-        known = _nearest(within_it, np.array([*self.times, *ticks]))
-        inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
-        ends = np.array([start, *inner, stop])
-        # A sample at an instant belongs to the span after it; the last one to the last span.
-        first = np.append(np.searchsorted(self.times, ends[:-1]), len(self.times))
-        spans = []
-        for index, (one, other) in enumerate(pairwise(ends.tolist())):
-            inside = self.times[first[index] : first[index + 1]]
-            later = inside[inside > one]
-            grid = np.concatenate([[one], later, [other] if other not in later[-1:] else []])
-            within = (
-                one if one == start else float(np.nextafter(one, other)),
-                other if other == stop else float(np.nextafter(other, one)),
-            )
-            at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
-            longest, tick = (other - one) / 2 if self.halved else np.inf, ticks.get(one)
-            spans.append(Span(one, other, within, grid, at, len(later), sampled, tick, longest))
-        return spans
+        instants, control = self.loop.instants(float(self.times[-1])), self.loop.vehicle.control
+        tick = None if control is None else control.tick
+        return _spans(self.times.tobytes(), instants.tobytes(), tick, self.halved)
 
-    @property
+    @cached_property
     def control_instants(self) -> int:
         """The number of ticks, at which law, sensors and actuators may act."""
-        return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
-
-    def _control_instants(self, start: float, stop: float) -> dict[float, int]:
-        """Return the ticks t = k·tick, from the start to before the end, with their k."""
         control = self.loop.vehicle.control
-        if control is None:
-            return {}
-        numbers = np.arange(np.ceil(start / control.tick), np.ceil(stop / control.tick) + 1)
-        times = _nearest(numbers * control.tick, self.times)
-        ticks = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
-        return {t: k for t, k in ticks if start <= t < stop}
+        return 0 if control is None else len(_control_instants(self.times, control.tick))
 
     def select(self, runs: slice | Array) -> Problem:
         """Return the problem for some of its runs."""
@@ -230,6 +209,44 @@ class Problem:
             for name, values in self.varying.items()
         }
         return with_leaves(self.loop, expanded)
+
+
+@lru_cache(maxsize=8)
+def _spans(times: bytes, instants: bytes, tick: float | None, halved: bool) -> list[Span]:
+    """Return the spans between ticks and instants, for sample times; see `Problem.spans`."""
+    samples, known = np.frombuffer(times), np.frombuffer(instants)
+    start, stop = float(samples[0]), float(samples[-1])
+    ticks = {} if tick is None else _control_instants(samples, tick)
+    within_it = known[(start < known) & (known < stop)]  # of perhaps a long recording
+    known = _nearest(within_it, np.array([*samples, *ticks]))
+    inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
+    ends = np.array([start, *inner, stop])
+    # A sample at an instant belongs to the span after it; the last one to the last span.
+    first = np.append(np.searchsorted(samples, ends[:-1]), len(samples))
+    spans = []
+    for index, (one, other) in enumerate(pairwise(ends.tolist())):
+        inside = samples[first[index] : first[index + 1]]
+        later = inside[inside > one]
+        grid = np.concatenate([[one], later, [other] if other not in later[-1:] else []])
+        within = (
+            one if one == start else float(np.nextafter(one, other)),
+            other if other == stop else float(np.nextafter(other, one)),
+        )
+        at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
+        longest = (other - one) / 2 if halved else np.inf
+        spans.append(
+            Span(one, other, within, grid, at, len(later), sampled, ticks.get(one), longest)
+        )
+    return spans
+
+
+def _control_instants(samples: Array, tick: float) -> dict[float, int]:
+    """Return the ticks t = k·tick, from the start to before the end, with their k."""
+    start, stop = float(samples[0]), float(samples[-1])
+    numbers = np.arange(np.ceil(start / tick), np.ceil(stop / tick) + 1)
+    times = _nearest(numbers * tick, samples)
+    ticks = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
+    return {t: k for t, k in ticks if start <= t < stop}
 
 
 def _nearest(instants: Array, times: Array) -> Array:
@@ -378,7 +395,7 @@ class Integrator(ABC):
             return None
         if tick not in self.ahead:
             stop = tick + max(1, ERRORS_AT_ONCE // len(self.runs))
-            self.ahead = range(tick, min(stop, self.problem.errors.velocity.shape[1]))
+            self.ahead = range(tick, min(stop, self.problem.control_instants))
             self.errors = self.problem.errors_over(self.ahead, self.runs)
         return self.errors.of(tick - self.ahead.start)
 

@@ -471,7 +471,7 @@ class Lanes(Integrator):
         self._all_held = held_rows(problem.loop, self._span_starts)
         control = problem.loop.vehicle.control
         self._listed = np.empty(0, library.WALKED)
-        if walks and control is not None and not problem.loop.vehicle.solves:
+        if walks and control is not None:
             listed = [_walked_span(span, control.clock) for span in problem.spans]
             self._listed = np.array(listed, library.WALKED)
 
@@ -752,6 +752,8 @@ WORTH_COMPILING = 200
 """Number of samples or spans from which a few runs as Python take longer than to compile a law."""
 
 BLOCK_BYTES = 16 * 2**20
+"""Memory for the states of the runs of a block, which are measured when they are solved; four times
+that, and the errors of their sensors with it, where they walk through many spans."""
 
 GROUP_RUNS = 256
 """Number of runs that a thread integrates at a time: their states and samples fit its cache."""
@@ -823,7 +825,7 @@ class Native(Engine):
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
         law = programs(problem.loop)
-        field, walks = self._integration(law.field), self.device == CPU
+        field, walks = self._integration(law.field), self._walks(problem)
         return Lanes(problem, law, self._settings, field, walks)
 
     def _integration(
@@ -856,14 +858,21 @@ class Native(Engine):
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
         """Return blocks of as many runs per thread as fit a cache with their results.
 
-        All runs are one block if the horizon has several spans.
+        All runs are one block if Python walks them through several spans.
         """
-        runs = np.arange(problem.runs)
-        if len(problem.spans) > 1 or self.device != CPU:
+        runs, loop = np.arange(problem.runs), problem.loop
+        walks = self._walks(problem)
+        if self.device != CPU or (len(problem.spans) > 1 and not walks):
             return [runs]
-        fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
-        size = max(1, fitting) * threads
-        return [runs[start : start + size] for start in range(0, problem.runs, size)]
+        states = len(problem.times) * loop.state_length
+        errors = 2 * problem.control_instants * loop.group.dimension
+        fitting = BLOCK_BYTES * (4 if walks else 1) // (8 * (states + errors))
+        return np.array_split(runs, -(-problem.runs // (max(1, fitting) * threads)))
+
+    def _walks(self, problem: Problem) -> bool:
+        """Whether C walks through the spans of a sampled loop."""
+        vehicle = problem.loop.vehicle
+        return self.device == CPU and vehicle.control is not None and not vehicle.solves
 
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array

@@ -6,15 +6,17 @@ import json
 import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, Literal
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, maximum, sqrt, stack
 from eqt_cli.base.reporting import reporter
+from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, draw_initial_states, generator, generator_at
 from eqt_cli.components.sensors import Errors
+from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Problem, SolverChecks
@@ -166,25 +168,55 @@ KEPT_BYTES = 64 * 2**20
 _kept: dict[Hashable, Errors] = {}  # the last used ones come last
 
 
+@dataclass(frozen=True)
+class Draws:
+    """Sensor errors of many runs, drawn where they are read, so that few are in memory at a time.
+
+    Attributes
+    ----------
+    instants
+        Number of ticks.
+    runs
+        Arguments of `generator_at` of each distinct run.
+    """
+
+    group: MatrixLieGroup
+    vehicle: Vehicle
+    instants: int
+    runs: list[tuple[Any, ...]]
+
+    @cached_property
+    def _known(self) -> tuple[Hashable, ...]:
+        """All that the errors of a run depend on, besides the run."""
+        sensors, vehicle = self.vehicle.sensors(), self.vehicle
+        parts = (self.group.name, repr(sensors), *map(type, sensors.values()))
+        return (*parts, repr(vehicle.control), vehicle.estimates, self.instants)
+
+    def of(self, rows: Array, *places: Any) -> Errors:
+        """Return the errors of some runs at some instants, as `Errors.of`."""
+        distinct = np.unique(rows)
+        runs = [self.runs[row] for row in distinct]
+        errors = _kept.pop(key := (*self._known, *runs), None)
+        if errors is None:
+            randoms = [partial(generator_at, *run) for run in runs]
+            errors = self.vehicle.measurement_errors(self.group, self.instants, randoms)
+        _kept[key] = errors
+        for oldest in list(_kept)[:-1]:
+            if sum(part.nbytes for each in list(_kept.values()) for part in each) > KEPT_BYTES:
+                _kept.pop(oldest, None)
+        return errors.of(np.searchsorted(distinct, rows), *places)
+
+
 def _errors(
     problem: Problem, experiments: list[Experiment], which: Array, runs: Array
-) -> tuple[Errors, Array]:
-    """Return the measurement errors of the distinct runs, and the row of each run among them."""
-    G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
+) -> tuple[Draws, Array]:
+    """Return the sensor errors of the distinct runs, and the row of each run among them."""
     all_runs = [random_of.args for _, random_of in _by_run(experiments, which, runs)]
     distinct = sorted(set(all_runs))
-    sensors = vehicle.sensors()
-    parts = [G.name, repr(sensors), *map(type, sensors.values()), repr(vehicle.control)]
-    errors = _kept.pop(key := (*parts, vehicle.estimates, instants, *distinct), None)
-    if errors is None:
-        randoms = [partial(generator_at, *run) for run in distinct]
-        errors = vehicle.measurement_errors(G, instants, randoms)
-    _kept[key] = errors
-    for oldest in list(_kept):
-        if sum(part.nbytes for each in list(_kept.values()) for part in each) > KEPT_BYTES:
-            _kept.pop(oldest, None)
     rows = {run: row for row, run in enumerate(distinct)}
-    return errors, np.array([rows[run] for run in all_runs])
+    loop, instants = problem.loop, problem.control_instants
+    draws = Draws(loop.group, loop.vehicle, instants, distinct)
+    return draws, np.array([rows[run] for run in all_runs])
 
 
 def _by_run(
@@ -236,6 +268,9 @@ not by times, so that it is the same on every machine."""
 
 EVALUATIONS_PER_STEP = 28
 """Evaluations by LSODA per compiled step (2,500 and 100 in 20 s of the paper's runs)."""
+
+EVALUATIONS_PER_INSTANT = 30
+"""Evaluations by LSODA that take as long as a control instant: its law, sensors and actuators."""
 
 METHOD_FACTOR = 2
 """Evaluations by LSODA per evaluation by DOP853: 0.4 to 1, and 2.3 with a law at 50 Hz."""
@@ -329,7 +364,7 @@ def combined(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
     return replace(worst, runs=sum(check.runs for check in done))
 
 
-def _affordable(study: Study, groups: int, steps: Mapping[str, Array]) -> float:
+def _affordable(study: Study, groups: int, steps: Mapping[str, Array], instants: int = 0) -> float:
     """Return the share of the horizon that the check can repeat within its budget.
 
     The budget is `WORK_SHARE` of the work of the runs, but at least `FREE_STEPS`. The whole horizon
@@ -343,7 +378,8 @@ def _affordable(study: Study, groups: int, steps: Mapping[str, Array]) -> float:
     if base.engine.threads:
         solves = 2 if base.solver.estimates_errors else 1
         work = solves * sum(float(each.sum()) for each in counted)
-        cost = groups * longest * EVALUATIONS_PER_STEP * STEPS_PER_EVALUATION
+        evaluations = longest * EVALUATIONS_PER_STEP + instants * EVALUATIONS_PER_INSTANT
+        cost = groups * evaluations * STEPS_PER_EVALUATION
     else:
         blocks = [each.mean() * -(-each.size // BLOCK_RUNS) for each in counted if each.size]
         work = STEPS_PER_EVALUATION * float(sum(blocks))
@@ -465,7 +501,8 @@ def _differences(
     deadline: float,
 ) -> tuple[Array, _Pieces]:
     """Return the difference of each run that did not fail, and the pieces that were repeated."""
-    part = _affordable(study, len(groups), steps)
+    instants = max(batch.problem.control_instants for group in groups for _, batch in group)
+    part = _affordable(study, len(groups), steps, instants)
     differences, redone = [np.empty(0)], []
     everything = _Pieces((0,), len(study.base.times))
     for group in groups:

@@ -135,21 +135,27 @@ def test_groups_are_of_256_runs_at_most_and_as_many_for_each_thread(runs, spans,
 
 
 @pytest.mark.parametrize(
-    ("samples", "spans", "threads", "sizes"),
+    ("samples", "spans", "threads", "sampled", "sizes"),
     [
-        (2000, 1, 1, [41, 41, 18]),
-        (2000, 1, 2, [82, 18]),
-        (2000, 2, 1, [100]),
-        (200_000, 1, 30, [30, 30, 30, 10]),
+        (2000, 1, 1, False, [34, 33, 33]),
+        (2000, 1, 2, False, [50, 50]),
+        (2000, 2, 1, False, [100]),
+        (200_000, 1, 30, False, [25, 25, 25, 25]),
+        (2000, 50, 1, True, [50, 50]),
     ],
 )
-def test_a_block_fills_16_mebibytes_for_each_thread(samples, spans, threads, sizes):
-    """41 runs and a bit of 2,000 samples of 25 numbers; of more samples, one."""
+def test_a_block_fills_16_mebibytes_for_each_thread(samples, spans, threads, sampled, sizes):
+    """At most 41 runs of 2,000 samples of 25 numbers; with errors at 5,000 ticks, 4 times 15."""
     problem = SimpleNamespace(
         runs=100,
         spans=[None] * spans,
         times=np.zeros(samples),
-        loop=SimpleNamespace(state_length=25),
+        control_instants=5000 if sampled else 0,
+        loop=SimpleNamespace(
+            state_length=25,
+            group=SimpleNamespace(dimension=9),
+            vehicle=SimpleNamespace(control="sampled" if sampled else None, solves=0),
+        ),
     )
     blocks = native.Native().blocks(problem, threads)
     assert [len(block) for block in blocks] == sizes

@@ -8,6 +8,7 @@ from small_experiment import mapping
 from eqt_cli import api
 from eqt_cli.api.loading import open_at
 from eqt_cli.components.initial_states import Stream, generator_at
+from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.batches import batches
 
@@ -123,21 +124,50 @@ def test_points_share_errors_and_each_run_has_its_own():
         np.testing.assert_allclose(errors.pose[:, place], turns, atol=1e-15)
 
 
-def test_errors_are_drawn_once_for_equal_sensors():
-    first = drawn({}, [0, 1]).errors
-    assert drawn({"gains": {"kp": 0.5, "kd": 0.5}}, [1, 0]).errors is first
-    noisier = {"sensors": DRAWN["sensors"] | {"pose": [{"kind": "noise", "std": 0.02}]}}
-    np.testing.assert_array_equal(drawn(noisier, [0, 1]).errors.pose, 2 * first.pose)
-    assert drawn({"time": {"duration": 0.3, "samples": 4}}, [0, 1]).errors.pose.shape[1] == 3
-    assert drawn({"ensemble": CONFIG["ensemble"] | {"seed": 8}}, [0, 1]).errors is not first
-    assert drawn({}, [0]).errors is not first
+@pytest.fixture
+def drawings(monkeypatch):
+    """What is drawn, one entry for each drawing."""
+    draw, found = Vehicle.measurement_errors, []
 
+    def counted(*arguments):
+        found.append(draw(*arguments))
+        return found[-1]
 
-def test_only_so_many_errors_are_kept(monkeypatch):
     monkeypatch.setattr("eqt_cli.runs.batches._kept", {})
-    size = sum(part.nbytes for part in drawn({}, [0]).errors)
+    monkeypatch.setattr(Vehicle, "measurement_errors", counted)
+    return found
+
+
+def errors(changes, runs):
+    return drawn(changes, runs).errors.of(np.arange(len(runs)))
+
+
+def test_errors_are_drawn_once_for_equal_sensors(drawings):
+    first = errors({}, [0, 1])
+    errors({"gains": {"kp": 0.5, "kd": 0.5}}, [1, 0])
+    assert len(drawings) == 1
+    noisier = {"sensors": DRAWN["sensors"] | {"pose": [{"kind": "noise", "std": 0.02}]}}
+    np.testing.assert_array_equal(errors(noisier, [0, 1]).pose, 2 * first.pose)
+    assert errors({"time": {"duration": 0.3, "samples": 4}}, [0, 1]).pose.shape[1] == 3
+    errors({"ensemble": CONFIG["ensemble"] | {"seed": 8}}, [0, 1])
+    errors({}, [0])
+    assert len(drawings) == 5
+
+
+def test_errors_are_drawn_of_the_runs_that_are_read(drawings):
+    few = drawn({}, [0, 1, 2, 3]).select(np.array([3, 1]))
+    found = few.errors_over(range(2))
+    assert [len(each.pose) for each in drawings] == [2]
+    alone = drawn({}, [3]).errors_over(range(2))
+    np.testing.assert_array_equal(found.velocity[:, 0], alone.velocity[:, 0])
+
+
+def test_only_so_many_errors_are_kept(drawings, monkeypatch):
+    errors({}, [0])
+    size = sum(part.nbytes for part in drawings[0])
     monkeypatch.setattr("eqt_cli.runs.batches.KEPT_BYTES", 2 * size)
-    kept = [drawn({}, [run]).errors for run in (0, 1, 0, 2)]
-    assert kept[2] is kept[0]
-    assert drawn({}, [0]).errors is kept[0]
-    assert drawn({}, [1]).errors is not kept[1]  # the one that was not used for the longest time
+    for run in (1, 0, 2, 0):
+        errors({}, [run])
+    assert len(drawings) == 3
+    errors({}, [1])  # which was not used for the longest time
+    assert len(drawings) == 4
