@@ -14,7 +14,7 @@ from datetime import date
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import PurePath
 from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
@@ -537,22 +537,27 @@ def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> fr
 
 
 def fields_of(
-    model: type[BaseModel], data: Any, problems: Problems, group: Any = None
+    model: type[BaseModel], data: Any, problems: Problems, group: Any = None, made: Any = None
 ) -> dict[str, Any]:
-    """Return the valid fields of a model by name, and defaults; each is validated by itself."""
+    """Return the valid fields of a model by name, and defaults; each is validated by itself.
+
+    `made` keeps what a function makes, given a name, its problems, the function and its inputs.
+    """
     valid = {}
     unknown = [(str(name),) for name in data if name not in model.model_fields]
     meant = _meant(unknown, model, ())
     for name, field in model.model_fields.items():
         if name in data and not (data[name] is None and field.default is None):
-            value = validated(_kinds(model)[name], data[name], problems.at(name), group=group)
+            here, value = problems.at(name), data[name]
+            make = partial(validated, _kinds(model)[name], value, here, group=group)
+            value = made(name, here, make, value, group) if made else make()
         elif field.is_required():
             if (name,) not in meant:
                 problems.at(name).add(f"{MISSING}: {_meanings(model)[name]}")
             value = None
         else:
-            make: Any = field.default_factory  # pydantic would inspect its signature every time
-            value = make() if make else field.get_default()
+            of: Any = field.default_factory  # pydantic would inspect its signature every time
+            value = of() if of else field.get_default()
         if value is not None:
             valid[name] = value
     return valid

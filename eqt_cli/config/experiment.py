@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import sha256
 from itertools import repeat
 from typing import Any
@@ -367,14 +367,17 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     desired = inertia = start = solver = None
     gains: dict[str, Gains | None] = {}
     if sections["reference"] is not None or source.data.get("reference") is None:
-        desired = desired_from(
-            task, sections["reference"], sections["target"], group, source, problems
-        )
-    if sections["solver"] is not None:
-        solver = solver_from(sections["solver"], problems.at("solver"))
+        parts = task, sections["reference"], sections["target"], group
+        make: Any = partial(desired_from, *parts, source, problems)
+        desired = source.made("desired", problems, make, *parts)
+    if (section := sections["solver"]) is not None:
+        make = partial(solver_from, section, problems.at("solver"))
+        solver = source.made("built solver", problems, make, section)
     horizon = sections["time"].duration if sections["time"] else 0.0
     if group and sections["inertia"] is not None:
-        inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
+        of = sections["inertia"], group, horizon
+        make = partial(inertia_from, *of, problems.at("inertia"))
+        inertia = source.made("built inertia", problems, make, *of)
     vehicle = vehicle_from(sections, group, horizon, problems, inertia) if group else None
     if group and solver and vehicle:
         for law in laws.values():
@@ -442,8 +445,9 @@ class _Sections:
 
     def __init__(self, source: ConfigSource, trusted: bool, problems: Problems) -> None:
         self.source, self.trusted, self.problems = source, trusted, problems
-        self.group = _group(source.data, problems.at("group"))
-        self.sections = _sections(source.data, self.group, problems)
+        here, name = problems.at("group"), source.data.get("group")
+        self.group = source.made("built group", here, partial(_group, source.data, here), name)
+        self.sections = _sections(source, self.group, problems)
         self.laws: dict[str, _Entry] = {}
         self.files: dict[str, str] = {}
         self.code: dict[str, str] = {}
@@ -665,14 +669,14 @@ def _designed(experiment: Experiment, index: dict[str, int], problems: Problems)
 
 
 def _sections(
-    data: dict[str, Any], group: MatrixLieGroup | None, problems: Problems
+    source: ConfigSource, group: MatrixLieGroup | None, problems: Problems
 ) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
     known = known_keys(Config, ())
-    for key in data:
+    for key in source.data:
         if key not in known:
             problems.at(key).add(unknown_key(key, known, _elsewhere(key)))
-    return dict.fromkeys(known) | fields_of(Config, data, problems, group)
+    return dict.fromkeys(known) | fields_of(Config, source.data, problems, group, source.made)
 
 
 def _elsewhere(key: str) -> str | None:

@@ -1,9 +1,10 @@
 """The text of a configuration: from YAML, from a result, with changes; and the files it names."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from operator import is_
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -187,6 +188,18 @@ class ConfigSource:
     """Whether `files` comes from a result, so that no other file is read."""
     of_folder: bool = False
     """Whether it is in a result folder: plugins need trust, and no file outside is read."""
+    known: dict[str, tuple[Any, ...]] = field(default_factory=dict, repr=False, compare=False)
+    """What was made of parts of the configuration at the last point of a sweep, behind them."""
+
+    def made(self, name: str, problems: Problems, make: Callable[[], Any], *parts: Any) -> Any:
+        """Return what is made of some parts; known where the last point had the same ones."""
+        *last, known = self.known.get(name, (None,))
+        if len(last) == len(parts) and all(map(is_, last, parts)):
+            return known
+        value = make()
+        if not problems:
+            self.known[name] = *parts, value
+        return value
 
     @property
     def path(self) -> str:

@@ -7,6 +7,7 @@ from small_experiment import mapping
 
 from eqt_cli import api
 from eqt_cli.api.loading import open_at
+from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.results.result import open_result
@@ -171,3 +172,22 @@ def test_only_so_many_errors_are_kept(drawings, monkeypatch):
     assert len(drawings) == 3
     errors({}, [1])  # which was not used for the longest time
     assert len(drawings) == 4
+
+
+def test_points_share_what_no_swept_key_changes():
+    keys = {"gains.kp": [1.0, 2.0, 2.0], "time.duration": [0.5, 0.5, 1.0]}
+    found = api.load_experiment(CONFIG | {"sweep": [{"zip": keys}]})
+    first, second, third = (found.experiment(point) for point in range(3))
+    one, other, longer = (each.loops["eqt"] for each in (first, second, third))
+    assert one.group is other.group is longer.group
+    assert one.reference is other.reference is longer.reference
+    assert first.solver is second.solver is third.solver
+    assert other.gains.K.tolist() == (2 * one.gains.K).tolist() == longer.gains.K.tolist()
+    assert (second.times[-1], third.times[-1]) == (0.5, 1.0)
+
+
+def test_a_wrong_value_at_one_point_is_no_other_ones():
+    for values, line in (([1.0, -1.0], "greater than 0"), ([-1.0, 1.0], "greater than 0")):
+        with pytest.raises(ConfigError, match=line) as caught:
+            api.load_experiment(CONFIG | {"sweep": [{"grid": {"time.duration": values}}]})
+        assert len(caught.value.problems) == 1
