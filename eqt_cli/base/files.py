@@ -269,8 +269,9 @@ def is_intact(view: mmap) -> bool | None:
 
 def _crc(view: mmap, end: int) -> int:
     checksum = 0
-    for start in range(0, end, 2**24):
-        checksum = zlib.crc32(view[start : min(start + 2**24, end)], checksum)
+    with memoryview(view) as whole:  # whose parts are no copies
+        for start in range(0, end, 2**24):
+            checksum = zlib.crc32(whole[start : min(start + 2**24, end)], checksum)
     return checksum
 
 

@@ -49,10 +49,12 @@ def middle_of(bands: Bands) -> str:
 def draw_middle(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: Ensemble) -> None:
     """Draw the mean or median over runs of values ``(runs, samples)``, and the band around it."""
     look = line_style(ensemble.look)
-    middle = np.median(values, axis=0) if bands == "quartiles" else values.mean(axis=0)
+    if bands == "quartiles":
+        low, middle, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0)
+    else:
+        middle = values.mean(axis=0)
     axes.plot(times, middle, label=ensemble.label, **look)
     if bands == "quartiles" and len(values) > 1:
-        low, high = np.quantile(values, (0.25, 0.75), axis=0)
         step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
         some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
         band = band_look(look["color"], _FAINT_BAND)

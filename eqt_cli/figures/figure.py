@@ -199,7 +199,7 @@ class ShownRuns(ShownControllers):
     def _desired(self, signal: str, ensemble: Ensemble) -> Array:
         return ensemble.results[f"desired_{signal}"][self._samples(ensemble.results)]
 
-    def feedforward(self, ensemble: Ensemble) -> Array:
+    def feedforward(self, ensemble: Ensemble, most: int | None = None) -> Array:
         """Return the feedforward torque of the good runs, body frame, ``(runs, samples, m)``.
 
         Raises
@@ -214,7 +214,7 @@ class ShownRuns(ShownControllers):
                 f"separates feedforward from feedback in ideal loops only. {result.described.loop}"
             )
         loop = result.loops[ensemble.law]
-        poses, velocities = (self._stored(name, ensemble) for name in ("pose", "velocity"))
+        poses, velocities = (self._stored(name, ensemble, most) for name in ("pose", "velocity"))
         desired = [self._desired(name, ensemble) for name in ("pose", "velocity", "torque")]
         torque = np.empty_like(velocities)
         for k, t in enumerate(self.times(ensemble)):

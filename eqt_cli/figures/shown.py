@@ -163,9 +163,11 @@ class ShownControllers:
         """The controllers with at least one good run."""
         return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
 
-    def count(self) -> str:
-        """Return the number of good runs, ``200 runs``; per law where they differ."""
+    def count(self, most: int | None = None) -> str:
+        """Return the number of good runs, ``200 runs``; per law where they differ, up to `most`."""
         counts = {e.title: int(np.count_nonzero(e.good)) for e in self.shown}
+        if most and max(counts.values()) > most:
+            return f"the first {most} runs"
         if len(set(counts.values())) == 1:
             count = next(iter(counts.values()))
             return f"{count} run{'s' * (count != 1)}"

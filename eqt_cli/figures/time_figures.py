@@ -174,6 +174,8 @@ def _title(runs: ShownRuns, signal: str) -> str:
 _DESIRED: dict[str, Any] = {"linewidth": 2.2, "zorder": 1.5}
 _PALE = 0.25
 """Share of ink in the reference torque, which lies behind the curves."""
+_MOST_RUNS = 1000
+"""Largest number of runs of a law, from the first, whose torques are drawn."""
 _ACROSS = 3
 """Most axes of a part side by side on a page."""
 
@@ -222,9 +224,8 @@ class Torque(Panelled, OverTime):
         units = {name: unit for name, unit in runs.axes if name in wanted}
         size = "size of the " if self.log else ""
         what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
-        runs.remarks.append(
-            f"Curves: {middle_of(self.bands)}{what} over {runs.count()}{of_bands(self.bands)}."
-        )
+        count = f"{runs.count(_MOST_RUNS)}{of_bands(self.bands)}"
+        runs.remarks.append(f"Curves: {middle_of(self.bands)}{what} over {count}.")
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
@@ -256,11 +257,11 @@ class Torque(Panelled, OverTime):
 
     def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
         """Return the share and the torques by law that are drawn, ``(runs, samples, axes)``."""
-        torque = {e.label: runs.values("torque", e) for e in runs.shown}
+        torque = {e.label: runs.values("torque", e, _MOST_RUNS) for e in runs.shown}
         if self.share == "total":
             return self.share, torque
         try:
-            feedforward = {e.label: runs.feedforward(e) for e in runs.shown}
+            feedforward = {e.label: runs.feedforward(e, _MOST_RUNS) for e in runs.shown}
         except EqtError:
             if self.share:
                 raise

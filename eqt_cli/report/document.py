@@ -559,10 +559,11 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
 def _animated(result: Result) -> dict[str, Any]:
     """Return the animation of the first law's median run; empty if no body can be shown."""
     by = next(iter(result.compared_first), None)
-    runs = [run for run in result.stored_runs if by and np.isfinite(result[by][0, run])]
+    values = result[by][0] if by else np.empty(0)
+    runs = [run for run in result.stored_runs if by and np.isfinite(values[run])]
     with suppress(EqtError):
         if by and runs:
-            middle = sorted(runs, key=lambda run: float(result[by][0, run]))[(len(runs) - 1) // 2]
+            middle = sorted(runs, key=lambda run: float(values[run]))[(len(runs) - 1) // 2]
             return {
                 "animation": animation(result, int(middle)),
                 "animated": int(middle),

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -355,7 +355,8 @@ class StoredRuns(KnownResult):
         """
         good = self.good[controller][self.stored_runs]
         if most is None:
-            return self.read(signal, controller=controller)[good]
+            values = self.read(signal, controller=controller)
+            return values if good.all() else values[good]
         first = np.flatnonzero(good)[:most]
         return self.read(signal, controller=controller, **{self.run_dimension: first})
 
@@ -400,6 +401,7 @@ class StoredRuns(KnownResult):
         return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
 
 
+@cache
 def meaning_of(status: int) -> str:
     """Describe a status in words."""
     names = {each.value: each.name.lower().replace("_", " ") for each in Status}

@@ -58,6 +58,21 @@ def test_bands_are_drawn_on_request(so3, opened, picture):
     )
 
 
+@pytest.mark.parametrize("share", ["total", "feedback"])
+def test_of_many_runs_the_first_ones_are_drawn_and_the_caption_says_so(
+    so3, opened, picture, monkeypatch, share
+):
+    whole = _drawn(Torque(share=share).draw([opened(so3)]).axes[0])
+    monkeypatch.setattr("eqt_cli.figures.time_figures._MOST_RUNS", 4)
+    drawing = Torque(share=share).draw([opened(so3)])
+    assert "over the first 4 runs." in drawing.get_supxlabel()
+    drawn = _drawn(drawing.axes[0])["eqt"]
+    assert not np.array_equal(drawn, whole["eqt"])
+    if share == "total":
+        torque = opened(so3)["torque"][0, :4, :, 0]
+        np.testing.assert_array_equal(drawn, torque.mean(axis=0))
+
+
 def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened, picture):
     whole, forward, back = (
         _drawn(picture(Torque(share=share), opened(so3)).axes[1])
