@@ -85,7 +85,7 @@ lock: $(VENV)/.stamp-base ## write the versions and hashes that continuous integ
 	$(COMPILE) --all-extras --group dev --group docs --group release --output-file .ci/lock.txt
 	$(COMPILE) --group oracles --constraint .ci/lock.txt --output-file .ci/lock-oracles.txt
 	$(subst pyproject.toml,,$(COMPILE)) --no-deps --group basilisk --output-file .ci/lock-basilisk.txt
-	$(COMPILE) --extra all --group test --constraint tests/lowest.txt --output-file .ci/lock-lowest.txt
+	$(COMPILE) --extra all --extra native --group test --constraint tests/lowest.txt --output-file .ci/lock-lowest.txt
 
 hooks: ## check the subject of each of your commits before it is made
 	mkdir -p "$$(git rev-parse --git-path hooks)"
@@ -168,6 +168,6 @@ $(VENV)/.stamp-docs: $(VENV)/.stamp-base
 $(LOWEST)/.stamp: pyproject.toml tests/lowest.txt
 	$(call venv,$(LOWEST),$(or $(PYTHON),python3.11))
 	@echo "Installing the oldest supported versions into $(LOWEST)"
-	@$(LOWEST)/bin/$(PIP) $(if $(LOCKED),$(HASHED)-lowest.txt,install --constraint tests/lowest.txt --group test --editable '.[all]')
+	@$(LOWEST)/bin/$(PIP) $(if $(LOCKED),$(HASHED)-lowest.txt,install --constraint tests/lowest.txt --group test --editable '.[all,native]')
 	@$(if $(LOCKED),$(LOWEST)/bin/$(PIP) install --no-deps --no-build-isolation --editable .)
 	@touch $@
