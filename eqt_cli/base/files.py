@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import io
 import json
+import mmap as mmap_module
 import os
 import re
 import secrets
@@ -247,15 +248,18 @@ def _sync_folder(folder: Path) -> None:
 SEAL = b"\neqt CRC-32 "
 """Stands behind the bytes of a file, before their checksum: 4 bytes, the lowest first."""
 
+DROP = getattr(mmap_module, "MADV_DONTNEED", None)
+
 CHECKSUM = "checksum"
 """Key of a record with the CRC-32 of its other keys, in hexadecimal digits."""
 
 
 def seal(file: io.FileIO) -> None:
     """Append the checksum of all bytes of a file."""
-    with mmap(file.fileno(), 0, access=ACCESS_READ) as view:
-        checksum = _crc(view, len(view))
-    file.seek(0, os.SEEK_END)
+    file.seek(0)
+    checksum = 0
+    while read := file.read(2**20):  # not mapped: that would count as memory of this process
+        checksum = zlib.crc32(read, checksum)
     _write(file, SEAL + checksum.to_bytes(4, "little"))
 
 
@@ -272,6 +276,8 @@ def _crc(view: mmap, end: int) -> int:
     with memoryview(view) as whole:  # whose parts are no copies
         for start in range(0, end, 2**24):
             checksum = zlib.crc32(whole[start : min(start + 2**24, end)], checksum)
+            if DROP is not None:  # what was read need not stay in the memory of this process
+                view.madvise(DROP, start, min(2**24, len(view) - start))
     return checksum
 
 

@@ -752,8 +752,8 @@ WORTH_COMPILING = 200
 """Number of samples or spans from which a few runs as Python take longer than to compile a law."""
 
 BLOCK_BYTES = 16 * 2**20
-"""Memory for the states of the runs of a block, which are measured when they are solved; four times
-that, and the errors of their sensors with it, where they walk through many spans."""
+"""Memory for the states of a block of runs, which are measured when they are solved. Where C walks
+them through many spans, their errors of sensors count, and it is twice as much."""
 
 GROUP_RUNS = 256
 """Number of runs that a thread integrates at a time: their states and samples fit its cache."""
@@ -866,7 +866,7 @@ class Native(Engine):
             return [runs]
         states = len(problem.times) * loop.state_length
         errors = 2 * problem.control_instants * loop.group.dimension
-        fitting = BLOCK_BYTES * (4 if walks else 1) // (8 * (states + errors))
+        fitting = BLOCK_BYTES * (2 if walks else 1) // (8 * (states + errors))
         return np.array_split(runs, -(-problem.runs // (max(1, fitting) * threads)))
 
     def _walks(self, problem: Problem) -> bool:

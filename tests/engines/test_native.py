@@ -141,11 +141,11 @@ def test_groups_are_of_256_runs_at_most_and_as_many_for_each_thread(runs, spans,
         (2000, 1, 2, False, [50, 50]),
         (2000, 2, 1, False, [100]),
         (200_000, 1, 30, False, [25, 25, 25, 25]),
-        (2000, 50, 1, True, [50, 50]),
+        (2000, 50, 1, True, [25, 25, 25, 25]),
     ],
 )
 def test_a_block_fills_16_mebibytes_for_each_thread(samples, spans, threads, sampled, sizes):
-    """At most 41 runs of 2,000 samples of 25 numbers; with errors at 5,000 ticks, 4 times 15."""
+    """At most 41 runs of 2,000 samples of 25 numbers; with errors at 5,000 ticks, twice 15."""
     problem = SimpleNamespace(
         runs=100,
         spans=[None] * spans,
