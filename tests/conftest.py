@@ -54,6 +54,11 @@ pytest_plugins = ["pytester"]
 # Tables obey it, and workers of the tests have one of their own.
 os.environ.pop("COLUMNS", None)
 
+# What the tests compute is seldom worth compiling: solve_ivp solves a few runs in less time. Tests
+# of the choice that eqt makes (config/test_engine_choice.py), and those that carry out the
+# documentation, take this variable away.
+os.environ["EQT_ENGINE"] = "solve_ivp"
+
 # A deadline would time the machine, which runs tests side by side, and not the code. Samples are
 # the same in every run, so that a change is judged by what it changes, and 15 of them are enough;
 # the nightly run draws new ones, and more.

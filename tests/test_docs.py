@@ -23,6 +23,12 @@ PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"
 EQUATIONS = yaml.safe_load((DOCS / "explanation" / "equations.yaml").read_text(encoding="utf-8"))
 
 
+@pytest.fixture(autouse=True)
+def _engine_by_choice(monkeypatch):
+    """As for a user, who has not set the variable."""
+    monkeypatch.delenv("EQT_ENGINE")
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A checkout as a new user has it, without results."""

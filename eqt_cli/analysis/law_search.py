@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, count
 from pathlib import Path
@@ -303,8 +303,8 @@ class SearchFolder:
                 self.path, (*RESULT_ENTRIES, *_entries(self.kind, slugs, marked=False).values())
             )
 
-    def claim(self, name: str, digest: str, force: bool) -> None:
-        """Claim the folder for the search of this name and digest.
+    def claim(self, settings: Mapping[str, Any], force: bool) -> None:
+        """Claim the folder for the search with these settings.
 
         Raises
         ------
@@ -316,7 +316,7 @@ class SearchFolder:
         there = [name for name in entries if files.kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
-        other = record is not None and record["digest"] != digest
+        other = record is not None and record["digest"] != settings["digest"]
         result = record is None and ResultFolder(self.path).manifest is not None
         if (other or result) and not force:
             foreign = f"a result that eqt {self.kind.command} did not write"
@@ -329,7 +329,7 @@ class SearchFolder:
                 files.remove_written(self.path / entry, entries[entry])
             files.remove_left_over(self.path, list(entries.values()))
         if force or record is None:
-            self.write_record({"name": name, "digest": digest})
+            self.write_record({key: settings[key] for key in ("name", "digest", "engine")})
 
 
 def config_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:

@@ -169,6 +169,12 @@ class Searches(ABC, Generic[S]):
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
         """Search for every law, and judge what was found."""
 
+    def begun_in(self, out: Path) -> Self:
+        """Return the search by the engine that began its folder, if eqt chose another one."""
+        known = (self.kind.record_in(out) or {}).get("engine")
+        source = self.base.source.begun_by(known, out)
+        return self if source is None else self.read(source, trust_plugins=True)
+
     @property
     def seeds(self) -> range:
         """Seeds of the searches for each law."""
@@ -209,6 +215,7 @@ class Searches(ABC, Generic[S]):
         return {
             "name": self.base.name,
             "digest": self.digest,
+            "engine": self.base.engine.name,
             "generations": self.section.budget,
             "population": self.section.population,
             "runs": self.base.config.ensemble.runs,
@@ -415,7 +422,7 @@ def carry_out(
     folder = SearchFolder(out, search.kind)
     folder.check(search.laws)
     with locked(out, name=f"{LOCK}-{search.kind.command}"):
-        folder.claim(search.base.name, search.digest, force)
+        folder.claim(search.settings, force)
         with step(RUNS_DONE, search.all_runs):
             judged, outcome = search.conclude(folder, executor)
         record = search.settings | outcome

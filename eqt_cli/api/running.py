@@ -80,10 +80,12 @@ def run(
     0
     """
     loaded = experiment if isinstance(experiment, Study) else load_experiment(experiment)
+    folder = Path("results") / loaded.name if out is None else Path(out)
+    loaded = loaded if force else ResultFolder(folder).begun(loaded)
     remark_on(loaded.base)
     done = execute(
         loaded,
-        Path("results") / loaded.name if out is None else Path(out),
+        folder,
         executor=executor or choose_executor(loaded, workers),
         force=force,
         rerun_failed=rerun_failed,
@@ -284,6 +286,7 @@ def _searched(
     from eqt_cli.analysis.search import carry_out
 
     folder = search.folder if out is None else Path(out)
+    search = search if force else search.begun_in(folder)
     executor = executor or choose_executor(Study(None, search.base), workers)
     remark_on(search.base)
     return carry_out(search, folder, executor, force=force)

@@ -27,7 +27,8 @@ Output
     --verbose  Print every row.
 Computing
     --workers N  Number of cores to use. Default: all.
-    --engine NAME  Same as --set solver.engine=NAME.
+    --engine NAME  auto (native where it can be used, else solve_ivp) or another engine (`eqt list
+        engines`). Same as --set solver.engine=NAME.
     --device NAME  Same as --set solver.device=NAME (`eqt list devices`).
     --executor NAME  auto, serial, threads or local, or NAME:KEY=VALUE with options of it
         (`eqt list executors`). Default: auto.
@@ -201,26 +202,13 @@ def overrides(set_: Sequence[str] | None, **solver: str | None) -> dict[str, str
     return placed("--set", set_) | chosen
 
 
-ENGINE = "EQT_ENGINE"
-"""Environment variable with the engine of configurations that name none."""
-
-
 def source_of(
     config: Path, set_: Sequence[str] | None, engine: str | None = None, device: str | None = None
 ) -> ConfigSource:
-    """Return a configuration with the changes by these options, not yet checked.
-
-    Where neither names an engine, the environment variable `ENGINE` does.
-    """
+    """Return a configuration with the changes by these options, not yet checked."""
     from eqt_cli.config.source import read_config
 
-    source, usual = read_config(config, overrides(set_, engine=engine, device=device)), None
-    solver = source.data.get("solver") or {}
-    if isinstance(solver, dict) and "engine" not in solver:
-        usual = os.environ.get(ENGINE)
-    if not usual:
-        return source
-    return read_config(config, overrides(set_, engine=usual, device=device))
+    return read_config(config, overrides(set_, engine=engine, device=device))
 
 
 def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, doing: str) -> Study:

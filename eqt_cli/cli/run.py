@@ -42,7 +42,7 @@ def run(config: options.Config, setup: options.Setup, handling: options.Handling
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
     experiment = study(source, trust_plugins=handling.trust_plugins)
-    run_experiment(experiment, executor_from(experiment, setup), setup.out, handling)
+    run_experiment(experiment, setup, handling)
 
 
 FIRST_POINTS = 5
@@ -86,15 +86,14 @@ def sweep(
         )
     most_checked = MOST_CHECKED if dry_run else None
     sweep_study = study(source, trust_plugins=handling.trust_plugins, most_checked=most_checked)
-    executor = executor_from(sweep_study, setup)
     if dry_run:
         points = len(sweep_study)
         if points > MOST_CHECKED:
             checked = f"{MOST_CHECKED} of its {points} points were checked"
             say(f"{config}: {checked}; a run checks all")
-        _print_plan(sweep_study, executor, handling.json)
+        _print_plan(sweep_study, executor_from(sweep_study, setup), handling.json)
         return
-    run_experiment(sweep_study, executor, setup.out, handling)
+    run_experiment(sweep_study, setup, handling)
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
@@ -249,11 +248,12 @@ def _searched(
     """
     from eqt_cli.config.study import Study
 
+    out = setup.out or search.folder
+    search = search if handling.force else search.begun_in(out)
     executor = executor_from(Study(None, search.base), setup)
     if dry_run:
         _print_search_plan(search, executor, json=handling.json)
         raise typer.Exit
-    out = setup.out or search.folder
     output.say(_runs_line(search))
     try:
         return begin(search, out, executor=executor, force=handling.force)
@@ -358,19 +358,19 @@ def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     return choose_executor(experiment, count, name or "auto", values)
 
 
-def run_experiment(
-    experiment: Study, executor: Executor, out: Path | None, handling: options.Handling
-) -> None:
+def run_experiment(experiment: Study, setup: options.Setup, handling: options.Handling) -> None:
     """Run an experiment, report on stdout, and exit with the code of the outcome."""
     from eqt_cli import api
+    from eqt_cli.runs.folder import ResultFolder
 
+    out = setup.out or Path("results") / experiment.name
+    experiment = experiment if handling.force else ResultFolder(out).begun(experiment)
     shard, plans = shard_from(handling.shard), experiment.plans
-    out = out or Path("results") / experiment.name
     try:
         done = api.run(
             experiment,
             out,
-            executor=executor,
+            executor=executor_from(experiment, setup),
             force=handling.force,
             rerun_failed=handling.rerun_failed,
             shard=shard,

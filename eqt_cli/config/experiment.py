@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import InputError, KeyPath, Problems, alike, closest
+from eqt_cli.base.errors import EqtWarning, InputError, KeyPath, Problems, alike, closest
 from eqt_cli.base.option_types import (
     MISSING,
     Kind,
@@ -30,6 +30,7 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import blamed
+from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
 from eqt_cli.components.initial_states import (
@@ -49,15 +50,7 @@ from eqt_cli.components.recording import read_starts
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
 from eqt_cli.config.preflight import reference_over_horizon, try_laws, try_vehicle
-from eqt_cli.config.schema import (
-    DEFAULT_ENGINE,
-    WORDS,
-    Config,
-    GainsSection,
-    InitialSection,
-    marked,
-    marks_of,
-)
+from eqt_cli.config.schema import WORDS, Config, GainsSection, InitialSection, marked, marks_of
 from eqt_cli.config.sections import (
     DesiredTrajectory,
     check_horizon,
@@ -68,8 +61,10 @@ from eqt_cli.config.sections import (
     kp_and_kd,
     vehicle_from,
 )
-from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
+from eqt_cli.config.source import AUTO, ConfigSource, data_file, load_plugins, with_data
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
+from eqt_cli.engines.native import Native, refusal
+from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 from eqt_cli.numbers.leaves import with_fields
@@ -115,9 +110,15 @@ class Solver:
         return self.engine.estimates_errors if wanted is None else wanted
 
 
-def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
-    """Return the solver of a section, or None after noting its problems."""
-    name = section.get("engine", DEFAULT_ENGINE)
+def solver_from(section: dict[str, Any], chosen: bool, problems: Problems) -> Solver | None:
+    """Return the solver of a section, or None after noting its problems.
+
+    Parameters
+    ----------
+    chosen
+        Whether its engine was chosen; then other keys must be those of all that can be.
+    """
+    name = section.get("engine")
     with problems.catching("engine"):
         _require_available(name)
     kinds = engines.core()
@@ -128,6 +129,10 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     for key in section:
         if key not in known:
             problems.at(key).add(unknown_key(key, known))
+    for key in section if chosen else ():
+        having = {kind.name for kind in kinds if key in option_names(kind)}
+        if having and not having >= {Native.name, SolveIvp.name}:
+            problems.at(key).add(f"is a key of engine {min(having)}; add engine: {min(having)}")
     data = ({key: section[key] for key in option_names(kind) if key in section} for kind in owners)
     judgement, *built = map(validated, owners, data, repeat(problems))
     engine = next((entry for entry in built if entry and entry.name == name), None)
@@ -340,10 +345,8 @@ OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
 
 
-@blamed()
-@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
 def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
-    """Check a configuration and make an experiment of it.
+    """Check a configuration and make an experiment of it, whose source names its engine.
 
     Parameters
     ----------
@@ -357,6 +360,25 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     ComponentError
         If a component of the user's own fails while it is made.
     """
+    if source.engine != AUTO:
+        return _built(source, trust_plugins)
+    if source.chosen:
+        problems = Problems(source.place)
+        problems.at("solver", "engine").add("must be named where a point or a case sets the solver")
+        problems.raise_if_any()
+    if not (why := refusal()):
+        experiment = _built(source.by_engine(Native.name), trust_plugins)
+        if not (why := refusal(experiment.loops.values())):
+            return experiment
+    slower = f"engine {SolveIvp.name}, about 6 times slower than native: {why.args[0]}"
+    reporter().remark(EqtWarning(slower, *why.remedies, lines=why.lines))
+    return _built(source.by_engine(SolveIvp.name), trust_plugins)
+
+
+@blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
+def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
+    """Make the experiment of a configuration that names its engine."""
     problems = Problems(source.place)
     plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
@@ -371,8 +393,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         make: Any = partial(desired_from, *parts, source, problems)
         desired = source.made("desired", problems, make, *parts)
     if (section := sections["solver"]) is not None:
-        make = partial(solver_from, section, problems.at("solver"))
-        solver = source.made("built solver", problems, make, section)
+        make = partial(solver_from, section, source.chosen, problems.at("solver"))
+        solver = source.made("built solver", problems, make, section, source.chosen)
     horizon = sections["time"].duration if sections["time"] else 0.0
     if group and sections["inertia"] is not None:
         of = sections["inertia"], group, horizon
@@ -380,8 +402,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         inertia = source.made("built inertia", problems, make, *of)
     vehicle = vehicle_from(sections, group, horizon, problems, inertia) if group else None
     if group and solver and vehicle:
+        calls = solver.engine.calls_laws or source.chosen  # a chosen engine was tried
         for law in laws.values():
-            check_calls(law.law, vehicle, solver.engine, problems.at("controllers", law.index))
+            check_calls(law.law, vehicle, calls, problems.at("controllers", law.index))
     if group:
         gains = read.gains(group)
         if inertia and vehicle and desired and sections["time"]:
@@ -726,8 +749,8 @@ def _wrong_task(law: Controller, task: str) -> str:
     return f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} use {fitting}"
 
 
-def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Problems) -> None:
-    """Note code that the engine cannot call, or that needs a control period."""
+def check_calls(law: Controller, vehicle: Vehicle, calls: bool, problems: Problems) -> None:
+    """Note code that needs a control period, or that the engine, unless it `calls`, cannot call."""
     if vehicle.control is not None:
         return
     kind = type(law)
@@ -739,8 +762,8 @@ def check_calls(law: Controller, vehicle: Vehicle, engine: Engine, problems: Pro
         problems.at("memory").add(
             "goes on by a period at every call; set control.period, at which the code is called"
         )
-    elif not engine.calls_laws:
+    elif not calls:
         problems.add(
-            f"engine {engine.name} compiles the law into the loop, and code is called; set "
+            "engine native compiles the law into the loop, and code is called; set "
             "control.period, at which it is called, or use engine solve_ivp"
         )

@@ -19,7 +19,8 @@ from eqt_cli.base.option_types import Kind, Scale, has_options, option_names, ow
 from eqt_cli.base.registry import meanings, option_of_field, summary
 from eqt_cli.components.groups import groups
 from eqt_cli.config.designs import BLOCK, designs
-from eqt_cli.config.schema import DEFAULT_ENGINE, Config, GainsSection, not_swept
+from eqt_cli.config.schema import Config, GainsSection, not_swept
+from eqt_cli.config.source import AUTO
 from eqt_cli.engines.engine import SolverChecks, engines
 
 
@@ -134,10 +135,10 @@ def options_of(component: type, shared: dict[str, Any]) -> dict[str, Any]:
 def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "engine": {
-            "description": "The engine that integrates the equations (`eqt list engines`).",
-            "enum": engines.names(),
+            "description": "`eqt list engines`; auto is native where possible, else solve_ivp.",
+            "enum": [AUTO, *engines.names()],
             "type": "string",
-            "default": DEFAULT_ENGINE,
+            "default": AUTO,
         },
         **options_of(SolverChecks, shared)["properties"],
     }

@@ -774,6 +774,3 @@ def marks_of(key: str) -> list[Any]:
 def not_swept(key: str) -> str:
     """Return why no sweep can change a key; empty where one can."""
     return next((each.why for each in marks_of(key) if isinstance(each, NotSwept)), "")
-
-
-DEFAULT_ENGINE = "solve_ivp"

@@ -1,6 +1,7 @@
 """The text of a configuration: from YAML, from a result, with changes; and the files it names."""
 
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -12,9 +13,11 @@ import numpy as np
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import (
+    OTHER_FOLDER,
     ComponentError,
     ConfigError,
     EqtError,
+    EqtWarning,
     InputError,
     InputProblem,
     KeyPath,
@@ -28,11 +31,13 @@ from eqt_cli.base.errors import (
 from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
+from eqt_cli.base.reporting import reporter
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.yaml_source import Source
 from eqt_cli.components.log_table import recording_text
 from eqt_cli.components.mechanics import TimeVarying
 from eqt_cli.config import shipped
+from eqt_cli.engines.engine import engines
 
 # Describes the parts of a loop, as a signal path and as a sentence --------------------------------
 
@@ -173,6 +178,13 @@ _STORED = "[config]"
 """Suffix of the name of a result file in places within the configuration that it holds."""
 
 
+ENGINE = "EQT_ENGINE"
+"""Environment variable with the engine of configurations that name none."""
+
+AUTO = "auto"
+"""The engine of other configurations: native where it can be used, else solve_ivp."""
+
+
 @dataclass
 class ConfigSource:
     """Plain data, the place of each part, and the folder to which paths are relative."""
@@ -188,6 +200,8 @@ class ConfigSource:
     """Whether `files` comes from a result, so that no other file is read."""
     of_folder: bool = False
     """Whether it is in a result folder: plugins need trust, and no file outside is read."""
+    chosen: bool = False
+    """Whether the engine that it names was chosen, as `AUTO` asks for."""
     known: dict[str, tuple[Any, ...]] = field(default_factory=dict, repr=False, compare=False)
     """What was made of parts of the configuration at the last point of a sweep, behind them."""
 
@@ -212,6 +226,32 @@ class ConfigSource:
             if path[:depth] in self.overrides:
                 return self.overrides[path[:depth]]
         return self.source.key_place(path)
+
+    @property
+    def engine(self) -> Any:
+        """The engine that it names, or `AUTO`; None if its section is no mapping."""
+        section = self.data.get("solver") or {}
+        return section.get("engine", AUTO) if isinstance(section, dict) else None
+
+    def by_engine(self, engine: str, place: str = AUTO) -> "ConfigSource":
+        """Return the configuration that names a chosen engine."""
+        return replace(changed_at(self, ("solver", "engine"), engine, place), chosen=True)
+
+    def begun_by(self, engine: object, folder: Path) -> "ConfigSource | None":
+        """Return the configuration by the engine that began a folder, if another was chosen.
+
+        Raises
+        ------
+        EqtError
+            If that engine cannot be used here.
+        """
+        if not self.chosen or engine == self.engine or engine not in engines.names():
+            return None
+        if why := engines.get(str(engine)).unavailable():
+            needs = why.partition("; or use")[0]
+            raise EqtError(f"{folder}: was begun by engine {engine}; {needs}", OTHER_FOLDER)
+        reporter().remark(EqtWarning(f"{folder}: goes on by engine {engine}, which began it"))
+        return self.by_engine(str(engine), str(folder))
 
 
 def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -> ConfigSource:
@@ -272,6 +312,9 @@ def overridden(config: ConfigSource, overrides: Sequence[str] | Mapping[str, str
             problems += error.problems
     if problems:
         raise ConfigError(problems)
+    usual = os.environ.get(ENGINE)
+    if usual and config.engine and "engine" not in (config.data.get("solver") or {}):
+        _apply(config, f"solver.engine={usual}", ENGINE)
     return config
 
 

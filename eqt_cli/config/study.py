@@ -343,14 +343,19 @@ class Study:
         """Contents of the files with data of all points, by their names in the configuration."""
         return self.source.files
 
+    def begun_by(self, engine: object, folder: Path) -> Study:
+        """Return the study by the engine that began its folder, if eqt chose another one."""
+        source = self.source.begun_by(engine, folder)
+        return self if source is None else _built_again(source, self.sweep, None)
+
     # Pickling for other processes.
 
     def __reduce__(self) -> tuple[Callable[..., Study], tuple[Any, ...]]:
-        return _built_again, (self.source, self.sweep, self.plans)
+        return _built_again, (replace(self.source, known={}), self.sweep, self.plans)
 
 
-def _built_again(source: ConfigSource, sweep: Sweep | None, plans: Plans) -> Study:
-    """Return a study in another process, whose parts are planned."""
+def _built_again(source: ConfigSource, sweep: Sweep | None, plans: Plans | None) -> Study:
+    """Return a study in another process, whose parts are planned, or by another engine."""
     for path in source.data.get("plugins", []):
         load_plugin(Path(path), (source.stored_plugins or {})[path])
     base = build(at_point(source, sweep, 0), trust_plugins=True)
@@ -517,6 +522,7 @@ def study(
     problems.raise_if_any()
     common = at_point(bare, sweep, 0, sweep.always)
     base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
+    free, common = common, common.by_engine(base.engine.name) if base.source.chosen else common
     plugins = base.source.stored_plugins  # other processes execute the same sources
     checked = Study(sweep, base, replace(common, stored_plugins=plugins))
     _check_common(checked)
@@ -527,7 +533,19 @@ def study(
         )
     with step("points checked", len(checked)):
         _check_points(checked, spread(len(checked), most_checked))
+    for point in _kinds(sweep) if base.source.chosen and not base.engine.calls_laws else ():
+        engine = build(at_point(free, sweep, point), trust_plugins=trust_plugins).engine.name
+        if engine != base.engine.name:
+            source = source.by_engine(engine)
+            return study(source, trust_plugins=trust_plugins, most_checked=most_checked)
     return checked
+
+
+def _kinds(sweep: Sweep) -> list[int]:
+    """Return a point for each setting of swept keys but for numbers; without that of point 0."""
+    texts = [json.dumps(sweep.settings(point)) for point in range(len(sweep))]
+    kinds = [json.dumps(json.loads(text, parse_float=bool, parse_int=bool)) for text in texts]
+    return sorted(map(kinds.index, set(kinds)))[1:]
 
 
 def _check_common(checked: Study) -> None:
@@ -601,6 +619,8 @@ def _unlike(experiment: Experiment, base: Experiment) -> str | None:
             f"the controllers are {labels}, but {first} at point 0; "
             "give each a `label` that is the same at all points"
         )
+    if experiment.source.chosen != base.source.chosen:
+        return "solver.engine is given there or at point 0 only; give it at both"
     runs, base_runs = experiment.config.ensemble.runs, base.config.ensemble.runs
     if runs != base_runs:
         return f"ensemble.runs is {runs}, but {base_runs} at point 0; {RUNS}"

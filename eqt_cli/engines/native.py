@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import math
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -853,7 +853,7 @@ class Native(Engine):
 
     def rehearse(self, problem: Problem) -> None:
         """Trace the law, which may fail, without compiling it."""
-        trace(problem.loop)
+        programs(problem.loop)
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
         """Return blocks of as many runs per thread as fit a cache with their results.
@@ -934,6 +934,17 @@ class Native(Engine):
             for (name, shape), stretch in zip(measures.stored, stretches, strict=False)
         }
         return Measured(solution, {name: each[:, 0] for name, each in numbers.items()}, arrays)
+
+
+def refusal(loops: Iterable[ClosedLoop] = ()) -> TraceError | None:
+    """Return why native cannot solve loops on this machine; None if it can."""
+    try:
+        compiler.compiler()
+        for loop in loops:
+            programs(loop)
+    except TraceError as error:
+        return error
+    return None
 
 
 def compiled_if_faster(engine: Engine, problem: Problem) -> Engine:

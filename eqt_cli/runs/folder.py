@@ -106,6 +106,13 @@ class ResultFolder:
         with self._refusals():
             return read_record(self.path / MANIFEST, "digest")
 
+    def begun(self, study: Study) -> Study:
+        """Return the study by the engine that began this folder, if eqt chose another one."""
+        engine = None
+        with suppress(KeyError, TypeError):
+            engine = (self.manifest or {})["config"]["solver"]["engine"]
+        return study.begun_by(engine, self.path)
+
     def is_complete(self, study: Study) -> bool:
         """Whether the folder holds the complete result of this study."""
         return (self.manifest or {}).get("digest") == study.digest and self.results.exists()

@@ -143,7 +143,8 @@ def test_every_engine_is_there_with_all_its_options(schema):
     owners = [SolverChecks, *engines.all()]
     assert all(is_dataclass(owner) for owner in owners)
     assert set(solver) == {"engine", *(name for owner in owners for name in option_names(owner))}
-    assert solver["engine"]["enum"] == engines.names()
+    assert solver["engine"]["enum"] == ["auto", *engines.names()]
+    assert solver["engine"]["default"] == "auto"
 
 
 # Sweeps: the schema accepts what the parser accepts -----------------------------------------------
