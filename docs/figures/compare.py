@@ -1,6 +1,6 @@
 """Compares the numbers behind figures, as `eqt plot --format json` writes them, with kept ones.
 
-python docs/figures/compare.py FOUND KEPT    for every KEPT/FIGURE.json that is also in FOUND
+python docs/figures/compare.py FOUND KEPT [TOLERANCE]    for every KEPT/FIGURE.json also in FOUND
 """
 
 import json
@@ -48,7 +48,7 @@ def differences(found: list[dict], kept: list[dict]) -> Iterator[tuple[str, floa
             yield f"{curve}, {old[key][label]}: sample {worst}: {values}", off.max(initial=0.0)
 
 
-def main(found: Path, kept: Path) -> int:
+def main(found: Path, kept: Path, tolerance: float = TOLERANCE) -> int:
     """Print every difference beyond the tolerance; return 4 if there is one, else 0."""
     wrong = False
     for path in sorted(kept.glob("*.json")):
@@ -56,7 +56,7 @@ def main(found: Path, kept: Path) -> int:
             continue
         one, other = (json.loads((folder / path.name).read_text()) for folder in (found, kept))
         every = list(differences(one, other))
-        beyond = [text for text, off in every if not off <= TOLERANCE]
+        beyond = [text for text, off in every if not off <= tolerance]
         for text in beyond:
             print(f"{path.stem}: {text}")
         largest = max(off for _, off in every)
@@ -66,4 +66,4 @@ def main(found: Path, kept: Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(*map(Path, sys.argv[1:3])))
+    sys.exit(main(*map(Path, sys.argv[1:3]), *map(float, sys.argv[3:])))
