@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from benchmarks.table import Results
+    from benchmarks.whole_command import Command
 
 RESULTS = Path(__file__).with_name("results")
 
 PARTS = ("cases", "sampled", "crazyflie", "estimates")
-PARTS += ("commands", "profile", "growth", "machinery")
+PARTS += ("commands", "waits", "profile", "growth", "machinery")
 
 
 def main() -> None:
@@ -80,6 +81,7 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
         "crazyflie": _fly,
         "estimates": _estimate,
         "commands": _command,
+        "waits": _wait,
         "profile": _profile,
         "growth": _grow,
         "machinery": _overhead,
@@ -161,21 +163,44 @@ def _estimate(options: argparse.Namespace, results: Results) -> Iterator[None]:
 
 def _command(options: argparse.Namespace, results: Results) -> Iterator[None]:
     """Whole commands, alone or in turn with those of an earlier commit."""
-    from benchmarks.whole_command import MANY, commands, earlier
+    from benchmarks.whole_command import MANY, commands
 
     with ExitStack() as stack:
-        before = None
-        if options.before:
-            try:
-                before = stack.enter_context(earlier(options.before))
-            except LookupError as error:
-                results.skipped[f"the commit {options.before}"] = str(error)
-                _say(f"skipped {options.before}: {error}")
+        before = _before(options, results, stack)
         for found in commands(before, options.many or MANY, options.command or ()):
             results.commands.append(found)
-            seconds = ", ".join(f"{tree} {each.wall:.2f} s" for tree, each in found.spent.items())
-            _say(f"eqt {found.name}: {seconds}")
+            _say_command(found)
             yield
+
+
+def _wait(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """What users wait for, alone or in turn with an earlier commit."""
+    from benchmarks.waits import waits
+
+    with ExitStack() as stack:
+        before = _before(options, results, stack)
+        for found in waits(before, options.command or ()):
+            results.waits.append(found)
+            _say_command(found)
+            yield
+
+
+def _before(options: argparse.Namespace, results: Results, stack: ExitStack) -> Path | None:
+    """The tree of the earlier commit, if one is asked for and there is one."""
+    from benchmarks.whole_command import earlier
+
+    if options.before:
+        try:
+            return stack.enter_context(earlier(options.before))
+        except LookupError as error:
+            results.skipped[f"the commit {options.before}"] = str(error)
+            _say(f"skipped {options.before}: {error}")
+    return None
+
+
+def _say_command(found: Command) -> None:
+    seconds = ", ".join(f"{tree} {each.cpu:.2f} s" for tree, each in found.spent.items())
+    _say(f"eqt {found.name}: CPU {seconds}, floor {found.floor:.2f} s")
 
 
 def _profile(options: argparse.Namespace, results: Results) -> Iterator[None]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -46,6 +46,7 @@ class Results:
     crazyflies: list[Sampled] = field(default_factory=list)
     estimates: list[EstimatorTime] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
+    waits: list[Command] = field(default_factory=list)
     profiles: list[Profile] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     machinery: Machinery | None = None
@@ -67,22 +68,19 @@ def as_markdown(results: Results) -> str:
     for case in dict.fromkeys(each.case for each in results.measurements):
         parts += [f"## {TITLES.get(case, case)}", _headlines(results, case)]
         parts += [f"With a largest error of at most {ACCURATE:g}:", _equal_error(results, case)]
-    if results.laws:
-        parts += ["## The laws of other papers, native", _laws(results.laws)]
-    if results.sampled:
-        parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
-    if results.crazyflies:
-        parts += ["## A sampled Crazyflie, one thread", _sampled(results.crazyflies)]
-    if results.estimates:
-        parts += ["## Estimators, one thread", _estimates(results.estimates)]
-    if results.commands:
-        parts += ["## Whole commands", _commands(results.commands)]
-    if results.profiles:
-        parts += ["## Where the CPU time of `eqt run paper` goes", _profiles(results.profiles)]
-    if results.growth:
-        parts += ["## Growth, metrics only, the paper's experiment", _growth(results.growth)]
-    if results.machinery:
-        parts += ["## Machinery and workers", _machinery(results.machinery)]
+    sections: list[tuple[str, Callable[[Any], str], Any]] = [
+        ("The laws of other papers, native", _laws, results.laws),
+        ("A sampled law, the paper's runs, one thread", _sampled, results.sampled),
+        ("A sampled Crazyflie, one thread", _sampled, results.crazyflies),
+        ("Estimators, one thread", _estimates, results.estimates),
+        ("Whole commands", _commands, results.commands),
+        ("What users wait for", _waits, results.waits),
+        ("Where the CPU time of `eqt run paper` goes", _profiles, results.profiles),
+        ("Growth, metrics only, the paper's experiment", _growth, results.growth),
+        ("Machinery and workers", _machinery, results.machinery),
+    ]
+    for title, told, found in sections:
+        parts += [f"## {title}", told(found)] if found else []
     return "\n\n".join(parts) + "\n"
 
 
@@ -249,6 +247,32 @@ def _commands(commands: list[Command]) -> str:
         f"integrates only. Imports: `{FLOOR}`, measured in turn."
     )
     return f"{sentence}\n\n" + _table(head, (_command(each) for each in commands))
+
+
+def _waits(jobs: list[Command]) -> str:
+    """CPU time now and before, and what compiled integration takes alone."""
+    head = [
+        "`eqt …`",
+        "CPU, s",
+        "before",
+        "before / now",
+        "floor",
+        "now / floor",
+        "peak memory, MB",
+    ]
+    sentence = (
+        "CPU seconds of whole commands, the least of several in turn. The floor is the time in "
+        "compiled integration alone, by one thread."
+    )
+    rows = []
+    for job in jobs:
+        now, before = job.spent[NOW], job.spent.get(BEFORE)
+        row = [job.name, f"{now.cpu:.2f}"]
+        row += [f"{before.cpu:.2f}", f"{before.cpu / now.cpu:.2f}"] if before else ["-"] * 2
+        known = job.floor == job.floor
+        row += [f"{job.floor:.2f}", f"{now.cpu / job.floor:.1f}"] if known else ["-"] * 2
+        rows.append([*row, f"{now.peak_memory / 1e6:.0f}"])
+    return f"{sentence}\n\n" + _table(head, rows)
 
 
 def _command(command: Command) -> list[str]:

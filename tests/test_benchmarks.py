@@ -6,11 +6,12 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import figure, profile, sampled, table, whole_command
+from benchmarks import figure, profile, sampled, table, waits, whole_command
 from benchmarks.cases import errors, load
 from benchmarks.contenders.plain_loop import WRITTEN_OUT, body, literal
 from benchmarks.machine import machine
 from benchmarks.process import Spent, spent
+from eqt_cli.api.loading import load_experiment
 from eqt_cli.engines.solve_ivp import SolveIvp
 
 
@@ -136,6 +137,29 @@ def test_the_table_of_commands_tells_cpu_time_as_a_multiple_of_the_imports():
     [row] = [r for r in table.as_markdown(measured()).splitlines() if "margins paper" in r]
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[-2:] == ["4.0", "10.0"]
+
+
+def test_what_users_wait_for_is_told_beside_its_floor():
+    results = measured()
+    results.commands, results.waits = [], results.commands
+    [row] = [r for r in table.as_markdown(results).splitlines() if "margins paper" in r]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[1:6] == ["1.00", "2.50", "2.50", "0.25", "4.0"]
+
+
+def test_jobs_that_users_wait_for_run_configurations_that_there_are():
+    named = [word for arguments in waits.JOBS.values() for word in arguments if ".yaml" in word]
+    assert len(named) > 7 and all((whole_command.ROOT / name).exists() for name in named)
+
+
+def test_the_swept_job_has_10_000_points(tmp_path):
+    assert len(load_experiment(waits._swept(tmp_path / "sweep.yaml"))) == 10_000
+
+
+def test_compiled_integration_is_timed_alone(tmp_path):
+    run = ["run", "configs/satellite_wheels.yaml", "--engine", "native"]
+    few = ["--set", "ensemble.runs=2", "--set", "time.duration=1"]
+    assert 0 < waits._alone([*run, *few], tmp_path) < 1
 
 
 def test_the_bars_of_commands_are_these_multiples():

@@ -1,0 +1,102 @@
+"""What users wait for: whole commands, with what their compiled code takes alone."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import yaml
+
+from benchmarks.process import ROOT, Spent, spent
+from benchmarks.whole_command import BEFORE, NOW, Command
+
+PAPER = "configs/paper.yaml"
+NATIVE = ["--engine", "native"]
+FLIES = "configs/se3_bluerov2_flies.yaml"
+METRICS_ONLY = ["--set", "store.trajectories=none"]
+
+
+def _runs(count: int) -> list[str]:
+    return ["--set", f"ensemble.runs={count}"]
+
+
+JOBS = {
+    "run paper (by solve_ivp)": ["run", PAPER],
+    "run crazyflie, 200 runs": ["run", "configs/crazyflie.yaml", *NATIVE, *_runs(200)],
+    "run cubesat, 200 runs": ["run", "configs/cubesat.yaml", *NATIVE, *_runs(200)],
+    "run flies, 200 runs": ["run", FLIES, *NATIVE, *_runs(200)],
+    "run flies as it is": ["run", FLIES],
+    "run cubesat as it is": ["run", "configs/cubesat.yaml"],
+    "tune flies, budget 4": ["tune", "configs/tune_flies.yaml", *NATIVE, "--set", "tune.budget=4"],
+    "worst of satellite_breaks, 99,705 runs": [
+        *("worst", "configs/satellite_breaks.yaml", *NATIVE),
+        *("--set", "worst.budget=2", *_runs(115)),
+    ],
+    "sweep of 10,000 points": ["sweep", "SWEEP", *NATIVE],
+    "report of 20,000 runs": ["report"],
+}
+"""Arguments by name. `SWEEP` is written for the job, and a report is of the runs of `REPORTED`."""
+
+REPORTED = ["run", PAPER, *NATIVE, *_runs(5000), *METRICS_ONLY]
+WITHOUT_FLOOR = ("run paper (by solve_ivp)", "report of 20,000 runs")
+
+ROUNDS = 3
+"""How often a job is run by each tree, in turn, after one that fills the caches."""
+
+
+def waits(
+    before: Path | None, chosen: Sequence[str] = (), rounds: int = ROUNDS
+) -> Iterator[Command]:
+    """Every job, or the chosen ones, by this tree and, where it is given, by the one before.
+
+    The floor is what compiled integration takes alone, in this tree and by one thread.
+    """
+    trees = {NOW: ROOT} | ({BEFORE: before} if before else {})
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        swept = _swept(folder / "sweep.yaml")
+        for job, arguments in JOBS.items():
+            if chosen and job not in chosen:
+                continue
+            given = [str(swept) if word == "SWEEP" else word for word in arguments]
+            found: dict[str, list[Spent]] = {tree: [] for tree in trees}
+            for _ in range(rounds + 1):
+                for tree, where in trees.items():
+                    found[tree].append(_once(given, where, folder / tree))
+            floor = float("nan") if job in WITHOUT_FLOOR else _alone(given, folder)
+            best = {
+                tree: min(each[1:], key=lambda spent: spent.cpu) for tree, each in found.items()
+            }
+            yield Command(job, best, None, floor)
+
+
+def _once(arguments: Sequence[str], tree: Path, folder: Path) -> Spent:
+    """With a cache of compiled code, and a result, that are the tree's own."""
+    result, environment = folder / "result", {"XDG_CACHE_HOME": str(folder / "cache")}
+    if arguments[0] == "report":
+        if not (folder / "reported").exists():
+            out = ["--quiet", "--out", str(folder / "reported")]
+            spent(["-m", "eqt_cli", *REPORTED, *out], tree, environment)
+        return spent(["-m", "eqt_cli", "report", str(folder / "reported")], tree, environment)
+    shutil.rmtree(result, ignore_errors=True)
+    out = ["--quiet", "--out", str(result)]
+    return spent(["-m", "eqt_cli", *arguments, *out], tree, environment)
+
+
+def _alone(arguments: Sequence[str], folder: Path) -> float:
+    out = ["--quiet", "--executor", "serial", "--force", "--out", str(folder / "alone")]
+    command = ["-m", "benchmarks.alone", str(folder / "seconds"), *arguments, *out]
+    spent(command, ROOT, {"XDG_CACHE_HOME": str(folder / NOW / "cache")})
+    return float((folder / "seconds").read_text(encoding="utf-8"))
+
+
+def _swept(path: Path) -> Path:
+    """One run of one law at 10,000 points."""
+    config = yaml.safe_load((ROOT / PAPER).read_text(encoding="utf-8"))
+    gains = {f"gains.{gain}": [0.5 + 0.01 * k for k in range(100)] for gain in ("kp", "kd")}
+    config |= {"name": "many_points", "controllers": ["eqt"], "ensemble": {"runs": 1, "seed": 1}}
+    config |= {"store": {"trajectories": "none"}, "sweep": [{"grid": gains}]}
+    path.write_text(yaml.safe_dump(config), encoding="utf-8")
+    return path
