@@ -141,6 +141,12 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     return apply("where", condition, a, b)
 
 
+def outside(x: Any, low: Any, high: Any) -> Any:
+    """1 where any entry along the last axis is below low or above high, else 0."""
+    each = where(less(x, low), 1.0, where(less(high, x), 1.0, 0.0))
+    return where(less(0.5, each.sum(axis=-1)), 1.0, 0.0)
+
+
 def where_number(a: Any, b: Any) -> Any:
     """b where a is a number, also an infinite one; a where it is NaN, elementwise."""
     return where(smooth_less(-1.0, a * a), b, a)

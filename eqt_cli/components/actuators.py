@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, absolute, clip, less, norm, where
+from eqt_cli.base.arrays import Array, absolute, clip, less, norm, outside, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
 from eqt_cli.base.registry import Registry
@@ -135,14 +135,15 @@ class Actuator(VehiclePart):
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Return where a command is beyond the limit, ``(...)``; None without a limit.
+        """Return 1 where a command is beyond the limit, else 0, ``(...)``; None without a limit.
 
         For most limits, that is where output and command differ by more than rounding.
         """
         if not self.limits:
             return None
-        short = np.abs(command - self.output(G, command, x)) > 1e-12 * (1 + np.abs(command))
-        return np.array(short.any(axis=-1))
+        most = 1e-12 * (1 + absolute(command))
+        short: Array = outside(command - self.output(G, command, x), -most, most)
+        return short
 
     @property
     def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
@@ -294,11 +295,10 @@ class Limit(Actuator):
         return where(less(1.0, size), command / size, command)
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Return where the command is beyond the limits."""
+        """Return 1 where the command is beyond the limits, else 0."""
         if self.norm:
-            return np.array(norm(command / self.limit) > 1.0)
-        beyond = (command < self.low) | (command > self.high)
-        return np.array(beyond.any(axis=-1))
+            return outside(norm(command / self.limit)[..., None], 0.0, 1.0)
+        return outside(command, self.low, self.high)
 
     def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
         """Return the limits along the axes; None for a limit of the norm."""

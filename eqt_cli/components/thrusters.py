@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from eqt_cli.base.arrays import Array, apply_matrix, clip, maximum, sqrt
+from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, maximum, outside, sqrt
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, Scale, Unit
 from eqt_cli.components.actuators import Actuator, Needed, of_each
@@ -22,6 +22,9 @@ SPEEDS = ("low_speed", "high_speed")
 
 SMALLEST = 1e-10
 """Largest singular value of B, relative to the largest of all, that counts as 0."""
+
+NEAR = 1e-12
+"""A solved thrust so near its limit, in N and relative to it, is at the limit."""
 
 
 @dataclass(frozen=True)
@@ -276,16 +279,14 @@ class Thrusters(Actuator):
         return thrusts
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Return where a commanded thrust is beyond its limit, or at it where it is solved for."""
+        """Return 1 where a commanded thrust is beyond its limit, or at it if it is solved for."""
         if not self.limits:
             return None
         if self.sampled:
-            thrusts = x[..., : self.count]
-            there = (thrusts <= self.low) | (thrusts >= self.high)
-        else:
-            thrusts = apply_matrix(self.inverse, command)
-            there = (thrusts < self.low) | (thrusts > self.high)
-        return np.array(there.any(axis=-1))
+            low, high = self.low, self.high
+            low, high = low + NEAR * (1 + absolute(low)), high - NEAR * (1 + absolute(high))
+            return outside(x[..., : self.count], low, high)
+        return outside(apply_matrix(self.inverse, command), self.low, self.high)
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return thrusts and their limits; None if bounded, where other thrusts may do."""

@@ -595,11 +595,11 @@ class Vehicle:
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
-        """Return where the input of any actuator exceeds its limit, ``(...)``."""
-        beyond = np.zeros(command.shape[:-1], dtype=bool)
+        """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
+        beyond = np.zeros(command.shape[:-1])
         for actuator, u, x in self._inputs(G, command, states):
             here = actuator.at_limit(G, u, x)
-            beyond = beyond if here is None else beyond | here
+            beyond = beyond if here is None else where(less(0.5, here), 1.0, beyond)
         return beyond
 
     def acting(self, s: Tracking, torque: Array) -> Array:

@@ -8,7 +8,17 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, less, tanh, where
+from eqt_cli.base.arrays import (
+    Array,
+    absolute,
+    apply_matrix,
+    clip,
+    less,
+    maximum,
+    outside,
+    tanh,
+    where,
+)
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Angle, Positive, Real, Unit
 from eqt_cli.components.actuators import Actuator, of_each
@@ -277,13 +287,14 @@ class Wheels(Actuator):
         return np.concatenate([u, h], axis=-1)
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
-        """Return where a torque is beyond its limit, or a momentum at its own."""
-        there: Any = np.zeros(command.shape[:-1], dtype=bool)
+        """Return 1 where a torque is beyond its limit, or a momentum at its own, else 0."""
+        there: Any = np.zeros(command.shape[:-1])
         pairs = (self.limit, self._commanded(command, x)), (self.momentum, self.momenta(x))
         for limit, values in pairs:
             if limit is not None:
-                there = there | (np.abs(values) >= limit * (1 - NEAR)).any(axis=-1)
-        return np.array(there)
+                most = limit * (1 - NEAR)
+                there = maximum(there, outside(values, -most, most))
+        return there
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield a remark on the turns about which no wheel has a torque."""

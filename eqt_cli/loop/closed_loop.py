@@ -151,7 +151,7 @@ class ClosedLoop:
         """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
         if not self.vehicle.limits:
             return np.zeros(s.P.shape[:-1])
-        return self.vehicle.at_limit(self.group, self.command(s), s.vehicle).astype(float)
+        return self.vehicle.at_limit(self.group, self.command(s), s.vehicle)
 
     def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
         """Return the force that moves the law's model as the true plant, and actuator rates.
