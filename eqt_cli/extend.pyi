@@ -29,6 +29,7 @@ from eqt_cli.base.arrays import log as log
 from eqt_cli.base.arrays import maximum as maximum
 from eqt_cli.base.arrays import minimum as minimum
 from eqt_cli.base.arrays import norm as norm
+from eqt_cli.base.arrays import outside as outside
 from eqt_cli.base.arrays import sin as sin
 from eqt_cli.base.arrays import smooth_less as smooth_less
 from eqt_cli.base.arrays import sqrt as sqrt
