@@ -787,7 +787,7 @@ class Native(Engine):
     part_runs: ClassVar[int] = 2500
 
     rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
-    atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-9
+    atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-12
     max_steps: Count = 1_000_000
     device: str = CPU
 
