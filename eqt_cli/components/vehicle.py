@@ -100,6 +100,11 @@ class Vehicle:
         by_place = {INERTIA: self.inertia, **listed, **alone}
         return {place: part for place, part in by_place.items() if part is not None}
 
+    @cached_property
+    def known(self) -> dict[tuple[str, str], Any]:
+        """Parts without draws, by group and place; all runs share them."""
+        return {}
+
     @property
     def varies(self) -> bool:
         """Whether the numbers of any part differ from run to run."""
@@ -113,7 +118,11 @@ class Vehicle:
 
         def flying(place: str, part: Any = None) -> Any:
             part = part or configured.parts[place]
-            return part.of_run(G, random_of(place) if random_of and part.varies else None)
+            if random_of and part.varies:
+                return part.of_run(G, random_of(place))
+            if (G.name, place) not in configured.known:
+                configured.known[G.name, place] = part.of_run(G, None)
+            return configured.known[G.name, place]
 
         inertia = None if self.inertia is None else flying(INERTIA)
         acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
