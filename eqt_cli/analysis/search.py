@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from hashlib import sha256
@@ -171,7 +172,9 @@ class Searches(ABC, Generic[S]):
 
     def begun_in(self, out: Path) -> Self:
         """Return the search by the engine that began its folder, if eqt chose another one."""
-        known = (self.kind.record_in(out) or {}).get("engine")
+        known = None
+        with suppress(EqtError):  # what is wrong with the folder is told when it is claimed
+            known = (self.kind.record_in(out) or {}).get("engine")
         source = self.base.source.begun_by(known, out)
         return self if source is None else self.read(source, trust_plugins=True)
 

@@ -109,7 +109,7 @@ class ResultFolder:
     def begun(self, study: Study) -> Study:
         """Return the study by the engine that began this folder, if eqt chose another one."""
         engine = None
-        with suppress(KeyError, TypeError):
+        with suppress(KeyError, TypeError, EqtError):  # what is wrong is told at the claim
             engine = (self.manifest or {})["config"]["solver"]["engine"]
         return study.begun_by(engine, self.path)
 
