@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RESULTS = Path(__file__).with_name("results")
 
-PARTS = ("cases", "sampled", "crazyflie", "estimates")
+PARTS = ("cases", "sampled", "crazyflie", "rotorpy", "estimates")
 PARTS += ("commands", "waits", "profile", "growth", "machinery")
 
 
@@ -79,6 +79,7 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
         "cases": _cases,
         "sampled": _sample,
         "crazyflie": _fly,
+        "rotorpy": _beside,
         "estimates": _estimate,
         "commands": _command,
         "waits": _wait,
@@ -149,6 +150,17 @@ def _fly(options: argparse.Namespace, results: Results) -> Iterator[None]:
         results.crazyflies.append(found)
         _say(f"Crazyflie  {found.way:22} {found.cpu:9.3f} s")
     yield
+
+
+def _beside(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """A quadrotor by RotorPy, too."""
+    from benchmarks.quadrotor import flights, missing
+
+    results.skipped |= missing()
+    for found in flights():
+        results.flights.append(found)
+        _say(f"{found.runs} runs of {found.duration:g} s  {found.way:38} {found.wall:9.3f} s")
+        yield
 
 
 def _estimate(options: argparse.Namespace, results: Results) -> Iterator[None]:

@@ -77,10 +77,12 @@ class Case:
         return Motion(np.stack([s.Q for s in parts]), np.stack([s.V for s in parts]), runs)
 
 
-def load(name: str, runs: int | None = None, overrides: Sequence[str] = ()) -> Case:
-    """A shipped configuration, with another number of runs per controller where one is given."""
+def load(
+    name: str, runs: int | None = None, overrides: Sequence[str] = (), folder: Path = CONFIGS
+) -> Case:
+    """A configuration, with another number of runs per controller where one is given."""
     counted = [] if runs is None else [f"ensemble.runs={runs}"]
-    experiment = build(read_config(CONFIGS / f"{name}.yaml", [*overrides, *counted]))
+    experiment = build(read_config(folder / f"{name}.yaml", [*overrides, *counted]))
     Q, V = draw_initial_states(
         experiment.group,
         experiment.poses,

@@ -13,6 +13,7 @@ from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
 from benchmarks.profile import Profile
+from benchmarks.quadrotor import Flight
 from benchmarks.sampled import Sampled
 from benchmarks.whole_command import BEFORE, FLOOR, NOW, Command
 
@@ -44,6 +45,7 @@ class Results:
     laws: list[LawTime] = field(default_factory=list)
     sampled: list[Sampled] = field(default_factory=list)
     crazyflies: list[Sampled] = field(default_factory=list)
+    flights: list[Flight] = field(default_factory=list)
     estimates: list[EstimatorTime] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     waits: list[Command] = field(default_factory=list)
@@ -72,6 +74,7 @@ def as_markdown(results: Results) -> str:
         ("The laws of other papers, native", _laws, results.laws),
         ("A sampled law, the paper's runs, one thread", _sampled, results.sampled),
         ("A sampled Crazyflie, one thread", _sampled, results.crazyflies),
+        ("RotorPy's Crazyflie", _flights, results.flights),
         ("Estimators, one thread", _estimates, results.estimates),
         ("Whole commands", _commands, results.commands),
         ("What users wait for", _waits, results.waits),
@@ -218,6 +221,29 @@ def _sampled(found: list[Sampled]) -> str:
             if each.period in plain
         ),
     )
+
+
+def _flights(found: list[Flight]) -> str:
+    """Every way to do every job, and what is timed."""
+    sentence = (
+        "Processes run from start to end; the other ways are calls in a Python that runs already. "
+        "One thread. Times of more runs than were timed are extrapolated. Errors are those of the "
+        "first runs, against solve_ivp at 1e-12."
+    )
+    head = ["duration, s", "runs", "", "time, s", "CPU, s", "timed runs", "error"]
+    rows = (
+        [
+            f"{each.duration:g}",
+            f"{each.runs:,}",
+            each.way,
+            f"{each.wall:.3g}",
+            f"{each.cpu:.3g}",
+            f"{each.timed_runs:,}",
+            "" if each.error is None else f"{each.error:.1e}",
+        ]
+        for each in found
+    )
+    return f"{sentence}\n\n" + _table(head, rows)
 
 
 def _estimates(found: list[EstimatorTime]) -> str:

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
-from benchmarks import figure, profile, sampled, table, waits, whole_command
+from benchmarks import figure, profile, quadrotor, sampled, table, waits, whole_command
 from benchmarks.cases import errors, load
 from benchmarks.contenders.plain_loop import WRITTEN_OUT, body, literal
+from benchmarks.contenders.rotorpy_loop import RotorPy
 from benchmarks.machine import machine
 from benchmarks.process import Spent, spent
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -65,6 +66,33 @@ def test_the_plain_crazyflie_flies_as_the_configuration():
     case, runs = load("crazyflie", 1, overrides), np.array([0])
     own = sampled._by(case, SolveIvp(rtol=1e-10, atol=1e-12))(runs)
     assert errors(sampled._flown(case, runs), own).max() < 1e-7
+
+
+def test_rotorpy_flies_the_same_quadrotor():
+    """Vehicle, law, path and start are the same; what differs are the solvers."""
+    pytest.importorskip("rotorpy", reason="RotorPy is not installed; make oracles installs it")
+    case = load("quadrotor", 1, quadrotor.settings(0.1), quadrotor.CONFIG.parent)
+    own = quadrotor._solved(case, SolveIvp(rtol=1e-10, atol=1e-13), np.array([0]))
+    tight = RotorPy(quadrotor.TIGHT)
+    for fly in (tight.loop, tight.environment):
+        found = quadrotor._flown(case, fly, np.array([0]))
+        # A hundred times the tolerance of `solve_ivp`; measured 5e-14.
+        assert errors(found, own).max() < 1e-8
+
+
+def test_a_process_of_rotorpy_starts_once_for_all_runs(monkeypatch):
+    """1 run in 3 s and 4 runs in 9 s: a further run takes 2 s, and 100 take 201 s."""
+    took = {"range(1)": 3.0, "range(4)": 9.0, "": 1.0}
+
+    def measure(arguments, environment=None):
+        wall = next(took[word] for word in took if word in arguments[1])
+        return Spent(wall, 2 * wall, 1)
+
+    monkeypatch.setattr(quadrotor, "spent", measure)
+    monkeypatch.setattr(quadrotor.rotorpy_loop, "missing", lambda: None)
+    eqt, other = quadrotor._processes(6.0, 100, first=False)
+    assert (eqt.wall, eqt.timed_runs) == (1.0, 100)
+    assert (other.wall, other.cpu, other.timed_runs) == (201.0, 402.0, 4)
 
 
 def test_a_stage_is_not_counted_for_the_one_that_begins_it(monkeypatch):

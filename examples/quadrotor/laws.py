@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from eqt_cli.components.cascade import Cascade
+from eqt_cli.components.cascade import Cascade, EachAxis
 from eqt_cli.components.classic_laws import Goodarzi2013
 from eqt_cli.extend import (
     Array,
@@ -280,7 +280,7 @@ class Firmware(OfAttitude):
     Attributes
     ----------
     kR, kW
-        k_R, N m, and k_Ω, N m s.
+        k_R, N m, and k_Ω, N m s: a number, or one for each axis.
     carried
         T: `right` RᵀR_d, `backward` R_dᵀR, `not` I.
     gyroscopic
@@ -290,8 +290,8 @@ class Firmware(OfAttitude):
     name: ClassVar[str] = "firmware"
     title: ClassVar[str] = "firmware"
 
-    kR: Positive = 2.0
-    kW: Positive = 0.4
+    kR: EachAxis = 2.0
+    kW: EachAxis = 0.4
     carried: Literal["right", "backward", "not"] = "right"
     gyroscopic: bool = True
 
