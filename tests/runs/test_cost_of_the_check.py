@@ -51,10 +51,10 @@ def test_more_runs_pay_for_more_of_the_check():
 
 
 def test_control_instants_of_a_loop_are_paid_for():
-    """30 evaluations each, where a step takes 28."""
+    """15 evaluations each, where a step takes 28."""
     parts = [_affordable(study(), 20, STEPS, instants) for instants in (0, 280)]
     steps = max(float(each.max()) for each in STEPS.values())
-    assert parts[0] / parts[1] == pytest.approx(1 + 280 * 30 / (28 * steps))
+    assert parts[0] / parts[1] == pytest.approx(1 + 280 * 15 / (28 * steps))
 
 
 def test_a_check_that_is_asked_for_is_whole():
