@@ -15,7 +15,6 @@ from benchmarks.whole_command import BEFORE, NOW, Command
 PAPER = "configs/paper.yaml"
 NATIVE = ["--engine", "native"]
 FLIES = "configs/se3_bluerov2_flies.yaml"
-METRICS_ONLY = ["--set", "store.trajectories=none"]
 
 
 def _runs(count: int) -> list[str]:
@@ -39,7 +38,7 @@ JOBS = {
 }
 """Arguments by name. `SWEEP` is written for the job, and a report is of the runs of `REPORTED`."""
 
-REPORTED = ["run", PAPER, *NATIVE, *_runs(5000), *METRICS_ONLY]
+REPORTED = ["run", PAPER, *NATIVE, *_runs(5000)]
 WITHOUT_FLOOR = ("run paper (by solve_ivp)", "report of 20,000 runs")
 
 ROUNDS = 3
