@@ -370,7 +370,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         experiment = _built(source.by_engine(Native.name), trust_plugins)
         if not (why := refusal(experiment.loops.values())):
             return experiment
-    slower = f"engine {SolveIvp.name}, about 6 times slower than native: {why.args[0]}"
+    slower = f"engine {SolveIvp.name}, 2 to 17 times slower than native: {why.args[0]}"
     reporter().remark(EqtWarning(slower, *why.remedies, lines=why.lines))
     return _built(source.by_engine(SolveIvp.name), trust_plugins)
 

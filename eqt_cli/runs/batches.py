@@ -163,7 +163,8 @@ def _drawn(
 
 
 KEPT_BYTES = 64 * 2**20
-"""Most memory for errors that are kept: those of 200 runs of 6 s at 500 Hz on SE(3)."""
+"""Most memory for errors that are kept: those of 200 runs of 6 s at 500 Hz on SE(3). Those in use
+are kept whatever their size, since each group of ticks reads them."""
 
 _kept: dict[Hashable, Errors] = {}  # the last used ones come last
 
