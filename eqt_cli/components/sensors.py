@@ -285,7 +285,7 @@ class Errors(NamedTuple):
     Attributes
     ----------
     pose : (..., m)
-        n with Q_m = Q exp(n), as it is drawn; where it is measured, E = exp(n), ``(..., d, d)``.
+        n with Q_m = Q exp(n), as it is drawn; for a measurement, E = exp(n), ``(..., d, d)``.
     velocity : (..., m)
         b with V_m = V + b.
     arrived : (..., channels)

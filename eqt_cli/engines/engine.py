@@ -94,8 +94,8 @@ class Span:
 class ErrorsOfRuns(Protocol):
     """Sensor errors of many runs, ``(draws, instants, …)``: `Errors`, or what draws them."""
 
-    def of(self, *places: Any) -> Errors:
-        """Return those of some draws, at some instants."""
+    def of(self, places: Array, /) -> Errors:
+        """Return those of some draws."""
 
 
 @dataclass(frozen=True)
@@ -158,18 +158,17 @@ class Problem:
         """Row of `errors` of each run."""
         return np.arange(self.runs) if self.draws is None else self.draws
 
-    def errors_over(self, ticks: range, runs: slice | Array = slice(None)) -> Errors:
-        """Return the sensor errors at some control instants, with E, ``(ticks, runs, …)``."""
-        assert self.errors is not None
-        known, which = np.unique(self.rows[runs], return_inverse=True)
-        drawn = self.errors.of(known[None], np.array(ticks)[:, None])
-        return drawn.measured(self.loop.group).of(slice(None), which)
-
-    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
-        """Return the sensor errors at a control instant, in these runs."""
+    def drawn(self, runs: slice | Array = slice(None)) -> Errors | None:
+        """Return the sensor errors of some runs, as drawn, ``(runs, ticks, …)``; None if true."""
         if self.errors is None:
             return None
-        return self.errors_over(range(tick, tick + 1), runs).of(0)
+        known, which = np.unique(self.rows[runs], return_inverse=True)
+        return self.errors.of(known).of(which)
+
+    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
+        """Return the sensor errors at a control instant, with E, in these runs."""
+        drawn = self.drawn(runs)
+        return drawn and drawn.measured(self.loop.group, slice(None), tick)
 
     @property
     def begun(self) -> tuple[ClosedLoop, Array]:
@@ -193,7 +192,7 @@ class Problem:
         ]
         varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
         states = np.concatenate([problem.states for problem in problems])
-        known = [each.errors.of(each.rows) for each in problems if each.errors is not None]
+        known = [drawn for each in problems if (drawn := each.drawn()) is not None]
         errors = Errors(*map(np.concatenate, zip(*known, strict=True))) if known else None
         return Problem(first.loop, states, first.times, varying, errors)
 
@@ -356,8 +355,10 @@ class Integrator(ABC):
     ----------
     problem
         All runs.
+    drawn
+        Sensor errors of the current runs, ``(runs, ticks, …)``; None if their law knows the truth.
     ahead, errors
-        Control instants whose sensor errors are known, and the errors of the current runs there.
+        Control instants whose sensor errors are at hand, and these, ``(ticks, runs, …)``.
     runs : (runs,)
         The current runs.
     loop
@@ -371,6 +372,7 @@ class Integrator(ABC):
     """
 
     runs: Array
+    drawn: Errors | None
     ahead: range
     errors: Errors
     loop: ClosedLoop
@@ -391,13 +393,18 @@ class Integrator(ABC):
 
     def errors_at(self, tick: int) -> Errors | None:
         """Return the sensor errors at a control instant, computed for many of them at once."""
-        if self.problem.errors is None:
+        if self.drawn is None:
             return None
         if tick not in self.ahead:
             stop = tick + max(1, ERRORS_AT_ONCE // len(self.runs))
             self.ahead = range(tick, min(stop, self.problem.control_instants))
-            self.errors = self.problem.errors_over(self.ahead, self.runs)
+            parts = (part[:, tick:stop].swapaxes(0, 1).copy() for part in self.drawn.of_runs)
+            self.errors = self.measured(Errors(*parts))
         return self.errors.of(tick - self.ahead.start)
+
+    def measured(self, drawn: Errors) -> Errors:
+        """Return sensor errors as `at_instant` needs them: with E."""
+        return drawn.measured(self.problem.loop.group)
 
     def hold(self, span: Span) -> None:
         """Set the numbers that the loop holds in a span."""
@@ -512,7 +519,7 @@ def walked(
 def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Progress) -> None:
     """Fill in the solution of a group of runs."""
     problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
-    integrator.ahead = range(0)
+    integrator.ahead, integrator.drawn = range(0), problem.drawn(runs)
     failed: dict[int, tuple[Span, Failure | None]] = {}
     steps: Any = 0
     states, solution.steps[runs] = problem.states[runs], 0

@@ -363,18 +363,18 @@ def _symbolic(loop: ClosedLoop, inputs: Arrays) -> ClosedLoop:
 
 
 def _errors(loop: ClosedLoop, inputs: Arrays) -> Errors | None:
-    """Return the sensor errors at an instant."""
+    """Return the sensor errors at an instant, with E = exp(n); without noise of the pose, E = 1."""
     if "errors" not in inputs:
         return None
-    d = loop.group.size
-    pose, *others = np.split(inputs["errors"], np.cumsum(_lengths(loop))[:-1])
-    return Errors(pose.reshape(1, d, d), *(part[None] for part in others))
+    G, parts = loop.group, np.split(inputs["errors"], np.cumsum(_lengths(loop))[:-1])
+    n, *others = (part[None] for part in parts)
+    return Errors(G.exp(n) if loop.vehicle.pose_sensors else G.identity[None], *others)
 
 
 def _lengths(loop: ClosedLoop) -> tuple[int, int, int, int]:
     """Return the number of entries of each part of `Errors`."""
     G, estimates = loop.group, loop.vehicle.estimator is not None
-    return G.size**2, G.dimension, len(loop.vehicle.holding(G)), G.dimension * estimates
+    return G.dimension, G.dimension, len(loop.vehicle.holding(G)), G.dimension * estimates
 
 
 def parameter_rows(problem: Problem) -> Array:
@@ -569,13 +569,17 @@ class Lanes(Integrator):
             return super().walk_ahead(place, states)
         stop, before = place + max(1, RUN_SPANS // len(states)), self._counts.copy()
         ticks = self._listed["tick"][place:stop]
-        if self.problem.errors is not None and ticks.max() >= 0:
+        if self.drawn is not None and ticks.max() >= 0:
             self.errors_at(int(ticks[ticks >= 0][0]))
             self._walk.measure(self.errors.of_runs, self.ahead.start)
             stop = place + int(np.searchsorted(np.maximum.accumulate(ticks), self.ahead.stop))
         self._whole[...] = states
         place = self._walk(place, min(stop, len(self._listed)))
         return place, self._whole.copy(), self._counts - before, self._counts - self._walk.counts
+
+    def measured(self, drawn: Errors) -> Errors:
+        """Return sensor errors as they are drawn, because the programs compute E."""
+        return drawn
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """Return the states after an instant, by compiled code.

@@ -7,6 +7,8 @@ import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -81,26 +83,29 @@ def by_kind(study: Study, entries: Array) -> list[list[tuple[str, Batch]]]:
 
 def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
     """Return the initial poses and velocities of some runs, each at its point."""
-    if not study.initial_varies:
-        wanted, where = np.unique(runs, return_inverse=True)
-        Q, V = _draw(study, 0, tuple(wanted.tolist()))
-        return Q[where], V[where]
-    drawn = [_draw(study, int(p), tuple(runs[points == p].tolist())) for p in _distinct(points)]
-    return np.concatenate([Q for Q, _ in drawn]), np.concatenate([V for _, V in drawn])
+    if study.initial_varies:
+        return _starts(study, tuple(points.tolist()), tuple(runs.tolist()))
+    wanted, where = np.unique(runs, return_inverse=True)
+    Q, V = _starts(study, (0,) * len(wanted), tuple(wanted.tolist()))
+    return Q[where], V[where]
 
 
 @lru_cache(maxsize=8)
-def _draw(study: Study, point: int, runs: tuple[int, ...]) -> tuple[Array, Array]:
-    experiment = study.experiment(point)
-    return draw_initial_states(
-        experiment.group,
-        experiment.poses,
-        experiment.velocities,
-        Qd=experiment.initial_pose,
-        Vd=experiment.initial_velocity,
-        seed=experiment.config.ensemble.seed,
-        runs=runs,
-    )
+def _starts(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> tuple[Array, Array]:
+    drawn = []
+    for point, entries in groupby(zip(points, runs, strict=True), key=itemgetter(0)):
+        experiment = study.experiment(point)
+        states = draw_initial_states(
+            experiment.group,
+            experiment.poses,
+            experiment.velocities,
+            Qd=experiment.initial_pose,
+            Vd=experiment.initial_velocity,
+            seed=experiment.config.ensemble.seed,
+            runs=[run for _, run in entries],
+        )
+        drawn.append(states)
+    return np.concatenate([Q for Q, _ in drawn]), np.concatenate([V for _, V in drawn])
 
 
 def batches_at(
@@ -108,7 +113,7 @@ def batches_at(
 ) -> Iterator[Batch]:
     """Group runs of one controller, each at its point; without runs, the references of points."""
     kinds: dict[Hashable, list[int]] = {}
-    for point in _distinct(points):
+    for point in dict.fromkeys(points.tolist()):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
@@ -133,12 +138,12 @@ def _problem(
     first = study.first_loops.setdefault((label, kind, runs is None), loops[0])
     varying = differing([first, *loops], which + 1)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
-        varying |= _drawn(experiments, label, which, runs)
+        varying |= _drawn(study, tuple(points.tolist()), tuple(runs.tolist()))
     problem = Problem(first, Q, experiments[0].times, varying)
     states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
     errors = draws = None
     if runs is not None and loops[0].vehicle.measures:
-        errors, draws = _errors(problem, experiments, which, runs)
+        errors, draws = _errors(problem, [experiments[row] for row in which], runs.tolist())
     return replace(problem, states=states, errors=errors, draws=draws)
 
 
@@ -151,22 +156,21 @@ def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
     return {name: values[which] for name, values in stacked.items() if (values != values[0]).any()}
 
 
-def _drawn(
-    experiments: list[Experiment], label: str, which: Array, runs: Array
-) -> dict[str, Array]:
-    """Return the numbers drawn for the vehicle of each run, a row for each run."""
+@lru_cache(maxsize=8)
+def _drawn(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> dict[str, Array]:
+    """Return the numbers drawn for the vehicle of each run, a row for each; all laws share them."""
+    experiments = [study.experiment(point) for point in points]
     rows = []
-    for experiment, random_of in _by_run(experiments, which, runs):
-        loop = experiment.loops[label]
+    for experiment, random_of in zip(experiments, _randoms(experiments, runs), strict=True):
+        loop = experiment.loop
         rows.append(leaves(loop.vehicle.of_run(loop.group, random_of)))
     return {f"vehicle.{path}": np.array([row[path] for row in rows]) for path in rows[0]}
 
 
 KEPT_BYTES = 64 * 2**20
-"""Most memory for errors that are kept: those of 200 runs of 6 s at 500 Hz on SE(3). Those in use
-are kept whatever their size, since each group of ticks reads them."""
+"""Most memory for errors of runs that are kept: those of 200 runs of 6 s at 500 Hz on SE(3)."""
 
-_kept: dict[Hashable, Errors] = {}  # the last used ones come last
+_kept: dict[Hashable, Errors] = {}  # of single runs; the last used ones come last
 
 
 @dataclass(frozen=True)
@@ -189,30 +193,35 @@ class Draws:
     @cached_property
     def _known(self) -> tuple[Hashable, ...]:
         """All that the errors of a run depend on, besides the run."""
-        sensors, vehicle = self.vehicle.sensors(), self.vehicle
+        vehicle, sensors = self.vehicle, self.vehicle.sensors()
+        timing = repr(vehicle.channels(self.group)), vehicle.tick, self.instants
         parts = (self.group.name, repr(sensors), *map(type, sensors.values()))
-        return (*parts, repr(vehicle.control), vehicle.estimates, self.instants)
+        return (*parts, *timing, vehicle.estimates)
 
-    def of(self, rows: Array, *places: Any) -> Errors:
-        """Return the errors of some runs at some instants, as `Errors.of`."""
-        distinct = np.unique(rows)
-        runs = [self.runs[row] for row in distinct]
-        errors = _kept.pop(key := (*self._known, *runs), None)
-        if errors is None:
-            randoms = [partial(generator_at, *run) for run in runs]
-            errors = self.vehicle.measurement_errors(self.group, self.instants, randoms)
-        _kept[key] = errors
-        for oldest in list(_kept)[:-1]:
-            if sum(part.nbytes for each in list(_kept.values()) for part in each) > KEPT_BYTES:
-                _kept.pop(oldest, None)
-        return errors.of(np.searchsorted(distinct, rows), *places)
+    def of(self, rows: Array) -> Errors:
+        """Return the errors of some runs, ``(rows, ticks, …)``."""
+        keys = [(*self._known, *self.runs[row]) for row in rows]
+        errors = {key: _kept.pop(key, None) for key in keys}
+        if missing := [key for key, each in errors.items() if each is None]:
+            randoms = [partial(generator_at, *key[len(self._known) :]) for key in missing]
+            drawn = self.vehicle.measurement_errors(self.group, self.instants, randoms)
+            errors |= {
+                key: Errors(*(part[k].copy() for part in drawn)) for k, key in enumerate(missing)
+            }
+        _kept.update(errors)
+        bytes_kept = sum(part.nbytes for each in list(_kept.values()) for part in each)
+        for oldest in list(_kept):
+            if bytes_kept <= KEPT_BYTES:
+                break
+            bytes_kept -= sum(part.nbytes for part in _kept.pop(oldest, ()))
+        return Errors(*map(np.stack, zip(*(errors[key] for key in keys), strict=True)))
 
 
 def _errors(
-    problem: Problem, experiments: list[Experiment], which: Array, runs: Array
+    problem: Problem, experiments: Sequence[Experiment], runs: Sequence[int]
 ) -> tuple[Draws, Array]:
     """Return the sensor errors of the distinct runs, and the row of each run among them."""
-    all_runs = [random_of.args for _, random_of in _by_run(experiments, which, runs)]
+    all_runs = [random_of.args for random_of in _randoms(experiments, runs)]
     distinct = sorted(set(all_runs))
     rows = {run: row for row, run in enumerate(distinct)}
     loop, instants = problem.loop, problem.control_instants
@@ -220,13 +229,13 @@ def _errors(
     return draws, np.array([rows[run] for run in all_runs])
 
 
-def _by_run(
-    experiments: list[Experiment], which: Array, runs: Array
-) -> Iterator[tuple[Experiment, partial[np.random.Generator]]]:
-    """Yield the experiment of each run, and the random streams for its vehicle."""
-    for index, run in zip(which.tolist(), runs.tolist(), strict=True):
-        seed = experiments[index].config.ensemble.seed
-        yield experiments[index], partial(generator_at, seed, Stream.VEHICLE, run)
+def _randoms(
+    experiments: Sequence[Experiment], runs: Sequence[int]
+) -> list[partial[np.random.Generator]]:
+    """Return the random streams for the vehicle of each run, each of its experiment."""
+    seeds = (experiment.config.ensemble.seed for experiment in experiments)
+    both = zip(seeds, runs, strict=True)
+    return [partial(generator_at, seed, Stream.VEHICLE, run) for seed, run in both]
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:
@@ -236,11 +245,6 @@ def _kind(experiment: Experiment, label: str) -> Hashable:
     judged = [config.settling_threshold, config.early_window, config.closing_window]
     known = json.dumps([experiment.solver.resolved, judged])
     return (*parts, loop.controller.structure, repr(loop.reference), known)
-
-
-def _distinct(points: Array) -> list[int]:
-    """Return the distinct points in the order of their first occurrence."""
-    return list(dict.fromkeys(points.tolist()))
 
 
 # Solves a few runs of each controller again by another method, and compares the states ------------

@@ -110,8 +110,8 @@ def test_c_gives_the_same_sampled_loop(tmp_path, states, in_c):
     path.write_text(SAMPLED, encoding="utf-8")
     [loop] = build(read_config(path)).loops.values()
     programs, random = trace(loop), np.random.default_rng(1)
-    E, b = loop.group.exp(0.1 * random.standard_normal(3)), random.standard_normal(3)
-    measured = np.concatenate([E.reshape(-1), b])
+    n, b = 0.1 * random.standard_normal(3), random.standard_normal(3)
+    E, measured = loop.group.exp(n), np.concatenate([n, b])
     for state in states(loop, (3,)):
         state = state + 0.1 * random.standard_normal(state.shape)  # what is on its way, too
         held = loop.holding(0.3)
@@ -128,8 +128,7 @@ def test_an_instant_has_the_bits_of_the_law_by_itself(tmp_path, states, in_c):
     path.write_text(SAMPLED, encoding="utf-8")
     [loop] = build(read_config(path)).loops.values()
     parts, whole, random = at_instants(loop), trace(loop).after_instant, np.random.default_rng(1)
-    E, b = loop.group.exp(0.1 * random.standard_normal(3)), random.standard_normal(3)
-    measured = np.concatenate([E.reshape(-1), b])
+    measured = random.standard_normal(6)
     numbers = {NUMBER + name: values for name, values in parts.law.values(loop).items()}
     for state in states(loop, (3,)):
         state = state + 0.1 * random.standard_normal(state.shape)

@@ -295,8 +295,8 @@ def c_of(batch, lanes):
 
 
 def errors_of(problem, tick):
-    found = problem.errors_at(tick, np.arange(problem.runs))
-    return [each.reshape(problem.runs, -1) for each in found or () if each.size]
+    drawn = problem.drawn() or ()
+    return [each[:, tick] for each in drawn if each.size]
 
 
 def numbers_of(batch):

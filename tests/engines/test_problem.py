@@ -235,9 +235,8 @@ def test_runs_of_several_problems_are_those_of_one(measured):
         assert both.errors.velocity[:, 0, 0].tolist() == [1, 2, 3]
         assert chosen.errors_at(1).velocity.ravel().tolist() == [3.25, 1.25]
         assert chosen.errors_at(0, slice(1, 2)).velocity.ravel().tolist() == [1]
-        over = chosen.errors_over(range(2))
-        assert over.velocity[..., 0].tolist() == [[3, 1], [3.25, 1.25]]
-        np.testing.assert_array_equal(over.pose, np.broadcast_to(np.eye(3), (2, 2, 3, 3)))
+        assert chosen.drawn().velocity[..., 0].tolist() == [[3, 3.25], [1, 1.25]]
+        np.testing.assert_array_equal(chosen.errors_at(1).pose, [np.eye(3)] * 2)
     else:
         assert chosen.errors is None
         assert chosen.errors_at(0) is None

@@ -113,16 +113,17 @@ def test_points_share_errors_and_each_run_has_its_own():
     seed, runs = 7, CONFIG["ensemble"]["runs"]
     problem = drawn({"ensemble": CONFIG["ensemble"] | {"seed": seed}}, [1, 0, runs + 1])
     assert problem.rows.tolist() == [1, 0, 1]
-    errors = problem.errors_over(range(5))
+    errors = problem.drawn()
     for place, run in enumerate((1, 0, 1)):
         random = generator_at(seed, Stream.VEHICLE, run, "sensors.velocity[0]")
         expected = [0.1, 0.2, 0.3] * random.standard_normal((5, 3))
-        np.testing.assert_array_equal(errors.velocity[:, place], expected)
+        np.testing.assert_array_equal(errors.velocity[place], expected)
         n = 0.01 * generator_at(seed, Stream.VEHICLE, run, "sensors.pose[0]").standard_normal(
             (5, 3)
         )
-        turns = Rotation.from_rotvec(n).as_matrix()
-        np.testing.assert_allclose(errors.pose[:, place], turns, atol=1e-15)
+        np.testing.assert_array_equal(errors.pose[place], n)
+        turn = problem.errors_at(4).pose[place]
+        np.testing.assert_allclose(turn, Rotation.from_rotvec(n[4]).as_matrix(), atol=1e-15)
 
 
 @pytest.fixture
@@ -151,16 +152,18 @@ def test_errors_are_drawn_once_for_equal_sensors(drawings):
     np.testing.assert_array_equal(errors(noisier, [0, 1]).pose, 2 * first.pose)
     assert errors({"time": {"duration": 0.3, "samples": 4}}, [0, 1]).pose.shape[1] == 3
     errors({"ensemble": CONFIG["ensemble"] | {"seed": 8}}, [0, 1])
+    assert len(drawings) == 4
     errors({}, [0])
-    assert len(drawings) == 5
+    errors({"control": {"period": 0.1, "delay": 2}}, [1, 0])
+    assert len(drawings) == 4
 
 
 def test_errors_are_drawn_of_the_runs_that_are_read(drawings):
     few = drawn({}, [0, 1, 2, 3]).select(np.array([3, 1]))
-    found = few.errors_over(range(2))
+    found = few.drawn()
     assert [len(each.pose) for each in drawings] == [2]
-    alone = drawn({}, [3]).errors_over(range(2))
-    np.testing.assert_array_equal(found.velocity[:, 0], alone.velocity[:, 0])
+    alone = drawn({}, [3]).drawn()
+    np.testing.assert_array_equal(found.velocity[0], alone.velocity[0])
 
 
 def test_only_so_many_errors_are_kept(drawings, monkeypatch):
