@@ -559,7 +559,7 @@ _KINDS = {
     "identity": "Identities, at random states: difference of both sides, bound of its rounding",
     "trajectory": "Trajectories, over the runs: error or change, tolerance",
     "hypothesis": "Hypotheses: what the theorems assume",
-    "code": "Laws in C, against the laws that they claim to be: difference of torques, bound",
+    "code": "Laws in code, against the laws that they claim to be: difference of torques, bound",
 }
 _HOLDS, _PROVED, _FAILS = Verdict.HOLDS, Verdict.PROVED, Verdict.FAILS
 _LEGEND = {

@@ -866,5 +866,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, PurePath | Decimal | date | Fraction):
         return str(value)
     if hasattr(value, "__dataclass_fields__"):
-        return {name: _plain(entry) for name, entry in dataclasses.asdict(value).items()}
+        value = {option_of_field(f.name): getattr(value, f.name) for f in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {name: _plain(entry) for name, entry in value.items()}
     return value.tolist() if hasattr(value, "tolist") else value

@@ -29,6 +29,10 @@ RECORDS = ("manifest.json", "tuning.json", "worst.json")
 """Names of the records in a result folder, which have a checksum."""
 
 
+FINDINGS = ("lacks", "differs")
+"""What may be wrong with a law in code, the worst last."""
+
+
 def verify(
     target: Annotated[
         Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
@@ -38,7 +42,9 @@ def verify(
     runs: Annotated[int | None, options.option("--runs", min=1)] = None,
     exact: Annotated[bool, options.option("--exact")] = False,
     file: Annotated[bool, options.option("--file")] = False,
-    code: Annotated[Path | None, options.option("--code")] = None,
+    code: Annotated[str | None, options.option("--code")] = None,
+    adapter: Annotated[Path | None, options.option("--adapter")] = None,
+    fail_on: Annotated[str | None, options.option("--fail-on", known=FINDINGS)] = None,
     as_: Annotated[str | None, options.option("--as", known="controllers")] = None,
     point: options.Point = None,
     workers: options.Workers = None,
@@ -58,15 +64,23 @@ def verify(
         --file  Only test whether the files of a RESULT have the bytes that eqt wrote.
         --exact  Also prove identities, by exact numbers at random states, and rates of small errors
             (extra `certify`).
-        --code FILE  Judge the control law in this C file instead of the controllers of a CONFIG.
-        --as NAME  The control law that the C file claims to be.
+        --code FILE[:FUNCTION]  Judge the control law in this C, C++ or Python file instead of the
+            controllers of a CONFIG. Python needs the function, as in lee.py:Lee(2.0).compute.
+        --as NAME  The control law that the code claims to be.
+        --adapter FILE  YAML that says how the code writes what it reads and returns. Default:
+            NAME.adapter.yaml beside it, if it is there.
+        --fail-on FINDING  Exit 4 only where the code lacks terms of the law or differs otherwise
+            (lacks), or only where it differs otherwise (differs), whatever else fails.
     """
     from eqt_cli import api
     from eqt_cli.config.source import overridden
 
     subject: Path | Study
     is_result = target.suffix == ".h5" or target.is_dir()
-    _check_options(target, is_result, set_ or engine or runs, code, as_)
+    if fail_on not in (None, *FINDINGS):
+        raise EqtError(f"--fail-on: expected lacks or differs, got '{fail_on}'")
+    of_code = {"--as": as_, "--adapter": adapter}
+    _check_options(target, is_result, set_ or engine or runs, code, of_code)
     if file and is_result:
         return _verify_files(target, json=json)
     if is_result:
@@ -74,7 +88,7 @@ def verify(
     else:
         source = options.source_of(target, None)
         if code:
-            source = of_extension("firmware.controllers.with_code")(source, code, as_)
+            source = of_extension("firmware.controllers.with_code")(source, code, as_, adapter)
         source = overridden(source, options.overrides(set_, engine=engine))
         doing = "verified without"
         subject = options.study_at(source, point, trust_plugins=trust_plugins, doing=doing)
@@ -87,13 +101,18 @@ def verify(
         workers=workers or options.cores(),
         exact=exact,
     )
-    print_findings(_document(target, result), *_pieces(result, verbose=verbose), json=json)
+    judged = any(row.kind == "code" for row in result.rows)
+    answers = of_extension("firmware.code_rows.answers") if judged else lambda *_: ()
+    found = [*answers(result.rows, result.experiment)]
+    document, said = _document(target, result) | {"code": found}, [each["answer"] for each in found]
+    print_findings(document, *said, *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
-        for cause in result.causes(result.experiment.titles):
+        for cause in said or result.causes(result.experiment.titles):
             complain(f"eqt: {target}: {cause}")
     if result.failed_runs:
         raise typer.Exit(3)
-    if result.failures:
+    worst = FINDINGS[FINDINGS.index(fail_on) :] if fail_on else ()
+    if any(each["finding"] in worst for each in found) if fail_on else result.failures:
         raise typer.Exit(4)
 
 
@@ -111,7 +130,7 @@ def _verify_files(target: Path, *, json: bool) -> None:
 
 
 def _check_options(
-    target: Path, is_result: bool, changes: object, code: Path | None, as_: str | None
+    target: Path, is_result: bool, changes: object, code: str | None, others: Mapping[str, object]
 ) -> None:
     """Raise an `EqtError` for options that do not go together."""
     if is_result and (changes or code):
@@ -119,24 +138,18 @@ def _check_options(
             f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
             "a configuration"
         )
-    if as_ and not code:
-        raise EqtError("--as names the law that a C file claims to be; give the file with --code")
-    if code and not code.is_file():
-        raise EqtError(f"{code}: not found; give a C file with --code")
+    for name, value in others.items():
+        if value and not code:
+            raise EqtError(f"{name} is about a law in code; give its file with --code")
+    if code and not of_extension("firmware.controllers.file_and_function")(code)[0].is_file():
+        raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
 
 
 def _document(target: Path, result: Verification) -> dict[str, object]:
-    return {
-        "verified": str(target),
-        "name": result.experiment.name,
-        "group": result.experiment.group.name,
-        "engine": result.experiment.engine.name,
-        "runs": result.runs,
-        "failed": result.failed_runs,
-        "holds": not result.failures,
-        "causes": result.causes({}),
-        "rows": result.records(),
-    }
+    of, counts = result.experiment, {"runs": result.runs, "failed": result.failed_runs}
+    about = {"name": of.name, "group": of.group.name, "engine": of.engine.name}
+    said = {"causes": result.causes({}), "rows": result.records()}
+    return {"verified": str(target), **about, **counts, "holds": not result.failures, **said}
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
@@ -209,14 +222,9 @@ def margins(
 
 
 def _margins_document(result: Margins, causes: list[str]) -> dict[str, Any]:
-    return {
-        "name": result.experiment.name,
-        "group": result.experiment.group.name,
-        "period": result.period,
-        "left_out": result.left_out,
-        "causes": causes,
-        "laws": result.records(),
-    }
+    about = {"name": result.experiment.name, "group": result.experiment.group.name}
+    loop = {"period": result.period, "left_out": result.left_out}
+    return about | loop | {"causes": causes, "laws": result.records()}
 
 
 def _margins_pieces(result: Margins) -> Iterator[str | Text]:

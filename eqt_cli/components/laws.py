@@ -24,7 +24,7 @@ from eqt_cli.numbers.leaves import structure, with_fields
 
 @dataclass(frozen=True)
 class RunsCode:
-    """The C function that a law runs, as a configuration names it.
+    """The function that a law runs, as a configuration names it.
 
     Attributes
     ----------
@@ -45,6 +45,16 @@ class RunsCode:
     numbers: tuple[tuple[str, int], ...]
     memory: tuple[str, ...]
     real: str
+
+    @property
+    def is_python(self) -> bool:
+        """Whether the file is Python; then the prefix is the expression of its function."""
+        return self.file.endswith(".py")
+
+    @property
+    def function(self) -> str:
+        """The name of the function."""
+        return self.prefix if self.is_python else f"{self.prefix}_torque"
 
 
 class CodeCall(NamedTuple):

@@ -23,6 +23,7 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from eqt_cli.base.errors import EqtWarning, Remedy, TraceError
 from eqt_cli.base.files import NO_SPACE, open_regular, replace_file
@@ -98,17 +99,27 @@ _PATHS += "DEPENDENCIES_OUTPUT SUNPRO_DEPENDENCIES CCC_OVERRIDE_OPTIONS CCC_ADD_
 """Variables by which a compiler reads or writes other files, which no result would name."""
 
 
+def started(
+    command: Sequence[str], limits: Limits, streams: tuple[Any, Any, Any], folder: Path | None
+) -> subprocess.Popen[bytes]:
+    """Start a command within limits with stdin, stdout and stderr; it ends with this process."""
+    words = list(command)
+    if not WINDOWS:
+        numbers = os.getpid(), max(1, round(limits.seconds)), limits.memory, limits.file
+        words = [sys.executable, "-I", "-S", "-c", _GUARD, *map(str, numbers), *command]
+    kept = {name: text for name, text in os.environ.items() if name not in _PATHS}
+    return subprocess.Popen(words, -1, None, *streams, cwd=folder, env=kept, start_new_session=True)
+
+
 def run_contained(
-    command: Sequence[str], text: bytes, limits: Limits, folder: Path | None = None
+    command: Sequence[str], text: bytes, limits: Limits
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run a command without shell or terminal; whatever it has started ends with it.
+    """Run a command in an empty folder, without shell; whatever it has started ends with it.
 
     Parameters
     ----------
     text
         What it reads from stdin.
-    folder
-        Its current folder. Default: an empty one.
 
     Raises
     ------
@@ -125,21 +136,14 @@ def run_contained(
     ):
         stdin.write(text)
         stdin.seek(0)
-        words = list(command)
-        if not WINDOWS:
-            numbers = os.getpid(), max(1, round(limits.seconds)), limits.memory, limits.file
-            words = [sys.executable, "-I", "-S", "-c", _GUARD, *map(str, numbers), *command]
-        kept = {name: text for name, text in os.environ.items() if name not in _PATHS}
-        process = subprocess.Popen(
-            words, -1, None, stdin, out, err, cwd=folder or empty, env=kept, start_new_session=True
-        )
+        process = started(command, limits, (stdin, out, err), Path(empty))
         late = False
         try:
             process.wait(timeout=limits.seconds)
         except subprocess.TimeoutExpired:
             late = True
         finally:
-            _end(process)
+            end(process)
             process.wait()
         said = []
         for stream in (out, err):
@@ -170,7 +174,7 @@ def _temporary() -> str:
     return os.environ.get("TMPDIR") or tempfile.gettempdir()
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def end(process: subprocess.Popen[bytes]) -> None:
     """End a process, and all others of its group."""
     with suppress(OSError):
         if WINDOWS:
@@ -334,7 +338,7 @@ def _name(key: str, content: bytes, ending: str) -> str:
 # No shell is used, and of the user's text only numbers, and own C code, are in a source.
 
 
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
+FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 """No compiler may change a rounding with these. The last two concern errno and signals only."""
 
 LIBRARY = (*FLAGS, "-w", "-shared", *(() if WINDOWS else ("-fPIC",)))
@@ -372,6 +376,9 @@ INEXACT = {
 }
 """Macros, and their values, of compilers that do not round as IEEE 754 requires."""
 
+CPLUSPLUS = "#pragma eqt C++\n"
+"""A line of each source in C++, which preprocessors keep."""
+
 CHOOSE = Remedy("set the variable CC to a C compiler, or remove it")
 
 
@@ -402,7 +409,7 @@ class Compiler:
     @property
     def words(self) -> str:
         """The command and its flags, as typed in a shell."""
-        return shlex.join([*self.command, *LIBRARY, *self.flags])
+        return shlex.join([*self.command, "-std=c99", *LIBRARY, *self.flags])
 
     @property
     def lanes(self) -> int:
@@ -649,11 +656,12 @@ def as_file(made: bytes) -> Iterator[Path]:
 
 def _compiled(source: str, by: Compiler, kind: str) -> bytes:
     """Return the library (``-shared``), object file (``-c``) or assembly (``-S``) of a source."""
+    language = _language(source)
     flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
-    linked = MATHEMATICS if kind == "-shared" else ()
+    linked = [*MATHEMATICS, *["-lstdc++"] * ("c++" in language)] if kind == "-shared" else []
     with temporary_folder() as folder:
         made = folder / f"law{ENDING}"
-        answer = run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *linked], source)
+        answer = run([*by.command, *flags, "-o", str(made), *language, "-", *linked], source)
         if answer.returncode or not made.exists():
             raise TraceError(
                 f"the C compiler {shlex.join(by.command)} cannot compile a law",
@@ -661,6 +669,10 @@ def _compiled(source: str, by: Compiler, kind: str) -> bytes:
                 lines=_error_lines(answer.stderr or answer.stdout),
             )
         return made.read_bytes()
+
+
+def _language(source: str) -> tuple[str, ...]:
+    return ("-x", "c++", "-std=c++17") if CPLUSPLUS in source else ("-x", "c", "-std=c99")
 
 
 def assembly(source: str) -> str:
@@ -694,14 +706,15 @@ def preprocessed(source: str = "", file: Path | None = None) -> str:
         If there is no compiler, or it fails.
     """
     by = compiler()
-    command = [*by.command, *FLAGS, *by.flags, "-w", "-E", "-x", "c", str(file or "-")]
-    answer = run(command, source, PREPROCESSOR)
+    begin = CPLUSPLUS if file and file.suffix in (".cpp", ".cc", ".cxx") else ""
+    flags = *_language(begin or source), *FLAGS, *by.flags, "-w", "-E"
+    answer = run([*by.command, *flags, str(file or "-")], source, PREPROCESSOR)
     if answer.returncode:
         raise TraceError(
             f"the preprocessor of {shlex.join(by.command)} fails",
             lines=_error_lines(answer.stderr) or [f"it ended with {answer.returncode}"],
         )
-    return answer.stdout
+    return begin + answer.stdout
 
 
 def run(

@@ -140,17 +140,17 @@ def _heading(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
 
 
 def _quaternion(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    q = _rotations(part, Q, lambda found: np.roll(found.as_quat(), 1, axis=-1))
+    q = coordinates_of(part, Q, lambda found: np.roll(found.as_quat(), 1, axis=-1))
     turned = np.where((q[..., 1:, :] * q[..., :-1, :]).sum(axis=-1) < 0, -1.0, 1.0)
     q[..., 1:, :] *= np.cumprod(turned, axis=-1)[..., None]
     return q
 
 
 def _euler(angles: str, G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    return np.unwrap(_rotations(part, Q, lambda found: found.as_euler(angles)), axis=-2)
+    return np.unwrap(coordinates_of(part, Q, lambda found: found.as_euler(angles)), axis=-2)
 
 
-def _rotations(part: Part, Q: Array, coordinates: Callable[[Any], Array]) -> Array:
+def coordinates_of(part: Part, Q: Array, coordinates: Callable[[Any], Array]) -> Array:
     """Return coordinates of rotations by SciPy, which refuses the NaN of a run that failed."""
     from scipy.spatial.transform import Rotation
 

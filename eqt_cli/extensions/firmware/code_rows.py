@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -161,7 +162,7 @@ class Judged:
             if count <= 2 * np.count_nonzero(wrong):
                 return f"{share}, all of them where {words}"
         first = states.of(np.flatnonzero(wrong)[:1])
-        row = first.inputs.rows(self.law.called.code.inputs)[0]
+        row = self.law.reading(self.loop.group, first.inputs, self.law.called.code)[0]
         return f"{share}, for example at {described(self.law.called, row)}"
 
 
@@ -183,6 +184,28 @@ def code_rows(
     along = None if flown is None else _states_of_runs(loop, *flown, random)
     judged = Judged(label, loop, drawn, along, random)
     return [*_finite(judged), *_repeatable(judged), *_compared(judged)]
+
+
+def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
+    """Yield of each law in code whether it is the law that it claims to be, in a sentence.
+
+    Its finding is ``is``, ``lacks`` (some terms, and nothing else is wrong), ``differs``, or
+    ``undecided``.
+    """
+    of_code = [row for row in rows if row.kind == "code"]
+    for label in dict.fromkeys(row.controller for row in of_code):
+        law, said = experiment.loops[label].controller, dict[bool, list[str]]({True: [], False: []})
+        for row in of_code:
+            if row.controller == label and row.remark and row.verdict is not Verdict.HOLDS:
+                said[row.verdict is Verdict.FAILS].append(row.remark)
+        words = "; ".join(said[True] or said[False])
+        words = re.sub(r": coefficient -?0\.00 of [^,;]+|; the same as in [^;]+", "", words)
+        lacks = all(re.match("(push: |torque: )?lacks ", each) for each in words.split("; "))
+        finding = "lacks" if lacks else "differs" if said[True] else "undecided" if words else "is"
+        says = {"is": "is {}", "lacks": "is {} but {}", "differs": "differs from {}: {}"}
+        answer = says.get(finding, "may be {}: {}").format(law.formula and law.formula.name, words)
+        named = f"{law.code.function} in {law.file}"
+        yield {"label": label, "finding": finding, "answer": f"{named} {answer}"}
 
 
 def _states_of_runs(
@@ -292,7 +315,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
                 words, known = _description(judged, states, question, torque, differences), True
         elif place == "at random states":
             words = _reach(judged)
-            undecided = judged.never or not judged.is_watched
+            undecided = judged.never or not (judged.is_watched or code.is_python)
             verdict = Verdict.UNDECIDED if undecided else Verdict.HOLDS
         name = f"torque of {law.title}, {code.real}, {place}"
         yield _row(judged, name, verdict, words, differences.measured, differences.bound)
@@ -308,7 +331,9 @@ def _reach(judged: Judged) -> list[str]:
         f"{count} states; a fault at more than {300 / drawn:.2g} % of states like these would have "
         "been seen (95 %)"
     ]
-    if not judged.is_watched:
+    if judged.law.code.is_python:
+        words.append("of Python, eqt does not count which lines were run")
+    elif not judged.is_watched:
         words.insert(
             0, "undecided: this compiler cannot count which lines were run; use gcc or clang"
         )
@@ -494,5 +519,5 @@ def _row(
     bound: float | None = None,
 ) -> Row:
     code = judged.law.code
-    statement = f"{code.file}: {code.prefix}_torque"
+    statement = f"{code.file}: {code.function}"
     return Row(name, statement, "code", judged.label, measured, bound, verdict, "; ".join(words))

@@ -11,20 +11,135 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, apply_matrix, transpose
 from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
+from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
+from eqt_cli.base.units import size_of
+from eqt_cli.base.yaml_source import load
 from eqt_cli.components.cascade import check_flat_output
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, Controller, RunsCode, controllers
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.source import ConfigSource, trusted_text
-from eqt_cli.extensions.firmware.user_code import UserCode, compiled, gathered, is_gathered, try_out
+from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
+from eqt_cli.results.dataset import coordinates_of
 
-# A law that runs a C function of the user ---------------------------------------------------------
+# What code reads and returns: the names, frames, orders and units of its own ----------------------
+
+
+Order = Literal["matrix", "columns", "quaternion wxyz", "quaternion xyzw", "roll-pitch-yaw"]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal as code has it: sign times scale times its value, in a frame, order and unit.
+
+    Attributes
+    ----------
+    signal
+        What a law reads, or a part of it: pose, velocity.rotation, position.
+    as_
+        Order of a rotation: matrix, columns (its transpose), quaternion wxyz, quaternion xyzw, or
+        roll-pitch-yaw (R = R_z R_y R_x).
+    frame
+        Frame of a vector: body, desired (that of Q_d) or space. Default: that of eqt.
+    unit
+        Such as deg/s.
+    scale, sign
+        A factor, and a sign or one for each axis; a rotation R is then S R S.
+    torque
+        Of the output in Python: an expression of `result` and of the inputs.
+    per
+        Of the output: with inertia, it is an acceleration, and the torque is 𝕀 times it.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
+
+    signal: str = ""
+    as_: Order = "matrix"
+    frame: Literal["body", "desired", "space"] | None = None
+    unit: str | None = None
+    scale: Real = 1.0
+    sign: Real | list[Real] = 1.0
+    torque: str = "result"
+    per: Literal["inertia"] | None = None
+
+    @property
+    def factor(self) -> Array:
+        """What the code has of 1, in units of eqt."""
+        if (size := size_of(self.unit or "1")) is None:
+            raise InputError(f"unit: expected a unit such as deg/s, got {self.unit}")
+        return np.asarray(self.sign) * self.scale / size[0]
+
+    def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        """Return the signal as code reads it, ``(..., *shape)``."""
+        name, _, which = self.signal.partition(".")
+        part = next((each for each in G.parts if which in ("", each.name)), None)
+        if part is None or getattr(x, name, None) is None:
+            known = ", ".join(x._fields)
+            raise InputError(f"signal: expected {known}, or a part, got {shown(self.signal)}")
+        value: Any = np.asarray(getattr(x, name), dtype=float)
+        own = "desired" if name.startswith("desired") else "body"
+        if name.endswith("pose"):
+            value, own = value[..., *part.entries] if which else value, "space"
+            if part.turns:
+                return self._ordered(part, value)
+            value = value[..., 0]
+        elif which:
+            value = value[..., part.axes]
+        return self.factor * turned(G, x, value, own, self.frame)
+
+    def _ordered(self, part: Part, R: Array) -> Array:
+        R = R * np.outer(*2 * [np.broadcast_to(self.sign, R.shape[-1])])
+        if self.as_ == "roll-pitch-yaw":
+            return coordinates_of(part, R, lambda found: found.as_euler("xyz") * self.factor)
+        if self.as_.startswith("quaternion"):
+            return coordinates_of(part, R, lambda q: np.roll(q.as_quat(), self.as_[-4] == "w", -1))
+        return transpose(R) if self.as_ == "columns" else R
+
+    def torque_of(self, s: Tracking, returned: Array) -> Array:
+        """Return the torque in the body frame, ``(..., m)``."""
+        back = returned.reshape(s.P.shape) / self.factor
+        torque = turned(s.G, LawInput.of(s), back, self.frame or "body", "body")
+        return s.inertia.momentum(torque) if self.per else torque
+
+
+def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None) -> Array:
+    """Return vectors of one frame in another one; numbers stay as they are."""
+    block: Any = next((part.entries for part in G.parts if part.turns), None)
+    for frame in (by, to) if to not in (None, by) and block and value.shape[-1] > 1 else ():
+        if frame != "space":
+            pose = x.pose if frame == "body" else x.desired_pose
+            R = pose[(..., *block)] if frame == by else transpose(pose[(..., *block)])
+            vectors = value.reshape(*value.shape[:-1], -1, R.shape[-1])
+            value = apply_matrix(R[..., None, :, :], vectors).reshape(value.shape)
+    return value
+
+
+@dataclass(frozen=True)
+class Adapter:
+    """The names that code has for what it reads, and what it returns.
+
+    Attributes
+    ----------
+    inputs
+        Each name with its `Signal`.
+    call
+        In Python, an expression of what is called, with the inputs, the numbers and `self`.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
+
+    inputs: dict[str, Signal]
+    output: Signal = Signal()
+    call: str | None = None
+
+
+# A law that runs a function of the user -----------------------------------------------------------
 
 
 TORQUE = "_torque"
@@ -43,7 +158,7 @@ class _Numbers(Controller):
 
 @dataclass(frozen=True)
 class Code(_Numbers):
-    """A C function of your own, called at control instants, or by solve_ivp at any time.
+    """A function of your own in C, C++ or Python, called at control instants, or by solve_ivp.
 
     The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
     ``X_torque`` as `eqt export` writes them. If it defines ``X_start``, eqt calls that at the start
@@ -51,15 +166,23 @@ class Code(_Numbers):
     ``X_defaults`` if the file defines it, otherwise 0. A field ``period`` is set to the period of
     control.
 
+    In Python, the function takes the names of an input, or those of an adapter. It is called in a
+    process of its own, in which it keeps no files, network or other processes. Memory is what the
+    object keeps.
+
     It claims nothing unless `as` names a law. Then it claims what that law claims, and `eqt verify`
     compares the two.
 
     Attributes
     ----------
     file
-        The C file, relative to the configuration; files that it includes in quotes belong to it.
+        The file, relative to the configuration; files that it includes in quotes belong to it.
     function
-        Its function, ``X_torque``. Default: the name of the file gives X.
+        Its function, ``X_torque``. Default: the name of the file gives X. In Python, ``compute`` or
+        ``Law(2.0).compute``.
+    adapter
+        How the code writes what it reads and returns: `inputs`, `output` and, in Python, `call`.
+        Each input has `signal`, `as`, `frame`, `unit`, `scale` and `sign`.
     as_
         The law that it claims to implement: a kind, or a mapping with `kind` and options.
     numbers
@@ -79,6 +202,7 @@ class Code(_Numbers):
     numbers: dict[str, Real | list[Real]] = field(default_factory=dict)
     memory_: list[str] = field(default_factory=list)
     real: Literal["double", "float"] = "double"
+    adapter: Adapter | None = None
     values: Any = field(init=False, repr=False)
     claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
     called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
@@ -86,7 +210,7 @@ class Code(_Numbers):
     @property
     def structure(self) -> Hashable:
         """All but the numbers."""
-        return type(self), self.code, repr(self.claimed), self.called
+        return type(self), self.code, repr((self.claimed, self.adapter)), self.called
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid C names, and errors of the law that it claims to be."""
@@ -96,12 +220,12 @@ class Code(_Numbers):
             _check_name(name, problems.at("memory", index))
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
-        if self.function is not None:
+        if self.function is not None and not self.code.is_python:
             at_function = problems.at("function")
             _check_name(self.function, at_function)
             if not self.function.endswith(TORQUE):
                 at_function.add(f"expected a name X{TORQUE}, got {shown(self.function)}")
-        elif not is_name(self.prefix):
+        elif not is_name(self.prefix) and not self.code.is_python:
             problems.at("file").add(
                 f"{self.file} gives no name in C; name the function with the key `function`"
             )
@@ -121,7 +245,9 @@ class Code(_Numbers):
 
     @property
     def prefix(self) -> str:
-        """X of ``X_torque``."""
+        """X of ``X_torque``, or the function in Python."""
+        if self.file.endswith(".py"):
+            return self.function or ""
         return PurePath(self.file).stem if self.function is None else self.function[: -len(TORQUE)]
 
     @property
@@ -144,17 +270,15 @@ class Code(_Numbers):
         if problems:
             return None, {}
         with problems.catching():
-            space = G.space if rigid_motions(G) else 0
-            code = UserCode(
-                text=text, entries=G.size**2, axes=G.dimension, space=space, **asdict(self.code)
-            )
-            function = compiled(code)
-            if code not in _tried:
-                numbers = leaves(self).get("values", np.empty(0))
-                try_out(function, numbers, PERIOD, first_inputs(G).rows(code.inputs))
-                _tried.add(code)
+            space, first = G.space if rigid_motions(G) else 0, first_inputs(G)
+            reads = self._adapted.inputs.items()
+            shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
+            of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
+            code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
-            return law.calling(function, G), {self.file: text}
+            numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
+            how = {"call": self._adapted.call, "torque": self._adapted.output.torque}
+            return law.calling(called(code, numbers, PERIOD, rows, how), G), {self.file: text}
         return None, {self.file: text}
 
     def calling(self, function: Any, G: MatrixLieGroup) -> Self:
@@ -166,7 +290,7 @@ class Code(_Numbers):
             If its memory has another size than that of the law that it claims to be.
         """
         # The function's name must not depend on the file's name, which a result changes.
-        copy = with_fields(self, function=self.prefix + TORQUE, called=function)
+        copy = with_fields(self, function=self.code.function, called=function)
         length, claimed = sum(function.lengths.values()), self.claimed
         expected = sum(claimed.memory(G).values()) if claimed else length
         if length != expected:
@@ -183,8 +307,23 @@ class Code(_Numbers):
         return self.claimed
 
     @property
-    def code_call(self) -> CodeCall:
-        """The compiled function, with these numbers."""
+    def _adapted(self) -> Adapter:
+        named = LawInput._fields[:6] if self.code.is_python else ()
+        return self.adapter or Adapter({name: Signal(name) for name in named})
+
+    def reading(self, G: MatrixLieGroup, x: LawInput, code: UserCode) -> Array:
+        """Return what the code reads, with a row for each run and sample."""
+        if not code.adapted or x.velocity.dtype == object:
+            return x.velocity if code.adapted else x.rows(code.inputs)
+        x = x._replace(t=np.broadcast_to(x.t, x.velocity.shape[:-1]))
+        parts = zip(self._adapted.inputs.values(), code.inputs.values(), strict=True)
+        return np.hstack([signal.values(G, x).reshape(-1, size) for signal, size in parts])
+
+    @property
+    def code_call(self) -> CodeCall | None:
+        """The compiled function, with these numbers; None where it needs Python."""
+        if self.called.code.adapted:
+            return None
         reads, function = tuple(self.called.code.inputs), self.called.library.eqt_code
         return CodeCall(function, 2 * self.called.fills, reads, np.asarray(self.values))
 
@@ -196,7 +335,7 @@ class Code(_Numbers):
         """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self._rows(s)
         torque, updated = self.called.torque(numbers, float(period), memory, inputs)
-        return torque.reshape(s.P.shape), self._named(updated, s)
+        return self._adapted.output.torque_of(s, torque), self._named(updated, s)
 
     @property
     def decisions(self) -> tuple[Any, ...] | None:
@@ -206,9 +345,8 @@ class Code(_Numbers):
     def watched(self, s: Tracking, period: float) -> tuple[Array, Array, Array]:
         """Return the torque, and of each decision its outcome and how far that was away."""
         inputs, numbers, memory = self._rows(s)
-        outcomes: tuple[Array, Array, Array]
-        outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
-        return outcomes
+        torque, *outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
+        return self._adapted.output.torque_of(s, torque), *outcomes
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
@@ -223,7 +361,7 @@ class Code(_Numbers):
     def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
         """Return inputs, numbers and memory, with a row for each run and sample."""
         batch = s.P.shape[:-1]
-        inputs = LawInput.of(s).rows(self.called.code.inputs)
+        inputs = self.reading(s.G, LawInput.of(s), self.called.code)
         if inputs.dtype == object:
             raise TraceError(
                 f"{self.file} is code, which is called and not compiled into the loop",
@@ -255,7 +393,8 @@ class Code(_Numbers):
     @property
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
         """Whether the input of the function has the position and its derivatives."""
-        return "position" in self.called.code.inputs
+        reads = [each.signal for each in self._adapted.inputs.values()]
+        return "position" in (reads or self.called.code.inputs)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what the law that it claims to be knows of the plant."""
@@ -327,33 +466,46 @@ PERIOD = 0.01
 """Control period for trying out a function, s."""
 
 
-_tried: set[object] = set()
-"""Code that was already tried out successfully, whatever its numbers."""
-
-
-def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSource:
-    """Return the configuration with a C file as its only controller.
+def with_code(
+    source: ConfigSource, code: str, claimed: str | None, adapter: Path | None
+) -> ConfigSource:
+    """Return the configuration with a law in code as its only controller.
 
     An existing entry of `controllers` for this file keeps its numbers.
 
     Parameters
     ----------
+    code
+        The file, and behind a colon its function.
+    adapter
+        A file with its adapter. Default: the one beside it, ``lee.adapter.yaml``, if it is there.
     claimed
         The law that the code claims to be: a kind, or the label of an entry, with its options and
         gains; None to keep the statement of the entry, if any.
     """
-    name = os.path.relpath(file, source.folder)
+    file, function = file_and_function(code)
+    name, beside = os.path.relpath(file, source.folder), file.with_suffix(".adapter.yaml")
+    adapter = adapter or (beside if beside.is_file() else None)
     listed = source.data.get("controllers")
     entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
     known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
-    code = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
-    entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
+    kind = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
+    entry = {**(known[0] if known else {"kind": kind, "file": name, "label": file.stem})}
+    entry |= {"function": function} if function else {}
+    if adapter:
+        entry["adapter"] = load(text_of(adapter, "it is an adapter", InputError), str(adapter)).data
     if claimed is not None:
         meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
         options = {key: value for key, value in meant.items() if key not in ("label", "gains")}
         entry |= {"as": options or claimed} | {k: v for k, v in meant.items() if k == "gains"}
     overrides = source.overrides | {("controllers",): "--code"}
     return replace(source, data=source.data | {"controllers": [entry]}, overrides=overrides)
+
+
+def file_and_function(code: str) -> tuple[Path, str | None]:
+    """Return the file and the function of ``lee.py:compute``; None where none is named."""
+    named = re.fullmatch(r"(.+?\.\w+):(.+)", code)
+    return (Path(named[1]), named[2]) if named else (Path(code), None)
 
 
 def first_inputs(G: MatrixLieGroup) -> LawInput:
@@ -380,7 +532,8 @@ def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
     InputError
         If it cannot be read or preprocessed, or may not be executed.
     """
-    text = trusted_text(source, name, trusted, "C file")
-    if source.stored_plugins is not None or is_gathered(text):
+    kind = "Python" if name.endswith(".py") else "C"
+    text = trusted_text(source, name, trusted, f"{kind} file")
+    if source.stored_plugins is not None or is_gathered(text) or kind == "Python":
         return text
     return gathered(source.folder / name)

@@ -18,6 +18,12 @@ static int eqt_decided(long place, double apart, int holds)
 static double eqt_as_number(double x) { return x; }
 static double eqt_no_number(const void *x) { return x ? 1.0 : 0.0; }
 
+#ifdef __cplusplus
+#define __auto_type auto
+#define EQT_NUMBER(x) eqt_number(x)
+template <typename T> static double eqt_number(T x) { return (double)x; }
+template <typename T> static double eqt_number(T *x) { return x ? 1.0 : 0.0; }
+#else
 #define EQT_NUMBER(x)                                                                             \
     _Generic((x), float: eqt_as_number, double: eqt_as_number, long double: eqt_as_number,        \
              _Bool: eqt_as_number, char: eqt_as_number, signed char: eqt_as_number,               \
@@ -25,5 +31,6 @@ static double eqt_no_number(const void *x) { return x ? 1.0 : 0.0; }
              int: eqt_as_number, unsigned: eqt_as_number, long: eqt_as_number,                    \
              unsigned long: eqt_as_number, long long: eqt_as_number,                              \
              unsigned long long: eqt_as_number, default: eqt_no_number)(x)
+#endif
 #define EQT_WATCH(call, decisions)                                                                \
     eqt_outcomes = outcomes + (call) * (decisions), eqt_apart = apart + (call) * (decisions)

@@ -26,17 +26,26 @@
 /* What the caller compares with its own: the bytes of every field of the input, whether the function
    has the right arguments, and the bytes of the whole memory, of every number, and of every part of
    the memory. */
-const long eqt_code_sizes[] = {
+#ifdef __cplusplus
+#define EQT_C extern "C"
+template <typename T> constexpr long eqt_is(T, T) { return 1; }
+constexpr long eqt_is(...) { return 0; }
+#define EQT_IS(function, type) eqt_is(&(function), (type)0)
+#else
+#define EQT_C
+#define EQT_IS(function, type) __builtin_types_compatible_p(__typeof__(&(function)), type)
+#endif
+typedef void (*eqt_law)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *,
+                        EQT_CODE_REAL *);
+EQT_C const long eqt_code_sizes[] = {
     EQT_LIST_INPUT
-    __builtin_types_compatible_p(
-        __typeof__(&EQT_TORQUE),
-        void (*)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *, EQT_CODE_REAL *)),
+    EQT_IS(EQT_TORQUE, eqt_law),
     (long)sizeof(EQT_MEMORY_TYPE),
     EQT_LIST_NUMBERS EQT_LIST_MEMORY 0};
 
 /* Rows, one a run: what is given for the numbers, the memory, which goes on, and the inputs. begins: 1
    calls the start; with 2, what is not named of the memory is filled. */
-void eqt_code(long runs, int begins, double period, const double *options, double *states,
+EQT_C void eqt_code(long runs, int begins, double period, const double *options, double *states,
               const double *inputs, double *torques, unsigned char *outcomes, double *apart)
 {
     long run, eqt_k;

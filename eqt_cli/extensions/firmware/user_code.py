@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import ctypes
+import json
+import math
 import os
 import re
 import shutil
 import signal
-import struct
 import subprocess
 import sys
+import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from itertools import islice
 from pathlib import Path, PurePath, PurePosixPath
 from struct import iter_unpack, unpack_from
+from threading import Lock, Timer
 from typing import Any
 
 import numpy as np
@@ -29,6 +32,7 @@ from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.motions import ORDER
 from eqt_cli.engines import compiler
 from eqt_cli.engines.compiler import Limits, temporary_folder
+from eqt_cli.extensions.firmware import python_law
 from eqt_cli.extensions.firmware.decisions import Decision, watched
 
 # A user's C file with the files beside it that its preprocessor reads, as one text ----------------
@@ -220,7 +224,8 @@ def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
 def _keeps_nothing(name: str) -> bool:
     if name in ERRNO:
         return False
-    return name.startswith("__") or name in WITHOUT_STATE or name in _mathematical()
+    of_standard = name.startswith(("__", "_ZSt", "_ZNSt", "_ZNKSt", "_Zn", "_Zd", "_Unwind_"))
+    return of_standard or name in WITHOUT_STATE or name in _mathematical()
 
 
 @lru_cache(maxsize=1)
@@ -329,12 +334,15 @@ class UserCode(RunsCode):
         The number of entries of a pose, and of a velocity.
     space
         The number of coordinates of a position; 0 on groups other than SE2 and SE3.
+    adapted
+        The inputs with their shapes, as an adapter names them; empty without one.
     """
 
     text: str = field(repr=False)
     entries: int
     axes: int
     space: int = 0
+    adapted: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     @cached_property
     def inputs(self) -> dict[str, int]:
@@ -343,6 +351,8 @@ class UserCode(RunsCode):
         A text with a field ``position`` names all of its fields; any other one has those of a law
         that reads none.
         """
+        if self.adapted:
+            return {name: math.prod(shape) for name, shape in self.adapted}
         q, m, n = self.entries, self.axes, self.space
         lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3)
         length_of = dict(zip(LawInput._fields, lengths, strict=True))
@@ -350,11 +360,6 @@ class UserCode(RunsCode):
         flat = n and POSITION in known
         read = known if flat else LawInput._fields[:6]
         return {name: length for name, length in length_of.items() if name in read}
-
-    @property
-    def function(self) -> str:
-        """The name of the function."""
-        return f"{self.prefix}_torque"
 
     @cached_property
     def preprocessed(self) -> str:
@@ -420,7 +425,7 @@ class UserCode(RunsCode):
 
     @property
     def _calls(self) -> str:
-        X, numbers = self.prefix, [name for name, _ in self.numbers]
+        X, numbers, memory = self.prefix, [name for name, _ in self.numbers], self.memory
         has_defaults = re.search(rf"\b{X}_defaults\s*=", self._plain)
 
         def sizes(kind: str, fields: Iterable[str]) -> str:
@@ -437,17 +442,13 @@ class UserCode(RunsCode):
             "EQT_SET_INPUT": "".join(f"EQT_IN(input.{name}, inputs); " for name in self.inputs),
             "EQT_LIST_INPUT": sizes("INPUT", self.inputs),
             "EQT_SET_NUMBERS": "".join(f"EQT_IN(numbers.{name}, options); " for name in numbers),
-            "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, before); " for name in self.memory),
-            "EQT_WRITE_MEMORY": "".join(
-                f"EQT_OUT(states, memory.{name}); " for name in self.memory
-            ),
+            "EQT_READ_MEMORY": "".join(f"EQT_IN(memory.{name}, before); " for name in memory),
+            "EQT_WRITE_MEMORY": "".join(f"EQT_OUT(states, memory.{name}); " for name in memory),
             "EQT_LIST_NUMBERS": sizes("NUMBER", numbers),
-            "EQT_LIST_MEMORY": sizes("MEMORY", self.memory),
+            "EQT_LIST_MEMORY": sizes("MEMORY", memory),
         }
-        if self.starts:
-            definitions["EQT_CODE_START"] = f"{X}_start"
-        if self.has_period:
-            definitions["EQT_SET_PERIOD"] = "1"
+        definitions |= {"EQT_CODE_START": f"{X}_start"} if self.starts else {}
+        definitions |= {"EQT_SET_PERIOD": "1"} if self.has_period else {}
         defined = "".join(f"#define {name} {text}\n" for name, text in definitions.items())
         return f"{defined}\n{SHIM.read_text(encoding='utf-8')}"
 
@@ -585,15 +586,15 @@ def compiled(code: UserCode) -> CodeFunction:
 def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
     """Check all sizes, and return the length of each part of the memory."""
     X, size = code.prefix, REALS[code.real]
-    t, *parts = sizes[: len(code.inputs)]
-    sizes = sizes[len(code.inputs) :]
-    if t != size:
-        other = next((name for name, length in REALS.items() if length == t), f"{t} bytes")
+    parts, sizes = sizes[: len(code.inputs)], sizes[len(code.inputs) :]
+    one = parts[0] // next(iter(code.inputs.values()))
+    if one != size:
+        other = next((name for name, length in REALS.items() if length == one), f"{one} bytes")
         raise InputError(
             f"real: the numbers of {X}_input in {code.file} are {other}, not {code.real}; set "
             f"`real: {other}`"
         )
-    for (name, length), count in zip([*code.inputs.items()][1:], parts, strict=True):
+    for (name, length), count in zip(code.inputs.items(), parts, strict=True):
         if count != length * size:
             raise InputError(
                 f"{X}_input in {code.file} has {count // size} numbers in {name}; expected {length}"
@@ -632,61 +633,6 @@ TRIAL_SECONDS = 10.0
 MOST_WRITTEN = 2**20
 """Largest file that it writes, bytes."""
 
-_CHILD = """
-import ctypes, struct, sys
-library = ctypes.CDLL(sys.argv[1])
-runs, numbers, memory, row, axes, period = struct.unpack("5qd", sys.stdin.buffer.read(48))
-def doubles(count):
-    return (ctypes.c_double * max(count, 1)).from_buffer_copy(
-        sys.stdin.buffer.read(8 * count).ljust(8, b"0"))
-options, later = doubles(numbers), doubles(memory)
-torque = (ctypes.c_double * axes)()
-for run in range(runs):
-    inputs = doubles(row)
-    for begins in (1, 0):
-        sys.stdout.buffer.write(bytes([begins]))
-        sys.stdout.buffer.flush()
-        library.eqt_code(ctypes.c_long(1), ctypes.c_int(begins), ctypes.c_double(period),
-                         options, later, inputs, torque, None, None)
-sys.stdout.buffer.write(b"done")
-"""
-"""The program of the process. It writes a byte before every call: 1 for the start, 0 for the
-torque."""
-
-
-def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
-    """Call a function at some inputs, one after the other.
-
-    Raises
-    ------
-    InputError
-        If it crashes, or does not end; it names the function and the input.
-    """
-    memory = sum(function.lengths.values())
-    sent = struct.pack(
-        "5qd", len(inputs), numbers.size, memory, *inputs.shape[1:], function.code.axes, period
-    )
-    sent += np.ascontiguousarray(numbers, dtype=float).tobytes() + bytes(8 * memory)
-    sent += np.ascontiguousarray(inputs, dtype=float).tobytes()
-    with compiler.as_file(compiler.content(function.code.source)) as library:
-        command = [sys.executable, "-I", "-S", "-c", _CHILD, str(library)]
-        limits = Limits(TRIAL_SECONDS, file=MOST_WRITTEN)
-        try:
-            done = compiler.run_contained(command, sent, limits, Path(os.curdir))
-            output, how = done.stdout, _ended(done.returncode)
-        except subprocess.TimeoutExpired as late:
-            output, how = late.stdout or b"", f"did not return within {TRIAL_SECONDS:g} s"
-    if output.endswith(b"done"):
-        return
-    if not output:
-        raise InputError(f"{function.code.file} cannot be tried out: the process {how}")
-    begins, run = output[-1], (len(output) - 1) // 2
-    called = f"{function.code.prefix}_start" if begins else function.code.function
-    raise InputError(
-        f"{called} in {function.code.file} {how} at {described(function, inputs[run])}; call it "
-        "with this input in a debugger"
-    )
-
 
 def _ended(code: int) -> str:
     with suppress(ValueError):
@@ -701,3 +647,129 @@ def described(function: CodeFunction, row: Array) -> str:
         listed = ", ".join(f"{x:.9g}" for x in islice(numbers, length))
         words.append(f"{name} = {listed}" if length == 1 else f"{name} = {{{listed}}}")
     return ", ".join(words)
+
+
+MOST_ROWS = 50
+"""Most calls of a law in Python that are asked for together."""
+
+
+class Guest:
+    """The process in which a law is called: the first calls of one in C, all of one in Python.
+
+    Attributes
+    ----------
+    memory
+        The lengths of what a law in Python keeps, by name.
+    """
+
+    def __init__(self, limits: Limits, law: Mapping[str, Any]) -> None:
+        self.lock, self.name = Lock(), f"{law['function']} in {law['file']}"
+        words = ["env", "OPENBLAS_NUM_THREADS=1", sys.executable, "-IB", python_law.__file__]
+        pipes = subprocess.PIPE, subprocess.PIPE, subprocess.DEVNULL
+        self.process = compiler.started(words, limits, pipes, None)
+        weakref.finalize(self, _finish, self.process)
+        self.memory = {n: math.prod(shape) for n, shape in self.asked(law)["memory"].items()}
+
+    def asked(self, what: Mapping[str, Any], at: str = "", name: str = "") -> Any:
+        """Return an answer.
+
+        Raises
+        ------
+        InputError
+            If the law does what it may not, crashes, or does not return.
+        """
+        process: Any = self.process
+        timer, line = Timer(TRIAL_SECONDS, compiler.end, [self.process]), b""
+        with self.lock, suppress(BrokenPipeError):
+            timer.start()
+            process.stdin.write(json.dumps(what).encode() + b"\n")
+            process.stdin.flush()
+            line = process.stdout.readline(MOST_WRITTEN)
+            timer.cancel()
+        if line.endswith(b"\n"):
+            if "error" not in (answer := json.loads(line)):
+                return answer
+            raise InputError(f"{self.name}: {answer['error']}")
+        compiler.end(self.process)
+        code, late = self.process.wait(), f"did not return within {TRIAL_SECONDS:g} s"
+        raise InputError(f"{name or self.name} {late if code == -9 else _ended(code)}{at}")
+
+
+def _finish(process: subprocess.Popen[bytes]) -> None:
+    compiler.end(process)
+    process.communicate()
+
+
+def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
+    """Call a function at some inputs, one after the other.
+
+    Raises
+    ------
+    InputError
+        If it crashes, or does not end; it names the function and the input.
+    """
+    code, memory = function.code, [0.0] * sum(function.lengths.values())
+    with compiler.as_file(compiler.content(code.source)) as library:
+        law = {"function": code.function, "file": code.file, "library": str(library), "rows": []}
+        arrays = {"arrays": [numbers.tolist(), memory, [], [0.0] * code.axes]}
+        guest = Guest(Limits(TRIAL_SECONDS, file=MOST_WRITTEN), law | arrays)
+    for row in inputs:
+        at = f" at {described(function, row)}; call it with this input in a debugger"
+        for name in (f"{code.prefix}_start", code.function):
+            how = {"starts": name != code.function, "period": period, "rows": [row.tolist()]}
+            guest.asked(how, at, f"{name} in {code.file}")
+
+
+class PythonFunction(CodeFunction):
+    """A function in Python of the user's; its library is a `Guest`, which counts no lines."""
+
+    watching, static_state = None, ([], [])
+
+    def _called(
+        self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array, *_: Array
+    ) -> tuple[Array, Array]:
+        rows, how = np.hstack([numbers, memory, inputs]).tolist(), {"starts": begins == 1}
+        starts = range(0, len(rows), MOST_ROWS)
+        asked = ({**how, "period": period, "rows": rows[k : k + MOST_ROWS]} for k in starts)
+        answers = [row for each in asked for row in self.library.asked(each)["rows"]]
+        torque, later = np.split(np.array(answers, dtype=float), [self.code.axes], axis=1)
+        return torque, later
+
+
+_tried: set[object] = set()
+"""Code in C that was already tried out successfully, whatever its numbers."""
+
+
+def called(
+    code: UserCode, numbers: Array, period: float, rows: Array, how: Mapping[str, Any]
+) -> CodeFunction:
+    """Return the function of code after its first calls, in a process of their own.
+
+    Parameters
+    ----------
+    how
+        Of Python, `call` and `torque`, expressions.
+
+    Raises
+    ------
+    InputError
+        If it cannot be called: with the place, or the functions that there are.
+    """
+    if not code.is_python:
+        function = compiled(code)
+        if code not in _tried:
+            try_out(function, numbers, period, rows)
+            _tried.add(code)
+        return function
+    there = re.findall(r"(?m)^(?:def|class) +(\w+)", code.text)
+    if re.split(r"\W", code.function)[0] not in re.findall(r"\w+", code.text):
+        raise InputError(
+            f"{code.file} is Python: name its function or method, as {code.file}:FUNCTION or "
+            f"{code.file}:CLASS(…).METHOD; it defines {', '.join(there) or 'none'}"
+        )
+    first = {"values": numbers.tolist(), "trial": rows[0].tolist(), "rows": [], "period": period}
+    law = {**asdict(code), **how, **first}
+    law["function"] = re.sub(rf"^({'|'.join(there)})\.(\w+)$", r"\1().\2", code.function)
+    law["numbers"] = [(name, [length] if length > 1 else []) for name, length in code.numbers]
+    guest = Guest(Limits(seconds=36_000, memory=3 * 2**29, file=0), law)
+    return PythonFunction(code, guest.memory, guest)

@@ -104,7 +104,7 @@ class Compiled:
             "desired_velocity",
             "desired_acceleration",
         )
-        self.code = SimpleNamespace(inputs=names)
+        self.code = SimpleNamespace(inputs=names, adapted=())
 
     def torque(self, numbers, period, memory, inputs):
         self.given = numbers, period, memory, inputs

@@ -191,10 +191,10 @@ def test_what_the_command_says(written, eqt, config):
     written()
     Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
     assert eqt("verify", "c.yaml", "--as", "lee2010").err == (
-        "eqt: --as names the law that a C file claims to be; give the file with --code\n"
+        "eqt: --as is about a law in code; give its file with --code\n"
     )
     assert eqt("verify", "c.yaml", "--code", "no.c", "--as", "lee2010").err == (
-        "eqt: no.c: not found; give a C file with --code\n"
+        "eqt: no.c: not found; give a file in C, C++ or Python with --code\n"
     )
     said = eqt("verify", "c.yaml", "--code", "lee.c", "--as", "lee201").err
     assert said == (

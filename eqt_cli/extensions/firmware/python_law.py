@@ -1,0 +1,142 @@
+"""The program that calls a law in Python of the user's own, in a process that it cannot leave.
+
+It imports nothing of eqt. `Guest` in `user_code.py` starts it, and writes lines of JSON: the law,
+and then rows of numbers, memory and inputs. Each is answered by a line.
+"""
+
+import ctypes
+import inspect
+import json
+import os
+import sys
+import traceback
+from copy import deepcopy
+from math import nan, prod
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+CHANGES = ("os.", "shutil.", "socket.", "subprocess.", "ctypes.", "sqlite3.", "signal.", "pty.")
+WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+def refuse(event: str, about: tuple[Any, ...]) -> None:
+    """Raise a `PermissionError` for what a law may not do; an audit hook, which nothing removes."""
+    opens = event == "open" and (set(str(about[1])) & set("wax+") or about[2] & WRITES)
+    changes = event.startswith(CHANGES) and event not in ("os.listdir", "os.scandir")
+    if opens or changes or "_posixsubprocess" in about[:1]:
+        raise PermissionError(f"{event} {about[0] if about else ''}".strip())
+
+
+class Library:
+    """A law in C, compiled: its first calls, which may crash or never end."""
+
+    def __init__(self, asked: dict[str, Any]) -> None:
+        self.call, self.memory = ctypes.CDLL(asked["library"]).eqt_code, dict[str, Any]()
+        self.call.argtypes = [ctypes.c_long, ctypes.c_int, ctypes.c_double, *6 * [ctypes.c_void_p]]
+        self.arrays = [np.array(each) for each in asked["arrays"]]
+
+    def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
+        """Call it with a row of inputs."""
+        self.arrays[2] = np.array(row)
+        at = [each.ctypes.data for each in self.arrays]
+        self.call(1, how["starts"], how["period"], *at, None, None)
+        return []
+
+
+class Law:
+    """A text that was executed, and the object that it makes.
+
+    Attributes
+    ----------
+    asked
+        Text, file and expressions; numbers and inputs with their shapes, and names of the memory.
+    memory
+        What goes on from call to call: shapes by name.
+    error
+        The last error of a call.
+    """
+
+    def __init__(self, asked: dict[str, Any]) -> None:
+        module = sys.modules["eqt_law"] = ModuleType("eqt_law")
+        self.asked, self.names, self.numbers = asked, vars(module), [nan]
+        self.error: Exception | None = None
+        # Python's own way to start processes, of which no hook is told.
+        sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
+        sys.addaudithook(refuse)
+        exec(compile(asked["text"], asked["file"], "exec"), self.names)
+        self.make(asked["values"])
+        self.memory = {name: np.shape(value) for name, value in self.first.items()}
+        self.torque(asked["trial"], asked["period"])
+        if self.error:
+            raise self.error
+
+    def make(self, numbers: list[float]) -> None:
+        """Make the object with these numbers, unless it is there."""
+        if numbers != self.numbers:
+            self.numbers, self.given = numbers, named(self.asked["numbers"], numbers)
+            self.function = eval(self.asked["function"], self.names | self.given)  # noqa: S307
+            self.object = getattr(self.function, "__self__", None)
+            self.state: dict[str, Any] = getattr(self.object, "__dict__", self.names)
+            self.first = {name: deepcopy(self.state[name]) for name in self.asked["memory"]}
+
+    def torque(self, row: list[float], period: float) -> Any:
+        """Return the torque of one call; NaN after an error that is of this input."""
+        asked, given = self.asked, self.given | named(self.asked["adapted"], row)
+        given |= {"period": period, "self": self.object}
+        try:
+            if asked["call"]:
+                result = eval(asked["call"], self.names | given)  # noqa: S307
+            else:
+                takes = inspect.signature(self.function).parameters
+                result = self.function(**{name: given[name] for name in takes if name in given})
+            torque = eval(asked["torque"], self.names | given | {"result": result})  # noqa: S307
+            return np.asarray(torque, dtype=float).reshape(asked["axes"])
+        except (PermissionError, MemoryError):
+            raise
+        except Exception as error:
+            self.error = error
+            return np.full(asked["axes"], nan)
+
+    def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
+        """Return torque and memory after a call with numbers, memory and inputs."""
+        at, torque = len(self.numbers), np.zeros(self.asked["axes"])
+        self.make(row[:at])
+        self.state |= deepcopy(self.first)
+        if not how["starts"]:
+            self.state |= named(self.memory.items(), row[at:])
+            torque = self.torque(row[at + sum(map(prod, self.memory.values())) :], how["period"])
+        memory = [np.ravel(np.asarray(self.state[name], dtype=float)) for name in self.memory]
+        return list(np.concatenate([torque, *memory]))
+
+
+def named(shapes: Any, row: list[float]) -> dict[str, Any]:
+    """Return the numbers of a row by their names: floats, and arrays of their own."""
+    values, at = {}, 0
+    for name, shape in shapes:
+        part, at = row[at : at + prod(shape)], at + prod(shape)
+        values[name] = np.array(part).reshape(shape) if shape else part[0]
+    return values
+
+
+def main() -> None:
+    """Answer until nothing more is asked."""
+    out, file, laws = os.fdopen(os.dup(1), "w"), "", list[Law | Library]()
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # what a law prints
+    for how in map(json.loads, sys.stdin):
+        try:
+            if not file:
+                file = how["file"]
+                laws = [Library(how) if "library" in how else Law(how)]
+            rows = [law.after(row, how) for law in laws for row in how["rows"]]
+            said: dict[str, Any] = {"rows": rows, "memory": laws[0].memory}
+        except Exception as error:
+            tb = traceback.extract_tb(error.__traceback__)
+            lines = [f"line {frame.lineno}: " for frame in tb if frame.filename == file]
+            said = {"error": f"{''.join(lines[-1:])}{type(error).__name__}: {error}"}
+        print(json.dumps(said), file=out, flush=True)
+
+
+if __name__ == "__main__":
+    main()

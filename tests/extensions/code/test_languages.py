@@ -1,0 +1,376 @@
+"""Laws in Python and C++ are judged as those in C, and one in Python cannot leave its process."""
+
+import json
+import re
+import shutil
+import socket
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import eqt_cli
+from eqt_cli.base import yaml_source
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.mechanics import LawInput
+from eqt_cli.extensions.firmware import code_rows, user_code
+from eqt_cli.extensions.firmware.controllers import Signal
+
+LEE = Path(__file__).with_name("lee2010.py").read_text(encoding="utf-8")
+DOUBLE = "torque of Lee 2010, double, at random states"
+PYTHON = {"file": "lee.py", "function": "compute"}
+E, A = "E[3 * j + i] * in->desired_velocity[j]", "E[3 * j + i] * in->desired_acceleration[j]"
+LAST, LAST_C = " - J * (np.cross(velocity, W) - A)", "- n->J[i] * (WxW[i] - A[i])"
+CARRIED = ("E.T @ desired_velocity", "E.T @ desired_acceleration")
+
+FAULTS = {
+    "lacks desired acceleration: coefficient 0.00 of 1, transport: coefficient 0.00 of 1; the same":
+        ([(LAST_C, "")], [(LAST, "")]),
+    "lacks damping of the desired velocity: coefficient 0.00 of 1; the same":
+        ([("(in->velocity[i] - W[i])", "in->velocity[i]")], [("(velocity - W)", "velocity")]),
+    "has gyroscopic: coefficient -1.00 of 1 (the sign is wrong)":
+        ([("+ gyro[i]", "- gyro[i]")], [("+ gyro", "- gyro")]),
+    "has stiffness: coefficient 0.999 of 1": ([("-n->kR", "-0.999*n->kR")], [("-kR", "-0.999*kR")]),
+    "V_d is not carried to the body frame": (
+        [(E, E.replace("E[3 * j + i]", "(i == j)")), (A, A.replace("E[3 * j + i]", "(i == j)"))],
+        [(each, each.removeprefix("E.T @ ")) for each in CARRIED]),
+    "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d":
+        ([("E[3 * j + i]", "E[3 * i + j]")], [(a, a.replace("E.T", "E")) for a in CARRIED]),
+    "V_d is read on axis 3 only": (
+        [(E, E.replace("[j]", "[2] * (j == 2)")), (A, A.replace("[j]", "[2] * (j == 2)"))],
+        [(each, each.replace("@ ", "@ np.diag([0, 0, 1]) @ ")) for each in CARRIED]),
+    "the frames are exchanged: the pose error is in the other frame, Q Q_d⁻¹ for Q_d⁻¹Q, wherever":
+        ([("in->desired_pose[3 * k + i] * in->pose[3 * k + j]",
+           "in->pose[3 * i + k] * in->desired_pose[3 * j + k]")],
+         [("desired_pose.T @ pose", "pose @ desired_pose.T")]),
+    "has stiffness: coefficient 0.50 of 1; has symmetric part of the pose error: coefficient 0.50":
+        ([("(E[7] - E[5]) / 2", "E[7] / 2"), ("(E[2] - E[6]) / 2", "E[2] / 2"),
+          ("(E[3] - E[1]) / 2", "E[3] / 2")], [("vee(E - E.T) / 2", "vee(E) / 2")]),
+    "within the bound of float": ([("const real eR[3]", "const float eR[3]")],
+                                  [("vee(E - E.T) / 2", "np.float32(vee(E - E.T) / 2)")]),
+    "no sum of the law's parts in any frame: 13 % of the torque is none of them":
+        ([("n->kR * eR[i]", "n->kR * eR[i] * eR[i]")], [("kR * eR", "kR * eR * eR")]),
+    "lacks gyroscopic: coefficient 0.00 of 1": ([("+ gyro[i]", "")], [("+ gyro", "")]),
+    "lacks desired acceleration: coefficient 0.00 of 1; the same":
+        ([("(WxW[i] - A[i])", "WxW[i]")], [("np.cross(velocity, W) - A", "np.cross(velocity, W)")]),
+    "lacks transport: coefficient 0.00 of 1; the same":
+        ([("(WxW[i] - A[i])", "(-A[i])")], [("(np.cross(velocity, W) - A)", "-A")]),
+    "has stiffness: coefficient -1.00 of 1 (the sign is wrong)":
+        ([("-n->kR", "n->kR")], [("-kR", "kR")]),
+    "has damping: coefficient -1.00 of 1 (the sign is wrong)":
+        ([("- n->kW", "+ n->kW")], [("- kW", "+ kW")]),
+    "the pose is transposed": ([("in->pose[3 * k + j]", "in->pose[3 * j + k]")],
+                               [("desired_pose.T @ pose", "desired_pose.T @ pose.T")]),
+    "has stiffness: coefficient 2.00 of 1": ([("-n->kR", "-2 * n->kR")], [("-kR", "-2 * kR")]),
+    "has damping: coefficient 0.50 of 1":
+        ([("- n->kW", "- 0.5 * n->kW")], [("- kW", "- 0.5 * kW")]),
+    "lacks stiffness: coefficient 0.00 of 1": ([("-n->kR * eR[i]", "")], [("-kR * eR", "")]),
+}  # fmt: skip
+
+
+@pytest.fixture
+def python(config):
+    """A configuration with a law in Python, with parts of its text replaced."""
+
+    def make(*changes, more="", **options):
+        text = LEE
+        for old, new in changes:
+            assert old in text, old
+            text = text.replace(old, new)
+        Path("lee.py").write_text(text + more, encoding="utf-8")
+        return config(**PYTHON | options)
+
+    return make
+
+
+@pytest.fixture
+def cplusplus(written, config):
+    """The same in C++."""
+
+    def make(*changes, more="", **options):
+        if not shutil.which("g++"):
+            pytest.skip("needs a C++ compiler")
+        written(
+            *changes, ("void lee_torque", f'{more}\nextern "C" void lee_torque'), name="lee.cpp"
+        )
+        return config(file="lee.cpp", **options)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        name if k == 0 else pytest.param(name, marks=pytest.mark.slow("one of them is fast"))
+        for k, name in enumerate(FAULTS)
+    ],
+)
+def test_twenty_faults_are_named_in_python_as_in_c(said, written, config, python, judged):
+    in_c, in_python = FAULTS[said]
+    written(*in_c)
+    expected = judged(config())[DOUBLE]
+    assert expected.startswith(said)
+    found = judged(python(*in_python))
+    assert found[DOUBLE].split("%")[-1] == expected.split("%")[-1]
+
+
+@pytest.mark.slow("compiles C++ for each fault")
+@pytest.mark.parametrize("said", FAULTS)
+def test_twenty_faults_are_named_in_cplusplus(said, cplusplus, judged):
+    found = judged(cplusplus(*FAULTS[said][0]))
+    assert list(found) == [DOUBLE]
+    assert found[DOUBLE].startswith(said)
+
+
+def test_laws_that_were_typed_in_well(python, judged):
+    assert judged(python()) == {}
+
+
+def test_one_in_cplusplus(cplusplus, judged):
+    """It uses what C has not: a template, a reference, a constant that is computed."""
+    more = "template <typename T> static T same(const T &x) { return x; }\n"
+    assert judged(cplusplus(("-n->kR", "-same(n->kR)"), more=more)) == {}
+
+
+# Memory: what the object keeps ------------------------------------------------------------------
+
+INTEGRAL = {"function": "Lee(kR, kW, J, kI).update", "memory": ["integral"]}
+GOODARZI = {"as": {"kind": "goodarzi2013", "ki": 0.3, "c2": 1.0}}
+
+
+@pytest.mark.parametrize(
+    "stale", [pytest.param(False, marks=pytest.mark.slow("a stale one is fast")), True]
+)
+def test_what_the_object_keeps_is_memory(stale, python, judged):
+    numbers = {"kR": 2.0, "kW": 0.5, "J": [1.0, 2.0, 3.0], "kI": 0.3}
+    adapter = {"inputs": {name: {"signal": name} for name in LawInput._fields[:6]}}
+    adapter["output"] = {"torque": "result['torque']"}
+    changes = [("integral + period", "integral + 0 * period")] if stale else []
+    options = {"numbers": numbers, "adapter": adapter, **INTEGRAL, **GOODARZI}
+    rows = judged(python(*changes, **options))
+    said = [remark for name, remark in rows.items() if "memory" in name]
+    assert said == (["integral does not go on: it is stale"] if stale else [])
+
+
+def test_a_state_that_is_not_named(python, judged):
+    more = (
+        "\ncount = [0]\ndef counted(velocity):\n    count[0] += 1\n    return count[0] * velocity\n"
+    )
+    rows = judged(python(more=more, function="counted"))
+    assert "equal inputs give equal torques" in rows
+
+
+def test_it_flies_as_the_law(python, config):
+    """At control instants, and at any time."""
+    over = {"solver": {"engine": "solve_ivp", "cross_check": 0}}
+    for more in ({}, {"control": None}):
+        data = python(over=over | more)
+        laws = {"controllers": ["lee2010", *data["controllers"]]}
+        results = eqt_cli.run(data | laws, out=Path(f"r{len(more)}"))
+        final = results["final_pose_error"]
+        assert np.allclose(final[0], final[1], rtol=1e-7)
+
+
+# What it reads and returns ----------------------------------------------------------------------
+
+
+def states(G, count=4):
+    random = np.random.default_rng(3)
+    x = [random.standard_normal((count, G.dimension)) for _ in range(5)]
+    return LawInput(np.linspace(0, 1, count), G.exp(x[0]), x[1], G.exp(x[2]), x[3], x[4])
+
+
+@pytest.mark.parametrize(
+    ("options", "plain"),
+    [
+        ({"signal": "pose", "as_": "quaternion xyzw"}, lambda x, R, Rd: R.as_quat()),
+        ({"signal": "pose", "as_": "quaternion wxyz"},
+         lambda x, R, Rd: R.as_quat()[:, [3, 0, 1, 2]]),
+        ({"signal": "desired_pose", "as_": "columns"}, lambda x, R, Rd: Rd.inv().as_matrix()),
+        ({"signal": "pose", "as_": "roll-pitch-yaw", "unit": "deg"},
+         lambda x, R, Rd: R.as_euler("ZYX", degrees=True)[:, ::-1]),
+        ({"signal": "pose", "sign": [1, -1, -1]},
+         lambda x, R, Rd: np.diag([1, -1, -1]) @ R.as_matrix() @ np.diag([1, -1, -1])),
+        ({"signal": "velocity", "unit": "deg/s", "scale": 2},
+         lambda x, R, Rd: 360 / np.pi * x.velocity),
+        ({"signal": "velocity", "frame": "space"}, lambda x, R, Rd: R.apply(x.velocity)),
+        ({"signal": "desired_velocity", "frame": "body", "sign": -1},
+         lambda x, R, Rd: -R.inv().apply(Rd.apply(x.desired_velocity))),
+        ({"signal": "desired_acceleration", "frame": "space"},
+         lambda x, R, Rd: Rd.apply(x.desired_acceleration)),
+        ({"signal": "velocity", "frame": "desired"},
+         lambda x, R, Rd: Rd.inv().apply(R.apply(x.velocity))),
+        ({"signal": "t", "unit": "ms"}, lambda x, R, Rd: 1000 * x.t),
+    ],
+)  # fmt: skip
+def test_a_signal_is_that_of_scipy(options, plain):
+    x = states(group_named("SO3"))
+    R, Rd = Rotation.from_matrix(x.pose), Rotation.from_matrix(x.desired_pose)
+    assert np.allclose(Signal(**options).values(group_named("SO3"), x), plain(x, R, Rd), atol=1e-12)
+
+
+def test_the_parts_of_a_rigid_motion():
+    x = states(group_named("SE3"))
+    R, p = x.pose[:, :3, :3], x.pose[:, :3, 3]
+    G = group_named("SE3")
+    for signal, frame, plain in (
+        ("pose.translation", None, p),
+        ("pose.translation", "body", np.einsum("nji,nj->ni", R, p)),
+        ("velocity.translation", "space", np.einsum("nij,nj->ni", R, x.velocity[:, 3:])),
+        ("pose.rotation", None, R),
+    ):
+        assert np.allclose(Signal(signal, frame=frame).values(G, x), plain, atol=1e-12)
+
+
+OF_OTHERS = {
+    "q": {"signal": "pose", "as": "quaternion xyzw"}, "w": {"signal": "velocity", "unit": "deg/s"},
+    "qd": {"signal": "desired_pose", "as": "quaternion wxyz"},
+    "wd": {"signal": "desired_velocity", "frame": "space"},
+    "ad": {"signal": "desired_acceleration", "frame": "body"},
+}  # fmt: skip
+OTHER = """
+from scipy.spatial.transform import Rotation
+def other(q, w, qd, wd, ad, kR, kW, J):
+    R, Rd = Rotation.from_quat(q), Rotation.from_quat(np.roll(qd, -1))
+    v = np.radians(w)
+    vd, ad = Rd.inv().apply(wd), Rd.inv().apply(R.apply(ad))
+    torque = compute(R.as_matrix(), v, Rd.as_matrix(), vd, ad, kR, kW, J)
+    return {"rate": R.apply(torque / J)}
+"""
+
+
+def test_a_law_with_names_frames_and_units_of_its_own(python, judged):
+    adapter = {"inputs": OF_OTHERS}
+    adapter["output"] = {"torque": "result['rate']", "per": "inertia", "frame": "space"}
+    assert judged(python(more=OTHER, function="other", adapter=adapter)) == {}
+
+
+def test_the_same_adapter_names_the_fields_of_c(written, config, judged):
+    written(
+        ("pose[9], velocity[3], desired_pose[9]", "rotation[9], omega[3], desired_pose[9]"),
+        ("in->pose", "in->rotation"),
+        ("in->velocity", "in->omega"),
+    )
+    names = {"t": "t", "rotation": "pose", "omega": "velocity"}
+    names |= {name: name for name in LawInput._fields[3:6]}
+    adapter = {"inputs": {name: {"signal": signal} for name, signal in names.items()}}
+    assert judged(config(adapter=adapter)) == {}
+
+
+# What a law in Python may not do ----------------------------------------------------------------
+
+LAW = "\ndef bad(velocity):\n    {}\n    return velocity\n"
+HOSTILE = {
+    "open('x', 'w')": "PermissionError: open x",
+    "open('lee.py', 'a')": "PermissionError: open lee.py",
+    "__import__('os').remove('lee.py')": "PermissionError: os.remove lee.py",
+    "__import__('os').system('touch x')": "PermissionError: os.system",
+    "__import__('os').fork()": "PermissionError: os.fork",
+    "import sys; sys.modules.pop('_posixsubprocess'); import _posixsubprocess": "PermissionError",
+    "__import__('_posixsubprocess').fork_exec()": "TypeError: 'NoneType' object is not callable",
+    "__import__('subprocess').run(['touch', 'x'])": "PermissionError: subprocess.Popen",
+    "__import__('socket').create_connection(('127.0.0.1', PORT))": "PermissionError: socket.",
+    "__import__('ctypes').CDLL(None).fork()": "PermissionError: ctypes.dlopen",
+    "__import__('os').kill(__import__('os').getppid(), 9)": "PermissionError: os.kill",
+    "bytearray(2 * 2**30)": "MemoryError",
+    "while True: pass": "did not return within",
+    "__import__('os')._exit(3)": "ended the process with code 3",
+}
+
+
+@pytest.mark.parametrize("does", HOSTILE)
+def test_a_hostile_law_is_contained(does, python, told, monkeypatch):
+    """A law that does nothing of it passes: what is refused is what it does."""
+    monkeypatch.setattr(user_code, "TRIAL_SECONDS", 1.0 if "while" in does else 10.0)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.1)
+        line = does.replace("PORT", str(server.getsockname()[1]))
+        said = told(python(more=LAW.format(line), function="bad"))
+        with pytest.raises(TimeoutError):
+            server.accept()
+    assert said.startswith("controllers[0]: bad in lee.py") and HOSTILE[does] in said
+    assert sorted(path.name for path in Path().iterdir()) == ["lee.py"]
+
+
+def test_an_error_at_one_state_is_no_torque(python, judged):
+    more = LAW.format("1 / float(abs(velocity).max() > 1e-9)")
+    rows = judged(python(more=more, function="bad"))
+    assert "no error" in rows["finite torque at half turns and without an error"]
+
+
+# Messages and the command -----------------------------------------------------------------------
+
+NAMELESS = (
+    "lee.py is Python: name its function or method, as lee.py:FUNCTION or "
+    "lee.py:CLASS(…).METHOD; it defines vee, compute, Lee"
+)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"function": None}, NAMELESS),
+        ({"function": "comput"}, NAMELESS),
+        ({"function": "vee"}, "vee in lee.py: TypeError: vee() missing 1 required positional "
+         "argument: 'M'"),
+        ({"adapter": {"inputs": {"q": {"signal": "speed"}}}}, "signal: expected t, pose, velocity, "
+         "desired_pose, desired_velocity, desired_acceleration, position, heading, or a part, got "
+         "'speed'"),
+        ({"adapter": {"inputs": {"q": {"signal": "t", "unit": "miles"}}}}, "unit: expected a unit "
+         "such as deg/s, got miles"),
+        ({"memory": ["integral"]}, "compute in lee.py: KeyError: 'integral'"),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_python_that_is_no_law(options, said, python, told):
+    assert told(python(**options)) == f"controllers[0]: {said}"
+
+
+def test_a_line_of_the_file_is_named(python, told):
+    assert told(python(("eR = vee(E - E.T) / 2", "eR = vee(E - E.T) / zero"))) == (
+        "controllers[0]: compute in lee.py: line 14: NameError: name 'zero' is not defined"
+    )
+
+
+def test_no_cplusplus_compiler(cplusplus, told, monkeypatch):
+    data = cplusplus()
+    Path("cc").write_text(
+        '#!/bin/sh\ncase "$*" in *c++*) echo "error: no cc1plus" >&2; exit 1;; esac\n'
+        'exec gcc "$@"\n'
+    )
+    Path("cc").chmod(0o755)
+    monkeypatch.setenv("CC", str(Path("cc").absolute()))
+    assert "lee.cpp cannot be compiled: error: no cc1plus" in told(data)
+
+
+@pytest.mark.parametrize(
+    ("changes", "answer"),
+    [
+        ([(LAST, "")], ("lacks", "is lee2010 but lacks desired acceleration, transport")),
+        ([("+ gyro", "- gyro")], ("differs", "differs from lee2010: has gyroscopic: coefficient "
+         "-1.00 of 1 (the sign is wrong)")),
+    ],
+)  # fmt: skip
+def test_the_answer_is_a_sentence(changes, answer, python):
+    experiment = eqt_cli.load_experiment(python(*changes)).base
+    loop = experiment.loops["ours"]
+    rows = code_rows.code_rows("ours", loop, 5.0, np.random.default_rng(0), None)
+    [found] = code_rows.answers(rows, experiment)
+    assert (found["finding"], found["answer"]) == (answer[0], f"compute in lee.py {answer[1]}")
+
+
+@pytest.mark.slow("flies the law four times")
+def test_the_first_line_is_the_answer(python, eqt):
+    """And exit codes follow `--fail-on`."""
+    data = python((LAST, ""))
+    Path("c.yaml").write_text(yaml_source.dump(data), encoding="utf-8")
+    asked = ("verify", "c.yaml", "--code", "lee.py:compute", "--as", "lee2010", "--runs", "1")
+    done = eqt(*asked, "--json")
+    [found] = json.loads(done.out)["code"]
+    assert (done.code, found["finding"]) == (4, "lacks")
+    lacks = "compute in lee.py is lee2010 but lacks desired acceleration, transport"
+    assert found["answer"] == lacks
+    assert eqt(*asked, "--fail-on", "differs").out.startswith(lacks)
+    codes = {name: eqt(*asked, "--fail-on", name).code for name in ("lacks", "differs")}
+    assert codes == {"lacks": 4, "differs": 0}
+    assert re.match("eqt: --fail-on: expected lacks or differs", eqt(*asked, "--fail-on", "x").err)
