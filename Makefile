@@ -157,7 +157,7 @@ $(VENV)/.stamp-base: pyproject.toml
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group dev --editable '.[bags,logs,native,opencl]')
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group dev --editable '.[ardupilot,bags,logs,native,opencl]')
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base

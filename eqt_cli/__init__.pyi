@@ -15,6 +15,7 @@ from eqt_cli.api import export as export
 from eqt_cli.api import figure as figure
 from eqt_cli.api import fit as fit
 from eqt_cli.api import load_experiment as load_experiment
+from eqt_cli.api import log_errors as log_errors
 from eqt_cli.api import margins as margins
 from eqt_cli.api import open_result as open_result
 from eqt_cli.api import pack as pack

@@ -626,7 +626,7 @@ _MARKS = (
     re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
     re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
     re.compile(rb"% caption by eqt: "),
-    re.compile(rb"# found by eqt (tune|worst|fit)\n"),
+    re.compile(rb"# found by eqt (tune|worst|fit|log)\n"),
     re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
 _PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "

@@ -488,18 +488,15 @@ def _reader(name: str) -> str | None:
     return _formats().get(PurePath(name.lower()).suffix)
 
 
-def _names_of_formats() -> dict[str, str]:
-    """Return eqt's names of columns by the headings that the formats of extensions have."""
-    return {k: v for each in _formats().values() for k, v in of_extension(f"{each}.NAMES").items()}
-
+_BY_NAME = "eqt itself: give it a name that ends in {}"
 
 # Formats of other programs by their first bytes, with a tool that makes tables of them.
 _FOREIGN = (
-    (rb"#ROSBAG", "a bag of ROS 1", "`evo_traj bag FILE TOPIC --save_as_tum`, for format tum"),
-    (rb"\x89MCAP", "an MCAP file", "`evo_traj mcap FILE TOPIC --save_as_tum`, for format tum"),
-    (rb"SQLite", "SQLite, as bags of ROS 2 are", "`evo_traj bag2 FOLDER TOPIC --save_as_tum`"),
-    (rb"\xa3\x95", "an ArduPilot log", "`mavlogdump.py --format csv --types ATT FILE`"),
-    (rb"ULog\x01", "a PX4 flight", "eqt itself: give it a name that ends in .ulg"),
+    (rb"#ROSBAG", "a bag of ROS 1", _BY_NAME.format(".bag")),
+    (rb"\x89MCAP", "an MCAP file", _BY_NAME.format(".mcap")),
+    (rb"SQLite", "SQLite, as bags of ROS 2 are", _BY_NAME.format(".db3")),
+    (rb"\xa3\x95", "an ArduPilot log", _BY_NAME.format(".bin")),
+    (rb"ULog\x01", "a PX4 flight", _BY_NAME.format(".ulg")),
     (rb"\x93NUMPY|PK\x03\x04.{26}[^\0]*\.npy", "a NumPy file", "numpy.load and numpy.savetxt"),
     (rb"PK\x03\x04", "a zip archive or a workbook", "unzip, or a spreadsheet"),
     (rb"\x1f\x8b", "a gzip archive", "gunzip"),
@@ -522,7 +519,7 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, s
     with suppress(OSError, ValueError), open_regular(path) as stream:  # text_of reports them
         begin = stream.read(512)
         for start, title, tool in _FOREIGN:
-            if re.match(start, begin, re.DOTALL) and not (reader and b"ULog" in start):
+            if re.match(start, begin, re.DOTALL) and not reader:
                 raise InputError(f"{path}: is {title}, no text; make a table of it with {tool}")
     if reader:
         return str(of_extension(f"{reader}.text_of_recording")(path, missing, kind, limit))
@@ -607,13 +604,10 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
             )
     mapped = {heading: name for name, heading in mapping.columns.items()}
     # Where the mapping gives a name to another column, the column with this heading is not eqt's.
-    # Topics in a flight log have a dot in their names.
-    topics = any("." in each for each in headings)
-    known = _names_of_formats() if topics else {}
     names = []
     for heading in headings:
         spellings = (heading, heading.lower(), heading.capitalize())
-        name = known.get(heading, next(filter(_is_eqt_name, spellings), heading))
+        name = next(filter(_is_eqt_name, spellings), heading)
         names.append(mapped.get(heading, f"{heading} (file)" if name in mapping.columns else name))
     numbered = next((four for four in NUMBERED if set(four) <= set(names)), None)
     if numbered is None or set(QUATERNION) & set(names):
@@ -636,11 +630,8 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
 
 def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> Sheet:
     """Return the sheet of a file whose format has no header."""
-    if reader := _reader(name):
-        title = of_extension(f"{reader}.TITLE")
-        raise InputError(
-            f"{name}: eqt recognises {title} by its suffix; leave out the format {form}"
-        )
+    if _reader(name):
+        raise InputError(f"{name}: its suffix says what it is; leave out the format {form}")
     if mapping.columns:
         raise MappingError(
             ("columns",), f"the format {form} has no header; remove this key, or use format: csv"

@@ -15,7 +15,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, TimeMapping, recording_text
 from eqt_cli.components.recording import read_log, read_starts
 from eqt_cli.components.recording_check import notes
-from eqt_cli.extensions.recordings.check import check_text
+from eqt_cli.extensions.recordings.logs import check_text
 
 VARIATIONS = range(25)
 EXACT = 1e-14

@@ -11,7 +11,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, MappingError, TimeMapping
 from eqt_cli.components.recording import pose_columns, read_log, read_starts, recorded_columns
 from eqt_cli.components.recording_check import read_recording
-from eqt_cli.extensions.recordings.check import check_text
+from eqt_cli.extensions.recordings.logs import check_text
 
 TURNS = Rotation.from_rotvec([[0, 0, 0], [0.1, 0.2, 0.3], [0.3, 0.1, -0.2]])
 PLACES = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.0], [2.0, 3.0, 3.0]])

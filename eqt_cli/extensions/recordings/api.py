@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from eqt_cli.analysis.law_search import without_search
 from eqt_cli.api.loading import Configuration, ResultPath, path_from, source_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, Problems
-from eqt_cli.base.files import text_of
+from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.log_table import (
@@ -26,8 +26,8 @@ from eqt_cli.components.log_table import (
 from eqt_cli.components.recording_check import Recording, read_recording
 from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.extensions.recordings import plant_fit
-from eqt_cli.extensions.recordings.check import LogCheck, check_text
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit
+from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.recordings.prediction import Growth, Hold, Replay, Windows, driven, growth
@@ -83,9 +83,10 @@ def check_log(
     >>> found.group, found.rate, found.notes
     ('SO3', 100.0, [])
     """
-    G = None if group is None else group_named(group)
-    with _read(path, mapping, format) as log:
-        return check_text(*log, G)
+    G, flight = None if group is None else group_named(group), _flight(path)
+    with _read(path, mapping, format, flight) as log:
+        found = logs.check_text(*log, G)
+    return replace(found, topics=list(logs.topics_of(flight))) if flight else found
 
 
 def read_measured(
@@ -99,24 +100,127 @@ def read_measured(
         return read_recording(text, name, kind, G, columns)
 
 
+def _flight(path: str | os.PathLike[str]) -> Flight | None:
+    """Return the topics of a file of another program; None for a table."""
+    file = path_from("path", path)
+    if file.suffix.lower() not in FORMATS_BY_SUFFIX:
+        return None
+    with refusals(file, "read"):
+        return flight_of(file)
+
+
 @contextmanager
 def _read(
     path: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
     format: str,
+    flight: Flight | None = None,
 ) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
     """Yield text, name, format and mapping; note a problem of the mapping at its place."""
     kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
     parsed, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
-    text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
+    text = flight and logs.table_of(flight)
+    text = text or recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
         yield text, str(file), kind, parsed
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()
         raise
+
+
+def log_errors(
+    path: str | os.PathLike[str],
+    second: str | os.PathLike[str] | None = None,
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: str = "csv",
+    topic: str | None = None,
+    setpoint: str | None = None,
+    association: str = "linear",
+    out: str | os.PathLike[str] | None = None,
+) -> TrackingErrors:
+    """Measure how far a recorded vehicle was from its setpoints, or from a second recording.
+
+    The measurement is interpolated to the instants of the setpoint: positions, velocities and
+    rates linearly, attitudes along the shortest rotation. Only instants while armed count, and
+    nothing is interpolated over a gap, a change of the mode, or a reset of the estimator.
+
+    Parameters
+    ----------
+    path, mapping, format
+        As for `check_log`; the mapping and the format are also those of the second file.
+    second
+        The recording of what was wanted. Default: the setpoints in the file.
+    topic, setpoint
+        Topics of the measurement and of the setpoints. Default: the first that the file has.
+        The setpoint ``desired`` are the desired values of ArduPilot in place of its targets.
+    association
+        ``linear``; ``nearest``: the measurement at the nearest time, at most 0.01 s away;
+        ``held``: the last one.
+    out
+        Output folder for the figure ``errors``, and a CSV of each quantity. Default: no files.
+
+    Returns
+    -------
+    TrackingErrors
+        Root mean square, median and largest error by quantity and axis, the delay at which the
+        error is smallest, and the errors over time.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be read, or has nothing to compare.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.linspace(0, 6, 61)
+    >>> wanted = np.c_[t, np.sin(t), np.cos(t), 0 * t]
+    >>> late = np.c_[t + 0.1, wanted[:, 1:]]
+    >>> for name, rows in (("wanted.csv", wanted), ("flown.csv", late)):
+    ...     np.savetxt(name, rows, delimiter=",", header="t,x,y,z", comments="")
+    >>> found = eqt_cli.log_errors("flown.csv", "wanted.csv").sizes[0]
+    >>> round(found.rms, 3), round(found.delay, 3), round(found.remains, 3)
+    (0.1, 0.1, 0.0)
+    """
+    literal(Literal["linear", "nearest", "held"], "association", association)
+    flight, spans, of = _flight(path), logs.NO_SPANS, " setpoint"
+    known = _series(path, flight, mapping, format, topic)
+    if second is not None:
+        wanted = _series(second, _flight(second), mapping, format, setpoint)
+    elif flight is None:
+        raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
+    else:
+        setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
+        wanted = _series(path, flight, mapping, format, setpoint, of)
+        spans = logs.spans_of(flight)
+    found = logs.tracking_errors(f"{path}", known, wanted, spans, association)
+    if out is not None:
+        from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
+
+        save_errors(found, f"{path}", Path(out))
+    return found
+
+
+def _series(
+    path: Any, flight: Flight | None, mapping: Any, format: str, topic: str | None, of: str = ""
+) -> dict[str, Series]:
+    """Return the first series of each quantity; of a topic, if one is named."""
+    if flight is None:
+        with _read(path, mapping, format) as (text, name, kind, columns):
+            G = logs.largest_group(text, name, kind, columns)
+            return logs.motions_of(read_recording(text, name, kind, G, columns))
+    kinds, topics = [of], flight.topics
+    if topic is not None:
+        kinds, topics = [of, "", " setpoint"], [each for each in topics if each.name == topic]
+        if not topics:
+            raise EqtError(f"{path}: has no topic '{topic}'; eqt log check lists them")
+    flight = flight._replace(topics=topics)
+    found = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
+    return {quantity: every[0] for quantity, every in found.items() if every}
 
 
 def _mapping(

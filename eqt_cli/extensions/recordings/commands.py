@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import significant
 from eqt_cli.cli import options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import laid_out, print_findings, say
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
 
 if TYPE_CHECKING:
-    from eqt_cli.extensions.recordings.check import LogCheck
+    from eqt_cli.extensions.recordings.logs import LogCheck
 
 Measured = Annotated[Path, options.option("--measured")]
 Hold = Annotated[str, options.option("--hold", known=("zero", "linear"))]
@@ -143,6 +145,8 @@ def _entry(value: Any) -> Any:
 # `eqt log` ----------------------------------------------------------------------------------------
 
 
+ASSOCIATIONS = "linear", "nearest", "held"
+
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
 
@@ -162,7 +166,7 @@ def log() -> None:
 @log_app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
 def check_log(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM, EuRoC or PX4 (.ulg).")
+        Path, typer.Argument(metavar="FILE", help=f"Table, or log: {', '.join(FORMATS_BY_SUFFIX)}.")
     ],
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
     format_: Annotated[str, options.option("--format", known=("csv", "tum", "euroc"))] = "csv",
@@ -172,8 +176,8 @@ def check_log(
 ) -> None:
     """Say what a recording holds; exit 2 if it cannot be used.
 
-    It names each column and what it is taken for, the units, the rate, the gaps, and what does not
-    fit together.
+    It names each topic and column and what it is taken for, the units, the rate, the gaps, what
+    does not fit together, and the mapping that is used.
 
     Options
     -------
@@ -186,14 +190,58 @@ def check_log(
 
     checked = api.check_log(file, mapping, format=format_, group=group)
     if json:
-        output.print_json(asdict(checked))
+        output.print_json(asdict(checked) | {"mapping": checked.mapping})
     else:
         _print_log(checked)
     if checked.problems:
         raise typer.Exit(2)
 
 
+@log_app.command("errors", cls=Command, epilog=example("eqt log errors", "flown.ulg"))
+def log_errors(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
+    second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Wanted motion.")] = None,
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    format_: Annotated[str, options.option("--format", known=("csv", "tum", "euroc"))] = "csv",
+    topic: Annotated[str | None, options.option("--topic")] = None,
+    setpoint: Annotated[str | None, options.option("--setpoint")] = None,
+    association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear",
+    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Say how far a vehicle was from its setpoints: position, velocity, attitude and rates.
+
+    The measurement is interpolated to the instants of the setpoints, while armed.
+
+    Options
+    -------
+    Experiment
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --format NAME  csv, tum or euroc. Default: csv.
+        --topic NAME  Topic of the measurement. Default: the first that the file has.
+        --setpoint NAME  Topic of the setpoints, or desired for those values of ArduPilot in place
+            of its targets. Default: the first that the file has.
+        --association NAME  Measurement at the instants: linear, nearest (within 0.01 s) or held.
+    Result
+        --out DIR  Folder for the figure errors, and CSV of the errors over time.
+    """
+    from eqt_cli import api
+    from eqt_cli.extensions.recordings.logs import error_table
+
+    how: dict[str, Any] = {"association": association, "topic": topic, "setpoint": setpoint}
+    found = api.log_errors(file, second, mapping, format=format_, out=out, **how)
+    sizes = [one._asdict() for one in found.sizes]
+    document = {"headline": found.headline, "topics": found.topics, "sizes": sizes}
+    print_findings(document, laid_out(error_table(found)), json=json)
+    if out is not None:
+        say(f"figure and CSV in {out}")
+
+
 def _print_log(checked: LogCheck) -> None:
+    if checked.topics:
+        told = [[*row[:2], *(significant(x) for x in row[2:])] for row in checked.topics]
+        output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], told), "")
     rows = [
         [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
         for one in checked.columns
@@ -204,6 +252,7 @@ def _print_log(checked: LogCheck) -> None:
         f"rows      {checked.rows}, from {checked.begin:.9g} to {checked.end:.9g} s",
         f"rate      {checked.rate:.4g} Hz",
         f"gaps      {_gaps(checked)}",
+        f"mapping   {checked.mapping}",
     ]
     if checked.norms:
         lines.append("norms     {:.6g} to {:.6g} of quaternions".format(*checked.norms))

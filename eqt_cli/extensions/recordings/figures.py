@@ -17,6 +17,7 @@ from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.recording_check import Recording
+from eqt_cli.extensions.recordings.logs import QUANTITIES, TrackingErrors, error_files
 from eqt_cli.extensions.recordings.measured import measured_runs
 from eqt_cli.extensions.recordings.prediction import Growth
 from eqt_cli.figures import layout
@@ -233,14 +234,42 @@ def save_growth(growth: Growth, folder: Path) -> list[Path]:
             axes.set_ylim(bottom=0.0)
             layout.name_scale(axes, in_words(part, unit))
         layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
-        layout.add_letters(drawing)
-        panels[growth.parts[-1]].set_xlabel(in_words("horizon", "s"))
-        layout.add_remarks(drawing, [f"Errors of {growth.windows} windows of {growth.name}."])
-        layout.freeze(drawing)
-    title = f"{growth.name}: {NAME}"
-    files = {
-        folder / f"{NAME}.{format}": encode(drawing, format, title, "Errors of a prediction")
-        for format in FORMATS
-    }
+        remark = f"Errors of {growth.windows} windows of {growth.name}."
+        encoded = _saved(drawing, panels, "horizon", remark)
+    files = {folder / f"{NAME}.{form}": content for form, content in encoded.items()}
     write_all(files, folder)
     return list(files)
+
+
+def _saved(drawing: Drawing, panels: Any, x: str, remark: str) -> dict[str, bytes]:
+    """Finish a figure of panels below each other; return its files by their endings."""
+    layout.add_letters(drawing)
+    list(panels.values())[-1].set_xlabel(in_words(x, "s"))
+    layout.add_remarks(drawing, [remark])
+    layout.freeze(drawing)
+    return {form: encode(drawing, form, remark, "Errors") for form in FORMATS}
+
+
+def save_errors(found: TrackingErrors, name: str, folder: Path) -> None:
+    """Draw the errors over time, a panel for each quantity, and write them with their tables.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be written.
+    """
+    times = np.concatenate([t for t, _ in found.curves.values()])
+    with house_style():
+        ends, rows = (float(times.min()), float(times.max())), layout.rows_of([*found.curves], 1)
+        drawing, panels = layout.sheet("column", rows, ends, "s")
+        for quantity, (t, errors) in found.curves.items():
+            unit, axes = QUANTITIES[quantity]
+            gaps = np.flatnonzero(np.diff(t) > 1.0) + 1  # nothing is drawn where none is compared
+            behind = np.insert(t, gaps, np.nan), np.insert(errors, gaps, np.nan, axis=0)
+            for k, axis in [*enumerate(axes)][-3:]:
+                panels[quantity].plot(behind[0], behind[1][:, k], label=axis, **_thin(k % 3))
+            layout.name_scale(panels[quantity], in_words(f"{quantity} error", unit))
+            panels[quantity].legend(ncols=3, loc="upper right")
+        files = _saved(drawing, panels, "time", f"{name}: {found.headline}.")
+    files = {f"errors.{form}": content for form, content in files.items()} | error_files(found)
+    write_all({folder / each: content for each, content in files.items()}, folder)

@@ -12,7 +12,7 @@ from eqt_cli.base.errors import ConfigError, EqtError, InputError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, TimeMapping
 from eqt_cli.components.recording import read_log
-from eqt_cli.extensions.recordings.check import check_text
+from eqt_cli.extensions.recordings.logs import check_text
 
 HEAD = "t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz"
 NUMBERED = HEAD.replace("qx,qy,qz,qw", "q0,q1,q2,q3")

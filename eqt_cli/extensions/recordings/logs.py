@@ -1,0 +1,669 @@
+"""Reads logs of other programs as series, checks recordings, and measures errors of tracking."""
+
+import io
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.base import yaml_source
+from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
+from eqt_cli.base.errors import EqtError, InputError, printable
+from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
+from eqt_cli.base.reporting import Block, TextTable, significant
+from eqt_cli.components import log_table, matrix_groups, recording
+from eqt_cli.components.groups import MatrixLieGroup, groups
+from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, open_sheet
+from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
+from eqt_cli.components.recording import GAP, WRENCH, Log, read_log
+from eqt_cli.components.recording_check import Recording, gaps_of, incomplete_columns, notes
+from eqt_cli.engines.compiler import Limits, run_contained
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, readers
+from eqt_cli.extensions.recordings.readers import Topic
+
+# Reads a file of another program, in a process with limits ----------------------------------------
+
+
+MAX_BYTES = 400_000_000  # of a file; its table has a bound of its own
+SMALLER = "log fewer topics, or a part of the flight"  # advice for a larger file
+# What a file may take, at first and with its size; bags take 0.2 s per MB.
+SECONDS, BYTES_PER_SECOND = 6.0, 1e6
+MEMORY, RATIO = 10**9, 8
+MOST_MESSAGE = 300  # characters of a message of a reader
+
+_START = "import os, runpy, sys; os.environ['OPENBLAS_NUM_THREADS'] = '1'; del sys.argv[0]; "
+_START += "runpy.run_path(sys.argv[0], run_name='__main__')"
+
+# Names of topics of ROS that hold a setpoint
+_SETPOINTS = re.compile(r"(?i)setpoint|reference|desired|command|target")
+_FRAMES = 1, 2  # accepted ones of PX4's odometry: NED, and a fixed FRD of arbitrary heading
+_STATES, _POSES = ("armed", "mode", "reset"), ("position", "attitude")
+NEAREST = 0.01  # largest distance in time of what is associated by the nearest time, s
+
+
+class Source(NamedTuple):
+    """A row of the table of a format in ``formats.yaml``."""
+
+    quantity: str
+    kind: str
+    fields: str
+    unit: str = ""
+    valid: str = ""
+
+
+class Series(NamedTuple):
+    """Numbers of a topic over their own time.
+
+    Attributes
+    ----------
+    topic
+        The topic, or its file.
+    times : (n,)
+        Rising times, s.
+    numbers : (n, k)
+        In m, m/s, rad/s; an attitude is a quaternion w, x, y, z. Positions and velocities are in
+        space, rates in the body. NaN in the axes that a setpoint does not control.
+    fields, unit
+        The names of the numbers in the file, and their unit.
+    """
+
+    topic: str
+    times: Array
+    numbers: Array
+    fields: Sequence[str] = ()
+    unit: str = ""
+
+    def at(self, t: Array, how: str = "linear", edges: Array | tuple[()] = ()) -> Array:
+        """Return the numbers at some times; NaN outside, in gaps, and across edges.
+
+        Parameters
+        ----------
+        how
+            ``linear``: attitudes along the shortest rotation; ``nearest``, at most `NEAREST` away;
+            ``held``: the last ones.
+        edges
+            Times at which something changes, so that nothing is taken from the other side.
+        """
+        times, numbers = self.times, self.numbers
+        after = np.clip(np.searchsorted(times, t), 1, max(len(times) - 1, 1))
+        before = after - 1
+        if how == "held":
+            before = after = np.searchsorted(times, t, side="right") - 1
+            found, known = numbers[before], before >= 0
+        elif how == "nearest":
+            before = after = np.where(2 * t < times[before] + times[after], before, after)
+            found, known = numbers[before], abs(times[before] - t) <= NEAREST
+        else:
+            share, step = (t - times[before]) / (times[after] - times[before]), np.diff(times)
+            known = (share >= 0) & (share <= 1) & (step[before] <= GAP * np.median(step))
+            found = numbers[before] + share[:, None] * (numbers[after] - numbers[before])
+            if numbers.shape[1] == 4:
+                from scipy.spatial.transform import Rotation, Slerp  # slow to import
+
+                turn = Slerp(times, Rotation.from_quat(numbers, scalar_first=True))
+                found = turn(np.clip(t, *times[[0, -1]])).as_quat(scalar_first=True)
+        span = [np.searchsorted(edges, x, side="right") for x in (t, times[before], times[after])]
+        known &= (span[0] == span[1]) & (span[0] == span[2])
+        return np.where(known[:, None], found, np.nan)
+
+
+class Flight(NamedTuple):
+    """A file of another program: its name, its format, and its topics over their own times."""
+
+    name: str
+    format: str
+    topics: list[Topic]
+
+    def series(self, quantity: str, whole: bool = True) -> Iterator[Series]:
+        """Yield what the file has of a quantity: first what its table names first.
+
+        Parameters
+        ----------
+        whole
+            Whether all numbers of a row must be known.
+
+        Raises
+        ------
+        InputError
+            If times go back, or a quaternion has not the norm 1.
+        """
+        for source in sources_of(self.format):
+            for topic in (each for each in self.topics if each.kind == source.kind):
+                named = "/" in topic.kind and bool(_SETPOINTS.search(topic.name))
+                fits = quantity == source.quantity + " setpoint" * named
+                if fits and {*source.fields.split()} <= {*topic.fields}:
+                    yield from self._of(source, topic, whole)
+
+    @np.errstate(all="ignore")  # numbers that are not finite are left out
+    def _of(self, source: Source, topic: Topic, whole: bool) -> list[Series]:
+        times, names, unit = topic.times / 1e9, source.fields.split(), source.unit
+        if not len(times):
+            return []
+        numbers = np.stack([topic.fields[name] for name in names], axis=-1)
+        if unit.startswith("deg"):
+            numbers, unit = np.deg2rad(numbers), unit.replace("deg", "rad")
+        valid = (np.all if whole else np.any)(np.isfinite(numbers), axis=1)
+        flags = [topic.fields[name] for name in source.valid.split() if name in topic.fields]
+        for flag in flags:
+            is_frame = source.valid.endswith("_frame")
+            valid &= np.isin(flag, _FRAMES) & (flag == flags[0]) if is_frame else flag.astype(bool)
+        if source.valid == "body":
+            rows = sources_of(self.format)
+            turned = (s for s in rows if s.quantity == "attitude" and s.kind == source.kind)
+            (poses,) = self._of(next(turned), topic, True) or [Series("", times, np.nan * numbers)]
+            numbers = apply_matrix(matrices(poses.at(times)), numbers)
+            valid &= np.isfinite(numbers).all(axis=1)
+        if source.quantity.startswith("attitude") and unit:  # roll, pitch, yaw
+            R, unit = matrix_groups.rotation_of_euler("ZYX", numbers[:, ::-1]), ""
+            numbers = quaternions(R)
+        times, numbers, place = times[valid], numbers[valid], f"{self.name}: {topic.name}"
+        norms = norm(numbers) if numbers.shape[1] == 4 else np.ones(len(times))
+        for k in np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)[:1]:
+            got = f"got norm {norms[k]:.6g} at {times[k]:.6f} s"
+            raise InputError(f"{place}: expected quaternions of norm 1, {got}")
+        for where in times[1:][np.diff(times) < 0][:1]:
+            raise InputError(f"{place}: its time goes back to {where:.6f} s")
+        first, known = np.diff(times, prepend=-np.inf) > 0, [f"{topic.name}.{x}" for x in names]
+        found = Series(topic.name, times[first], numbers[first], known, unit)
+        return [found] * int(first.sum() > (source.quantity not in _STATES))
+
+
+@lru_cache(maxsize=1)
+def formats() -> dict[str, Any]:
+    """Return the tables of all formats."""
+    path = Path(__file__).with_name("formats.yaml")
+    return dict(yaml_source.load(path.read_text(encoding="utf-8"), path.name).data)
+
+
+def sources_of(format: str) -> list[Source]:
+    """Return the table of a format; bags have messages of PX4, too."""
+    kinds = ["bag", "ulog"] if format == "bag" else [format]
+    return [Source(*row) for kind in kinds for row in formats()[kind]["sources"]]
+
+
+def matrices(numbers: Array) -> Array:
+    """Return the rotations of quaternions w, x, y, z, ``(n, 4) -> (n, 3, 3)``."""
+    q = np.roll(numbers, -1, axis=-1) / norm(numbers)[:, None]
+    return matrix_groups.rotation_of_quaternion(q)
+
+
+def quaternions(R: Array) -> Array:
+    """Return the quaternions w, x, y, z of rotations, ``(n, 3, 3) -> (n, 4)``."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    return Rotation.from_matrix(R).as_quat(scalar_first=True)
+
+
+def flight_of(path: Path) -> Flight:
+    """Read a file of another program, in a process with limits.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read within these, or is no such file.
+    EqtError
+        If the package that reads it is not installed.
+    """
+    format = FORMATS_BY_SUFFIX[path.suffix.lower()]
+    title, package, extra = (formats()[format][key] for key in ("title", "package", "extra"))
+    if find_spec(package) is None:
+        get = f"(extra {extra}); install it with: pip install {package}"
+        raise EqtError(f"{path}: {title} needs {package} {get}")
+    wanted: dict[str, list[str]] = {}
+    for source in sources_of(format):
+        wanted.setdefault(source.kind, []).extend(f"{source.fields} {source.valid}".split())
+    with open_regular(path) as stream:
+        size = stream.seek(0, io.SEEK_END)
+    if size > MAX_BYTES:
+        raise TooLargeError(MAX_BYTES, size)
+    limits = Limits(SECONDS + size / BYTES_PER_SECOND, MEMORY + RATIO * size, 2**28 + RATIO * size)
+    words = [sys.executable, "-I", "-c", _START, readers.__file__, str(path.absolute()), format]
+    try:
+        done = run_contained(words, json.dumps([wanted, formats()["px4_msgs"]]).encode(), limits)
+    except subprocess.TimeoutExpired:
+        many = f"takes more than {limits.seconds:.0f} s to be read, too many for its size"
+        raise InputError(f"{path}: {many}; {SMALLER}") from None
+    if done.returncode:
+        said = done.stderr.decode("utf-8", "replace").strip()[-MOST_MESSAGE:]
+        raise InputError(f"{path}: cannot be read as {title}: {printable(said) or 'too large'}")
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
+        topics = []
+        for k, (name, kind, rows, note, names) in enumerate(json.loads(arrays["head"].tobytes())):
+            fields = {each: arrays[f"{k},{j}"] for j, each in enumerate(names)}
+            topics.append(Topic(name, kind, rows, arrays[f"{k}"], fields, note))
+    return Flight(str(path), format, topics)
+
+
+# The table of a flight, which results keep --------------------------------------------------------
+
+
+CHUNK = 20_000  # rows to write at once, because rows as Python numbers take 10 times the memory
+
+# eqt's columns of a quantity; a torque and a force hold until the next
+COLUMNS = {"position": "x y z", "attitude": "qw qx qy qz", "velocity": "vx vy vz"}
+COLUMNS |= {"rates": "wx wy wz", "torque": "tx ty tz", "force": "fx fy fz"}
+
+
+def text_of_recording(path: Path, missing: str, kind: type[EqtError], limit: int) -> str:
+    """Return a file of another program as the text of a table.
+
+    Raises
+    ------
+    EqtError
+        Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot
+        be read.
+    """
+
+    def read(path: Path, limit: int) -> str:
+        if len(table := table_of(flight_of(path))) > limit:
+            raise TooLargeError(limit, len(table))
+        return table
+
+    return text_of(path, missing, kind, limit=limit, smaller=SMALLER, read=read)
+
+
+def table_of(flight: Flight) -> str:
+    """Return the table of a flight: eqt's columns, and what other topics have of the same.
+
+    There is a row at each time of the position, or of the attitude in a file without positions.
+    Attitudes are interpolated along the shortest rotation, positions, velocities and rates
+    linearly; commands are held. Where another topic has a gap, there is no row.
+
+    Raises
+    ------
+    InputError
+        If it holds neither attitudes nor positions.
+    """
+    found = {name: list(flight.series(name)) for name in COLUMNS}
+    lead = next(iter([*found["position"], *found["attitude"]]), None)
+    if lead is None:
+        kinds = dict.fromkeys(s.kind for s in sources_of(flight.format) if s.quantity in _POSES)
+        why = "".join(f"; {each.name}: {each.note}" for each in flight.topics if each.note)
+        raise InputError(f"{flight.name}: holds no poses; expected {' or '.join(kinds)}{why}")
+    if not found["position"]:
+        found["velocity"] = []
+    times, headings, columns = lead.times, ["t (s)"], [lead.times]
+    for name, every in found.items():
+        for k, series in enumerate(every):
+            is_held = name in WRENCH or np.array_equal(series.times, times)
+            is_used = not k and series.unit != "normalised"
+            names = COLUMNS[name].split() if is_used else series.fields
+            headings += [f"{each} ({series.unit})" if series.unit else each for each in names]
+            columns += [*series.at(times, "held" if is_held else "linear").T]
+    table = np.stack(columns, axis=-1)
+    moving = [headings.index(each) for each in headings if re.match(r"[xyzqvw][wxyz]?( |$)", each)]
+    table = table[np.isfinite(table[:, moving]).all(axis=1)]
+    if not len(table):
+        names = [name for name, every in found.items() if every and name not in WRENCH]
+        raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
+    parts = [f"{log_table.DAMAGED}\n" for each in flight.topics if each.kind == "damaged"]
+    parts += [",".join(headings), "\n"]
+    row_format = ",".join(["%.9f", *["%.9g"] * (len(columns) - 1)]) + "\n"
+    for first in range(0, len(table), CHUNK):
+        rows = table[first : first + CHUNK].tolist()
+        parts.append("".join(row_format % tuple(row) for row in rows))
+    return "".join(parts)
+
+
+# Checks a recording -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ColumnUse:
+    """A column of a file and its use.
+
+    Attributes
+    ----------
+    heading
+        The heading in the file, without the unit.
+    name
+        eqt's name for the column; empty where it is not used.
+    use
+        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force`` or ``not used``.
+    unit
+        The unit of its numbers; empty where they have none.
+    assumed
+        Whether neither the file nor a mapping gives this unit.
+    """
+
+    heading: str
+    name: str
+    use: str
+    unit: str
+    assumed: bool
+
+
+def topics_of(flight: Flight) -> Iterator[tuple[str, str, int, float, int]]:
+    """Yield name, use, rows, rate in Hz, and gaps of all topics; a rate of those that are read."""
+    for each in flight.topics:
+        steps, table = np.diff(each.times) / 1e9, sources_of(flight.format)
+        median = float(np.median(steps)) if len(steps) else np.nan
+        here = [s for s in table if s.kind == each.kind and {*s.fields.split()} <= {*each.fields}]
+        use = each.note or ", ".join(dict.fromkeys(s.quantity for s in here)) or "not used"
+        yield each.name, use, each.rows, 1 / median, int(np.sum(steps > GAP * median))
+
+
+@dataclass(frozen=True)
+class LogCheck:
+    """The contents of a recording, its errors and its oddities.
+
+    Attributes
+    ----------
+    file, format, group
+        The file, its format, and the group of its poses.
+    columns
+        Every column, in the order of the file.
+    rows
+        The number of rows.
+    begin, end
+        The first and the last time, s.
+    rate
+        Sampling rate by the median step, Hz.
+    gaps
+        The begin and the length of each gap, s.
+    norms
+        The smallest and the largest norm of its quaternions; None without any.
+    problems
+        Reasons why it cannot be used.
+    notes
+        Oddities, each with what to do.
+    topics
+        The topics of a file of another program.
+    """
+
+    file: str
+    format: str
+    group: str
+    columns: list[ColumnUse]
+    rows: int
+    begin: float
+    end: float
+    rate: float
+    gaps: list[tuple[float, float]]
+    norms: tuple[float, float] | None
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    topics: list[tuple[str, str, int, float, int]] = field(default_factory=list)
+
+    @property
+    def mapping(self) -> str:
+        """The mapping by which the columns are read, as YAML in one line."""
+        columns = {x.name: x.heading for x in self.columns if x.name not in ("", x.heading)}
+        units = {one.name: one.unit for one in self.columns if one.name and one.assumed}
+        return yaml_source.flow({"columns": columns, "units": units})
+
+
+def check_text(
+    text: str,
+    name: str,
+    form: TrajectoryFormat,
+    mapping: LogMapping,
+    G: MatrixLieGroup | None = None,
+) -> LogCheck:
+    """Check the text of a recording; without a group, the largest that fits the columns is taken.
+
+    Raises
+    ------
+    InputError
+        If there are no columns of a pose, or entries that are no finite numbers.
+    """
+    G = G or largest_group(text, name, form, mapping)
+    log = read_log(text, name, form, G, mapping)
+    steps = np.diff(log.times)
+    median = float(np.median(steps)) if len(steps) else np.nan
+    norms = np.ravel([*recording.quaternion_norms(log.table, log.columns).values()])
+    problems = []
+    try:
+        log.require_usable()
+    except MappingError:
+        raise
+    except InputError as error:
+        problems.append(str(error))
+    kind = FORMATS_BY_SUFFIX.get(Path(name.lower()).suffix, form)
+    begin, end = log.times[[0, -1]].tolist()
+    rate, gaps = 1 / median if median > 0 else np.nan, gaps_of(log.times, log.gaps)
+    least = (float(norms.min()), float(norms.max())) if len(norms) else None
+    found = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
+    return LogCheck(name, *found, gaps, least, problems, [] if problems else list(notes(log)))
+
+
+def largest_group(
+    text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
+) -> MatrixLieGroup:
+    """Return the largest group whose poses the columns of a file can hold."""
+    sheet = open_sheet(text, name, form, mapping)
+    names = set(sheet.names)
+    fitting = [
+        group
+        for group in _groups_of_poses()
+        if (layout := recording.used_columns(names, group)) is not None and layout.layout == "parts"
+    ]
+    if not fitting:
+        if len(sheet.names) == 1 and (other := next((c for c in ";\t" if c in sheet.names[0]), "")):
+            shown = {";": "semicolons", "\t": "tabs"}[other]
+            raise InputError(
+                f"{sheet.header_place}: the columns are separated by {shown}; expected commas, and "
+                "decimals with a point"
+            )
+        if incomplete := next(incomplete_columns(names), None):
+            raise InputError(f"{sheet.header_place}: {incomplete}")
+        known = ", ".join(log_table.QUATERNION)
+        raise InputError(
+            f"{name}: no columns of a pose were found, such as {known} or yaw, pitch, roll for a "
+            "rotation and x, y, z for a position; name them in a mapping, "
+            "`columns: {qx: …}`, or give the group"
+        )
+    return max(fitting, key=lambda group: len(recording.pose_columns(group)))
+
+
+def _groups_of_poses() -> Iterator[EuclideanGroup]:
+    """Yield the groups whose elements are rotations and positions, without velocities."""
+    for group in (kind.named(each) for kind in groups.all() for each in kind.examples()):
+        if isinstance(group, EuclideanGroup) and set(group.column_units) <= {"m"}:
+            yield group
+
+
+def _uses(log: Log) -> Iterator[ColumnUse]:
+    for name, heading in zip(log.sheet.names, log.sheet.headings, strict=True):
+        if name not in log.table.columns:
+            yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
+            continue
+        kinds = [recorded.kind for recorded in log.recorded if name in recorded.names]
+        use = "time" if name == "t" else kinds[0] if kinds else "pose"
+        unit = log.sheet.units.get(name, "")
+        default = next(iter(log_table.units_of(name)), "")
+        if use in recording.VELOCITY and "/" not in default:
+            default += "/s"
+        yield ColumnUse(heading, name, use, unit or default, bool(default) and not unit)
+
+
+# How far a vehicle was from its setpoints ---------------------------------------------------------
+
+
+# Unit and rows of each quantity; tilt is the angle between the z axes of the bodies
+QUANTITIES = {
+    "position": ("m", ["all", "x", "y", "z"]),
+    "velocity": ("m/s", ["all", "x", "y", "z"]),
+    "attitude": ("deg", ["angle", "tilt", "heading"]),
+    "rates": ("deg/s", ["all", "x", "y", "z"]),
+}
+
+# The delay is searched up to this on both sides, s, in these steps, s, and told where at most this
+# share of the error remains.
+MOST_DELAY, STEP, EXPLAINS = 1.0, 0.02, 0.95
+
+
+class ErrorSize(NamedTuple):
+    """The size of an error over the instants of the setpoint.
+
+    Attributes
+    ----------
+    quantity, axis, unit
+        ``position``, ``velocity``, ``attitude`` or ``rates``; ``all`` is the norm.
+    rms, median, largest
+        Of its absolute value.
+    delay, remains
+        The time by which the measurement is later than the setpoint, for the smallest rms, s, and
+        that rms; NaN where no delay makes it smaller. Of all axes only.
+    """
+
+    quantity: str
+    axis: str
+    unit: str
+    rms: float
+    median: float
+    largest: float
+    delay: float
+    remains: float
+
+
+class TrackingErrors(NamedTuple):
+    """How far a vehicle was from its setpoints, while armed.
+
+    Attributes
+    ----------
+    sizes
+        The size of each error.
+    curves
+        Of each quantity the times ``(n,)``, and the errors ``(n, k)`` of all axes, in its unit.
+    topics
+        What was compared with what, by the quantity.
+    """
+
+    sizes: list[ErrorSize]
+    curves: dict[str, tuple[Array, Array]]
+    topics: dict[str, str]
+
+    @property
+    def headline(self) -> str:
+        """The answer in one line."""
+        one = self.sizes[0]
+        by, unit = (1e3, "mm") if one.unit == "m" and one.rms < 0.1 else (1.0, one.unit)
+        rms, most, rest = (f"{by * x:.3g} {unit}" for x in (one.rms, one.largest, one.remains))
+        late = f"; {one.delay:.3g} s late, without which {rest} remain" * (one.delay == one.delay)
+        return f"{one.quantity} error {rms} rms, at most {most}{late}"
+
+
+def motions_of(one: Recording) -> dict[str, Series]:
+    """Return the series of a recording of positions or rotations in space."""
+    G, V, name = one.group, one.velocities, one.name
+    if not isinstance(G, EuclideanGroup) or G.space != 3:
+        raise EqtError(f"{name}: errors are of poses in space, not of {G.name}")
+    R, numbers = G.rotation(one.poses), dict[str, Array]()
+    if G.rotations:
+        numbers = {"attitude": quaternions(R), "rates": V[:, :3]}
+    if G.columns:
+        numbers["position"] = G.translations(one.poses)[..., 0]
+        numbers["velocity"] = apply_matrix(R, V[:, -3:])
+    known = {name: each for name, each in numbers.items() if np.isfinite(each).all()}
+    return {quantity: Series(name, one.times, each) for quantity, each in known.items()}
+
+
+def spans_of(flight: Flight) -> tuple[Array, Array]:
+    """Return the times of changes of mode, arming and estimator, and whether armed after each."""
+    changes, armed = [np.empty(0)], list(flight.series("armed"))[:1]
+    for one in (*flight.series("mode"), *flight.series("reset"), *armed):
+        changed = np.any(np.diff(one.numbers, axis=0, prepend=np.nan) != 0, axis=1)
+        changes.append(one.times[changed])
+    edges = np.unique(np.concatenate(changes))
+    starts = np.r_[-np.inf, edges]
+    flying = [one.at(starts, "held")[:, 0] == float(one.unit) for one in armed]
+    return edges, flying[0] if flying else np.ones(len(starts), bool)
+
+
+def difference(quantity: str, measured: Array, wanted: Array) -> Array:
+    """Return errors in the rows and the unit of `QUANTITIES`; of attitudes, angles of R_dᵀR."""
+    if quantity != "attitude":
+        errors = np.rad2deg(measured - wanted) if quantity == "rates" else measured - wanted
+        whole = np.where(np.isnan(errors).all(axis=1), np.nan, norm(np.nan_to_num(errors)))
+        return np.column_stack([whole, errors])
+    R, goal = matrices(measured), matrices(wanted)
+    apart = quaternions(transpose(goal) @ R)
+    tilt = 2 * np.arcsin(np.minimum(norm(R[:, :, 2] - goal[:, :, 2]) / 2, 1.0))
+    heading = np.subtract(*(np.arctan2(Q[:, 1, 0], Q[:, 0, 0]) for Q in (R, goal)))
+    angle = 2 * np.arctan2(norm(apart[:, 1:]), abs(apart[:, 0]))
+    return np.rad2deg(np.stack([angle, tilt, (heading + np.pi) % (2 * np.pi) - np.pi], axis=-1))
+
+
+NO_SPANS = np.empty(0), np.ones(1, bool)
+
+
+def tracking_errors(
+    name: str,
+    known: dict[str, Series],
+    wanted: dict[str, Series],
+    spans: tuple[Array, Array] = NO_SPANS,
+    association: str = "linear",
+) -> TrackingErrors:
+    """Compare known series with wanted ones, at the instants of the wanted ones.
+
+    Raises
+    ------
+    InputError
+        If they have no quantity in common, or no time.
+    """
+
+    def compared(q: str, delay: float = 0.0, how: str = "linear") -> tuple[Array, Array]:
+        t, goal, (edges, armed) = wanted[q].times, wanted[q].numbers, spans
+        numbers = known[q].at(t + delay, how, edges)
+        rows = np.isfinite(numbers).all(axis=1) & np.isfinite(goal).any(axis=1)
+        rows &= armed[np.searchsorted(edges, t, side="right")]
+        return t[rows], difference(q, numbers[rows], goal[rows])
+
+    curves = {q: compared(q, 0.0, association) for q in QUANTITIES if q in known and q in wanted}
+    curves, sizes = {q: curve for q, curve in curves.items() if len(curve[0])}, []
+    if not curves:
+        held = [", ".join(each) or "none" for each in (known, wanted)]
+        raise InputError("{}: nothing to compare; measured: {}; wanted: {}".format(name, *held))
+    for q, (t, errors) in curves.items():
+        lag = _lag(partial(compared, q), len(t))
+        for axis, column in zip(QUANTITIES[q][1], abs(errors).T, strict=True):
+            if len(x := column[np.isfinite(column)]):
+                rms, median, most = map(float, (np.sqrt(np.mean(x**2)), np.median(x), x.max()))
+                sizes.append(ErrorSize(q, axis, QUANTITIES[q][0], rms, median, most, *lag))
+            lag = np.nan, np.nan
+    topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
+    return TrackingErrors(sizes, curves, topics)
+
+
+def _lag(compared: Callable[[float], tuple[Array, Array]], rows: int) -> tuple[float, float]:
+    """Return the delay of the smallest error, and that; NaN where none makes it smaller."""
+    from scipy.optimize import minimize_scalar  # slow to import
+
+    def size(delay: float) -> float:
+        t, errors = compared(delay)
+        return float(np.sqrt(np.nanmean(errors[:, 0] ** 2))) if 2 * len(t) > rows else 1e100
+
+    best = min(np.arange(-MOST_DELAY, MOST_DELAY + STEP / 2, STEP).tolist(), key=size)
+    found = minimize_scalar(size, bounds=(best - STEP, best + STEP), method="bounded")
+    told = abs(best) < MOST_DELAY - STEP and found.fun <= EXPLAINS * size(0.0)
+    return (float(found.x), float(found.fun)) if told else (np.nan, np.nan)
+
+
+def error_table(found: TrackingErrors) -> TextTable:
+    """Return the table of the sizes of errors."""
+    rows = [[*one[:3], *(significant(x, 3) for x in one[3:])] for one in found.sizes]
+    header = ["error", "axis", "unit", "rms", "median", "largest", "delay, s", "remains"]
+    notes = [f"{quantity}: {topics}." for quantity, topics in found.topics.items()]
+    return TextTable("errors", found.headline, header, [Block("", rows)], notes, keys=3)
+
+
+def error_files(found: TrackingErrors) -> dict[str, bytes]:
+    """Return the errors over time, a CSV of each quantity by the name of its file."""
+    files = {}
+    for quantity, (t, errors) in found.curves.items():
+        unit, axes = QUANTITIES[quantity]
+        names, stream = ["t (s)", *(f"{axis} ({unit})" for axis in axes)], io.BytesIO()
+        head, rows = CONFIG_MARK.format("log") + ",".join(names), np.column_stack([t, errors])
+        np.savetxt(stream, rows, fmt="%.9g", delimiter=",", header=head, comments="")
+        files[f"errors_{quantity}.csv"] = stream.getvalue()
+    return files

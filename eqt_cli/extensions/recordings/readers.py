@@ -1,0 +1,174 @@
+"""Reads logs of other programs; a program of its own, which needs nothing of eqt.
+
+Whoever reads a foreign file may run out of time or memory, so that `logs.flight_of` starts this
+program with limits. Messages of ROS are decoded only with the types of rosbags' own stores and the
+px4_msgs that eqt ships. The definitions in a file are compared with these, and never registered,
+because rosbags would make code of them and run it.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Topic(NamedTuple):
+    """What a file holds of a topic.
+
+    Attributes
+    ----------
+    name, kind
+        The topic, and its name in the table of its format.
+    rows
+        The number of its messages.
+    times : (n,)
+        Times of the fields, ns, as whole numbers; empty where the topic is not read.
+    fields
+        Numbers by the name of the field.
+    note
+        Why it is not read, although the table has it.
+    """
+
+    name: str
+    kind: str
+    rows: int
+    times: Any
+    fields: dict[str, Any]
+    note: str = ""
+
+
+def _since_boot(fields: dict[str, Any]) -> Any:
+    """Return the times of the measurements if given, otherwise of the messages, ns; PX4 has µs."""
+    known = (fields.get(name, np.zeros(1)) for name in ("timestamp_sample", "timestamp"))
+    return 1000 * next((t for t in known if np.all(t > 0)), np.empty(0)).astype(int)
+
+
+def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iterator[Topic]:
+    """Read a flight of PX4; `wanted` are the fields by the name of a topic."""
+    from pyulog import ULog
+
+    log = ULog(path)
+    for each in log.data_list:
+        name, kind = f"{each.name} {each.multi_id}", ""
+        if each.multi_id == 0:
+            name = kind = each.name
+        numbers = {key: np.asarray(x, float) for key, x in each.data.items() if kind in wanted}
+        yield Topic(name, kind, len(each.data["timestamp"]), _since_boot(numbers), numbers)
+    if log.file_corruption:
+        yield Topic("", "damaged", 0, np.empty(0, int), {})
+
+
+def bag(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iterator[Topic]:
+    """Read a bag of ROS; `wanted` are the fields by the type of a message."""
+    import rosbags.rosbag1
+    import rosbags.rosbag2
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    with Path(path).open("rb") as stream:
+        old = stream.read(7) == b"#ROSBAG"
+    store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
+    decode = store.deserialize_ros1 if old else store.deserialize_cdr
+    for name, text in types.items():
+        store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
+    with (rosbags.rosbag1 if old else rosbags.rosbag2).Reader(Path(path)) as reader:
+        for one in reader.connections:
+            px4 = re.sub(r"\B([A-Z])", r"_\1", one.msgtype.rpartition("/")[2]).lower()
+            kind = px4 if one.msgtype.startswith("px4_msgs") else one.msgtype
+            topic = Topic(one.topic, kind, one.msgcount, np.empty(0, int), {})
+            is_known = kind in wanted and one.msgtype in store.fielddefs
+            note = _differs(one, store) if is_known else ""
+            try:
+                if is_known and not note:
+                    topic = _decoded(topic, reader, one, wanted[kind], decode, store)
+            except Exception as error:  # a foreign message may make rosbags raise anything
+                note = str(error)
+            yield topic._replace(note=note)
+
+
+def _decoded(topic: Topic, reader: Any, one: Any, wanted: Any, decode: Any, store: Any) -> Topic:
+    known = {name for name, _ in store.fielddefs[one.msgtype][1]}
+    stamps = [name for name in ("timestamp", "timestamp_sample") if name in known]
+    if "header" in known:
+        stamps = ["header.stamp.sec", "header.stamp.nanosec"]
+    names = {name.partition("[")[0] for name in wanted if re.split(r"[.[]", name)[0] in known}
+    columns = [*stamps, *sorted(names)]
+    get, times, rows, fields = attrgetter(*columns), [], [], dict[str, Any]()
+    for _, time, data in reader.messages(connections=[one]):
+        times.append(time)
+        rows.append(get(decode(data, one.msgtype)))
+    for column, numbers in zip(columns, zip(*rows, strict=True), strict=False):
+        array = np.asarray(numbers, float)
+        split = range(array.shape[1] if array.ndim > 1 else 0)
+        fields |= {f"{column}[{k}]": array[:, k] for k in split} or {column: array}
+    recorded = np.array(times, int)
+    if "header" in known and rows:
+        sec, rest = (fields[name].astype(int) for name in stamps)
+        recorded = 10**9 * sec + rest if (sec + rest).any() else recorded  # a header may not be set
+    elif "timestamp" in known:
+        recorded = _since_boot(fields)
+    return topic._replace(times=recorded, fields=fields)
+
+
+def _differs(one: Any, store: Any) -> str:
+    """Say whether the definition in the file is another one than that of the store."""
+    from rosbags.interfaces import MessageDefinitionFormat as Form
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    form, text = one.msgdef
+    types = get_types_from_msg(text, one.msgtype) if form == Form.MSG else {}
+    types |= get_types_from_idl(text) if form == Form.IDL else {}
+    for name, (_, fields) in types.items():
+        sides = (store.fielddefs.get(name, (0, ()))[1], fields)
+        own, here = ([(each.lower(), kind) for each, kind in side] for side in sides)
+        if own != here:
+            return f"the file defines {name} otherwise than eqt knows it"
+    return ""
+
+
+def dataflash(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iterator[Topic]:
+    """Read a log of ArduPilot; `wanted` are the fields by the name of a message."""
+    from pymavlink.DFReader import DFReader_binary
+
+    log, rows = DFReader_binary(path), dict[str, list[dict[str, Any]]]()
+    counts = {form.name: log.counts[number] for number, form in log.formats.items()}
+    joined = [f"PSC{axis}" for axis in "NED"]
+    kinds = [kind for kind in (*wanted, *joined) if counts.get(kind)]
+    while kinds and (message := log.recv_match(type=kinds)) is not None:
+        if not (message.fmt.instance_field and message[message.fmt.instance_field]):
+            rows.setdefault(message.get_type(), []).append(message.to_dict())
+    three = zip(*(rows.get(name, ()) for name in joined), strict=False)  # written one by one
+    rows["PSC"] = [first | second | third for first, second, third in three]
+    for name, count in (counts | {"PSC": len(rows["PSC"])}).items():
+        of = rows.get(name, [])
+        known = [key for key in wanted.get(name, ()) if of and key in of[0]]
+        fields = {key: np.array([each[key] for each in of], float) for key in known}
+        times = np.array([1000 * each["TimeUS"] for each in of], int)
+        yield from [Topic(name, name, count, times, fields)] * (count > 0)
+
+
+def main(path: str, format: str) -> None:
+    """Read a file, and write what is in it to stdout: a description in JSON, and arrays."""
+    reader = {"ulog": ulog, "bag": bag, "dataflash": dataflash}[format]
+    with redirect_stdout(io.StringIO()):  # readers print warnings
+        topics = list(reader(path, *json.load(sys.stdin)))
+    head = [[*each[:3], each.note, [*each.fields]] for each in topics]
+    arrays = {f"{k}": topic.times for k, topic in enumerate(topics)}
+    for k, topic in enumerate(topics):
+        arrays |= {f"{k},{j}": x for j, x in enumerate(topic.fields.values())}
+    np.savez(sys.stdout.buffer, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:3])
+    except Exception as error:  # a foreign file may make a reader raise anything
+        sys.exit(f"{error}" or type(error).__name__)

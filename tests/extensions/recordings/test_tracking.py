@@ -1,0 +1,365 @@
+"""How far a vehicle was from its setpoints, against closed forms and a plain program."""
+
+import struct
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from case_tables import refusal
+from flights import dataflash, odometry, pose_stamped, ulog, write_bag
+from scipy.spatial.transform import Rotation
+
+import eqt_cli
+from eqt_cli.base.errors import EqtError, InputError
+from eqt_cli.extensions.recordings.logs import Series, flight_of
+
+SPEED, RADIUS = 3.0, 0.75
+TURN = SPEED / RADIUS
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def circle(t):
+    """A circle at 3 m/s."""
+    return RADIUS * np.c_[np.cos(TURN * t), np.sin(TURN * t), 0 * t]
+
+
+def size(found, quantity, axis="all"):
+    (one,) = (each for each in found.sizes if (each.quantity, each.axis) == (quantity, axis))
+    return one
+
+
+LOCAL = "uint64_t timestamp;float x;float y;float z;"
+SETPOINT = "uint64_t timestamp;float[3] position;float[3] velocity;"
+STATUS = "uint64_t timestamp;uint8_t arming_state;uint8_t nav_state;"
+US = 1e6
+
+
+def flight(t, s, measured=circle, late=0.0, status=((0.5, 2, 14),), resets=None, more=()):
+    """A flight of PX4: positions at t, setpoints at s."""
+    nan = np.full((len(s), 3), np.nan)
+    form, rows = LOCAL, np.c_[US * t, measured(t)]
+    if resets is not None:
+        form, rows = LOCAL + "uint8_t xy_reset_counter;", np.c_[rows, resets(t)]
+    return ulog(
+        ("vehicle_local_position", form, rows),
+        ("trajectory_setpoint", SETPOINT, np.c_[US * s, circle(s + late), nan]),
+        ("vehicle_status", STATUS, [(US * k, *row) for k, *row in status]),
+        *more,
+    )
+
+
+def errors(content, **options):
+    Path("f.ulg").write_bytes(content)
+    return eqt_cli.log_errors("f.ulg", **options)
+
+
+# Clocks that meet at all phases: 50 Hz, and 30 Hz that drift by golden steps
+T = np.arange(1.0, 12.0, 0.02)
+S = 1.5 + np.arange(300) / 30 + 0.02 * ((np.arange(300) * 0.6180339887) % 1 - 0.5)
+
+
+@pytest.mark.parametrize(
+    ("association", "rms"),
+    [
+        # a chord of the circle: v²/r h²/8 at most, times √(8/15) for the mean square of a parabola
+        ("linear", SPEED**2 / RADIUS * 0.02**2 / 8 * np.sqrt(8 / 15)),
+        ("nearest", SPEED * 0.02 / np.sqrt(12)),
+        ("held", SPEED * 0.02 / np.sqrt(3)),
+    ],
+)
+def test_perfect_tracking_shows_the_error_of_the_association(association, rms):
+    found = size(errors(flight(T, S), association=association), "position")
+    assert found.rms == pytest.approx(rms, rel=0.05)
+    assert {"linear": 0.5e-3, "nearest": 17e-3, "held": 35e-3}[association] == pytest.approx(
+        found.rms, rel=0.15
+    )
+
+
+def test_a_delay_is_found_with_the_error_that_remains():
+    found = errors(flight(T, S, late=0.12))
+    one = size(found, "position")
+    assert one.rms == pytest.approx(2 * RADIUS * np.sin(TURN * 0.12 / 2), rel=1e-3)
+    assert (one.delay, one.remains < 1e-3) == (pytest.approx(0.12, abs=1e-4), True)
+    assert found.headline.startswith("position error 0.356 m rms, at most 0.357 m; ")
+    assert found.headline.endswith("0.12 s late, without which 0.000439 m remain")
+
+
+def test_axes_that_are_not_controlled_are_left_out():
+    content = flight(T, S, measured=lambda t: circle(t) + np.array([0.3, 0.0, 0.0]))
+    found = errors(content)
+    assert "velocity" not in {one.quantity for one in found.sizes}
+    assert size(found, "position", "x").median == pytest.approx(0.3, abs=1e-3)
+    assert size(found, "position", "y").largest < 1e-3
+
+    only_z = np.c_[US * S, np.full((len(S), 2), np.nan), 0 * S, np.full((len(S), 3), np.nan)]
+    found = errors(
+        ulog(
+            ("vehicle_local_position", LOCAL, np.c_[US * T, circle(T) + np.array([0, 0, 0.2])]),
+            ("trajectory_setpoint", SETPOINT, only_z),
+        )
+    )
+    assert [one.axis for one in found.sizes] == ["all", "z"]
+    assert size(found, "position").rms == pytest.approx(0.2, abs=1e-6)
+
+
+def test_only_what_is_armed_counts_and_nothing_crosses_a_reset():
+    def jumps(t):
+        return circle(t) + np.where(t[:, None] >= 6.0, [5.0, 0.0, 0.0], 0.0)
+
+    status = ((0.5, 1, 14), (3.0, 2, 14), (8.0, 2, 4), (10.0, 1, 4))
+    found = errors(flight(T, S, jumps, status=status, resets=lambda t: t >= 6.0))
+    t, wrong = found.curves["position"]
+    assert (t.min() >= 3.0, t.max() < 10.0) == (True, True)
+    # Either the old frame or the new one: no instant has a mixture of both.
+    off = wrong[:, 1]
+    assert np.all((abs(off) < 1e-2) | (abs(off - 5.0) < 1e-2))
+    assert not np.any((t > 5.98) & (t < 6.0))
+
+
+def test_attitude_has_angle_tilt_and_heading():
+    want = Rotation.from_euler("ZYX", np.c_[0.4 * S, 0 * S, 0.1 * np.sin(S)])
+    have = Rotation.from_euler("ZYX", np.c_[0.4 * T + 0.2, 0 * T, 0.1 * np.sin(T) + 0.05])
+    form = "uint64_t timestamp;float[4] "
+    found = errors(
+        ulog(
+            ("vehicle_attitude", form + "q;", np.c_[US * T, have.as_quat(scalar_first=True)]),
+            (
+                "vehicle_attitude_setpoint",
+                form + "q_d;",
+                np.c_[US * S, want.as_quat(scalar_first=True)],
+            ),
+        )
+    )
+    right = Rotation.from_euler("ZYX", np.c_[0.4 * S + 0.2, 0 * S, 0.1 * np.sin(S) + 0.05])
+    angle = np.degrees((want.inv() * right).magnitude())
+    tops = [np.asarray(each.as_matrix())[:, :, 2] for each in (want, right)]
+    tilt = np.degrees(np.arccos(np.clip(np.sum(tops[0] * tops[1], axis=1), -1, 1)))
+    expected = {"angle": angle, "tilt": tilt, "heading": np.full(len(S), np.degrees(0.2))}
+    for axis, values in expected.items():
+        assert size(found, "attitude", axis).rms == pytest.approx(
+            np.sqrt(np.mean(values**2)), rel=1e-3
+        ), axis
+
+
+def test_slerp_of_a_constant_rate_is_exact():
+    t, s = np.arange(0.0, 2.0, 0.1), np.array([0.234, 1.071])
+    axis = np.array([0.6, 0.0, 0.8])
+    q = Rotation.from_rotvec(0.9 * t[:, None] * axis).as_quat(scalar_first=True)
+    q[3] *= -1  # the same rotation
+    found = Series("", t, q).at(s)
+    expected = Rotation.from_rotvec(0.9 * s[:, None] * axis)
+    assert (Rotation.from_quat(found, scalar_first=True).inv() * expected).magnitude().max() < 1e-15
+
+
+def ardupilot():
+    t, a = np.arange(0.0, 8.0, 0.1), np.arange(0.0, 8.0, 0.02)
+    place = circle(t / 4)
+    psc = [
+        (f"PSC{axis}", "Qffff", f"TimeUS,DP{axis},TP{axis},P{axis},TV{axis}",
+         [(US * s + 20 * k, p[k] + 0.3, p[k] + 0.1 * k, p[k], 0)
+          for s, p in zip(t, place, strict=True)])
+        for k, axis in enumerate("NED")
+    ]  # fmt: skip
+    angles = [(US * s, 3, 2, 0, 0, 359, 1) for s in a]
+    rates = [(US * s, 5, 2, 0, 0, 0, 0) for s in a]
+    return dataflash(
+        *psc,
+        ("ATT", "Qffffff", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw", angles),
+        ("RATE", "Qffffff", "TimeUS,RDes,R,PDes,P,YDes,Y", rates),
+        ("ARM", "QB", "TimeUS,ArmState", [(1.05 * US, 1), (6 * US, 0)]),
+        ("MODE", "QMB", "TimeUS,Mode,ModeNum", [(0.5 * US, 5, 5)]),
+    )
+
+
+def test_a_log_of_ardupilot():
+    Path("f.BIN").write_bytes(ardupilot())
+    found = eqt_cli.log_errors("f.BIN")
+    assert [size(found, "position", axis).rms for axis in ("x", "y", "z")] == pytest.approx(
+        [0.0, 0.1, 0.2], abs=1e-6
+    )
+    assert size(found, "attitude", "heading").median == pytest.approx(2.0, abs=1e-4)
+    assert size(found, "rates").largest == pytest.approx(3.0, abs=1e-4)
+    t, _ = found.curves["position"]
+    assert (t.min() > 1.05, t.max() < 6.0) == (True, True)
+    desired = eqt_cli.log_errors("f.BIN", setpoint="desired")
+    assert size(desired, "position").rms == pytest.approx(0.3 * np.sqrt(3), abs=1e-6)
+    checked = eqt_cli.check_log("f.BIN")
+    assert (checked.group, checked.format, checked.problems) == ("SE3", "dataflash", [])
+    rows = {name: (use, count) for name, use, count, *_ in checked.topics}
+    assert rows["ATT"] == ("attitude, attitude setpoint", 400)
+    assert rows["PSC"] == ("position, position setpoint, position desired, velocity setpoint", 80)
+
+
+def motion(t):
+    turned = Rotation.from_euler("ZYX", np.c_[0.5 * t, 0.2 * np.sin(t), 0 * t])
+    step = 1e-5
+    ahead, behind = (
+        Rotation.from_euler("ZYX", np.c_[0.5 * s, 0.2 * np.sin(s), 0 * s])
+        for s in (t + step, t - step)
+    )
+    rates = (behind.inv() * ahead).as_rotvec() / (2 * step)
+    velocity = turned.inv().apply((circle(t + step) - circle(t - step)) / (2 * step))
+    return circle(t), turned.as_quat(), velocity, rates
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".mcap", ".db3"])
+def test_a_bag(suffix):
+    t, s, since = np.arange(0, 4, 0.02), np.arange(1, 3, 0.05) + 0.003, 1.7e9
+    place, quaternion, *_ = motion(s)
+    topics = [
+        ("/odom", "nav_msgs/msg/Odometry", since + t, odometry(*motion(t))),
+        ("/setpoint", "geometry_msgs/msg/PoseStamped", since + s,
+         pose_stamped(place + np.array([0.1, 0, 0]), quaternion)),
+        ("/name", "std_msgs/msg/String", since + s, lambda k, header, make: make["String"]("x")),
+    ]  # fmt: skip
+    path = write_bag(Path(f"f{suffix}"), topics)
+    checked = eqt_cli.check_log(path)
+    assert (checked.group, checked.format, checked.problems) == ("SE3", "bag", [])
+    assert checked.notes == []  # the velocities, which are in the body, fit the poses
+    assert [row[:3] for row in checked.topics] == [
+        ("/odom", "position, attitude, velocity, rates", len(t)),
+        ("/setpoint", "position, attitude", len(s)),
+        ("/name", "not used", len(s)),
+    ]
+    found = eqt_cli.log_errors(path)
+    assert size(found, "position", "x").median == pytest.approx(0.1, abs=1e-3)
+    assert size(found, "attitude", "angle").largest < 0.05
+
+
+def test_topics_are_chosen_by_name():
+    t = np.arange(0, 4, 0.05)
+    topics = [
+        ("/odom", "nav_msgs/msg/Odometry", t, odometry(*motion(t))),
+        ("/mocap", "geometry_msgs/msg/PoseStamped", t, pose_stamped(*motion(t)[:2])),
+        ("/setpoint", "geometry_msgs/msg/PoseStamped", t,
+         pose_stamped(motion(t)[0] + np.array([0.1, 0, 0]), motion(t)[1])),
+    ]  # fmt: skip
+    path = write_bag(Path("f.mcap"), topics)
+    found = eqt_cli.log_errors(path, topic="/mocap", setpoint="/odom")
+    assert found.topics["position"] == "/mocap − /odom"
+    assert size(found, "position").largest < 1e-12
+    assert refusal(EqtError, eqt_cli.log_errors, path, topic="/odo") == (
+        f"{path}: has no topic '/odo'; eqt log check lists them"
+    )
+
+
+def test_the_figure_and_the_numbers_of_each_quantity_are_written():
+    content = flight(T, S, late=0.1, status=((0.5, 2, 14), (4.0, 1, 14), (7.0, 2, 14)))
+    for _ in range(2):  # what eqt wrote may be replaced
+        found = errors(content, out="figures")
+    names = {"errors.pdf", "errors.svg", "errors.png", "errors_position.csv"}
+    assert {each.name for each in Path("figures").iterdir()} == names
+    rows = np.loadtxt("figures/errors_position.csv", delimiter=",", skiprows=2)
+    assert rows[:, 0] == pytest.approx(found.curves["position"][0], rel=1e-8)
+    assert rows[:, 1:] == pytest.approx(found.curves["position"][1], abs=1e-8)
+
+
+def bomb(path):
+    """An MCAP of some kB whose only chunk holds six million messages of a topic."""
+    from rosbags.rosbag2.storage_mcap import zstd
+    from rosbags.typesys import Stores, get_typestore
+
+    def record(kind, content):
+        return bytes([kind]) + struct.pack("<Q", len(content)) + content
+
+    def text(content):
+        return struct.pack("<I", len(content)) + content
+
+    kind = "nav_msgs/msg/Odometry"
+    definition = get_typestore(Stores.ROS2_HUMBLE).generate_msgdef(kind, ros_version=2)[0]
+    schema = struct.pack("<H", 1) + text(kind.encode())
+    schema += text(b"ros2msg") + text(definition.encode())
+    channel = struct.pack("<HH", 1, 1) + text(b"/odom") + text(b"cdr") + text(b"")
+    inside = record(3, schema) + record(4, channel)
+    inside += record(5, struct.pack("<HIQQ", 1, 0, 1, 1)) * 6_000_000
+    packed = zstd.compress(inside)
+    chunk = struct.pack("<QQQI", 1, 1, len(inside), 0) + text(b"zstd")
+    magic = b"\x89MCAP0\r\n"
+    content = record(1, text(b"ros2") + text(b"")) + record(
+        6, chunk + struct.pack("<Q", len(packed)) + packed
+    )
+    content += record(15, bytes(4)) + record(2, bytes(20))
+    path.write_bytes(magic + content + magic)
+    return path
+
+
+@pytest.mark.slow("runs into the limit of time")
+def test_a_bomb_is_refused_within_ten_seconds():
+    path = bomb(Path("f.mcap"))
+    assert path.stat().st_size < 60_000
+    begin = time.monotonic()
+    said = refusal(EqtError, eqt_cli.check_log, path)
+    assert time.monotonic() - begin < 10
+    assert said.startswith("f.mcap: takes more than 6 s to be read")
+
+
+def px4_in_ros(kind, text):
+    def made(k, header, make):
+        return make["VehicleAttitude"](
+            timestamp=20_000 * (k + 1), timestamp_sample=20_000 * (k + 1) - 9,
+            q=np.array([1, 0, 0, 0], np.float32), delta_q_reset=np.zeros(4, np.float32),
+            quat_reset_counter=0, **{"more": 1.0} if "more" in text else {},
+        )  # fmt: skip
+
+    topics = [("/fmu/out/vehicle_attitude", kind, np.arange(50) / 50, made)]
+    return write_bag(Path("p.mcap"), topics, definitions={kind: text})
+
+
+DEFINED = (
+    "uint64 timestamp\nuint64 timestamp_sample\nfloat32[4] q\nfloat32[4] delta_q_reset\n"
+    "uint8 quat_reset_counter\n"
+)
+
+
+def test_messages_of_px4_are_read_with_the_shipped_definitions():
+    found = flight_of(px4_in_ros("px4_msgs/msg/VehicleAttitude", DEFINED))
+    (attitude,) = found.series("attitude")
+    assert attitude.times == pytest.approx(0.02 * np.arange(1, 51) - 9e-6)
+
+
+def test_a_definition_of_the_file_is_never_used():
+    path = px4_in_ros("px4_msgs/msg/VehicleAttitude", DEFINED + "float64 more\n")
+    (topic,) = flight_of(path).topics
+    assert (topic.note, topic.fields) == (
+        "the file defines px4_msgs/msg/VehicleAttitude otherwise than eqt knows it", {}
+    )  # fmt: skip
+    said = refusal(InputError, eqt_cli.check_log, path)
+    assert said.endswith(f"; {topic.name}: {topic.note}")
+
+
+def test_a_type_that_eqt_does_not_know_is_not_read():
+    (topic,) = flight_of(px4_in_ros("own_msgs/msg/VehicleAttitude", DEFINED)).topics
+    assert (topic.rows, topic.fields, topic.note) == (50, {}, "")
+
+
+def test_two_recordings_are_compared_as_a_plain_program_does():
+    rng = np.random.default_rng(0)
+    t = np.arange(0.0, 6.0, 0.05)
+    poses = [(circle(t / 4), Rotation.from_rotvec(0.2 * t[:, None] * [0.6, 0, 0.8]))]
+    noise = Rotation.from_rotvec(0.02 * rng.normal(size=(len(t), 3)))
+    poses.append((poses[0][0] + 0.01 * rng.normal(size=(len(t), 3)), poses[0][1] * noise))
+    for name, (p, R) in zip(("wanted.tum", "flown.tum"), poses, strict=True):
+        np.savetxt(name, np.c_[t, p, R.as_quat()], fmt="%.17g")
+    found = eqt_cli.log_errors("flown.tum", "wanted.tum", format="tum", association="nearest")
+    apart = np.linalg.norm(poses[1][0] - poses[0][0], axis=1)
+    angle = np.degrees((poses[0][1].inv() * poses[1][1]).magnitude())
+    for quantity, axis, values in (("position", "all", apart), ("attitude", "angle", angle)):
+        one = size(found, quantity, axis)
+        expected = np.sqrt(np.mean(values**2)), np.median(values), values.max()
+        assert (one.rms, one.median, one.largest) == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_table_has_no_setpoints():
+    Path("f.csv").write_text("t,x,y,z\n0,0,0,0\n1,1,0,0\n")
+    assert refusal(EqtError, eqt_cli.log_errors, "f.csv") == (
+        "f.csv: a table has no setpoints; give a second file with them"
+    )
+    Path("g.ulg").write_bytes(ulog(("vehicle_local_position", LOCAL, [(1, 0, 0, 0), (9, 0, 0, 0)])))
+    assert refusal(InputError, eqt_cli.log_errors, "g.ulg") == (
+        "g.ulg: nothing to compare; measured: position; wanted: none"
+    )
