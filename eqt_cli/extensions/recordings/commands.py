@@ -240,7 +240,7 @@ def log_errors(
 
 def _print_log(checked: LogCheck) -> None:
     if checked.topics:
-        told = [[*row[:2], *(significant(x) for x in row[2:])] for row in checked.topics]
+        told = [[*r[:2], f"{r[2]}", significant(r[3]), f"{r[4]}"] for r in checked.topics]
         output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], told), "")
     rows = [
         [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]

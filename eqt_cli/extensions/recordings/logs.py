@@ -38,7 +38,6 @@ SMALLER = "log fewer topics, or a part of the flight"  # advice for a larger fil
 # What a file may take, at first and with its size; bags take 0.2 s per MB.
 SECONDS, BYTES_PER_SECOND = 6.0, 1e6
 MEMORY, RATIO = 10**9, 8
-MOST_MESSAGE = 300  # characters of a message of a reader
 
 _START = "import os, runpy, sys; os.environ['OPENBLAS_NUM_THREADS'] = '1'; del sys.argv[0]; "
 _START += "runpy.run_path(sys.argv[0], run_name='__main__')"
@@ -233,7 +232,7 @@ def flight_of(path: Path) -> Flight:
         many = f"takes more than {limits.seconds:.0f} s to be read, too many for its size"
         raise InputError(f"{path}: {many}; {SMALLER}") from None
     if done.returncode:
-        said = done.stderr.decode("utf-8", "replace").strip()[-MOST_MESSAGE:]
+        said = done.stderr.decode("utf-8", "replace").strip()[-300:]
         raise InputError(f"{path}: cannot be read as {title}: {printable(said) or 'too large'}")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         topics = []
@@ -622,8 +621,9 @@ def tracking_errors(
     curves = {q: compared(q, 0.0, association) for q in QUANTITIES if q in known and q in wanted}
     curves, sizes = {q: curve for q, curve in curves.items() if len(curve[0])}, []
     if not curves:
-        held = [", ".join(each) or "none" for each in (known, wanted)]
-        raise InputError("{}: nothing to compare; measured: {}; wanted: {}".format(name, *held))
+        measured, goal = (", ".join(each) or "none" for each in (known, wanted))
+        advice = "name the topic of the setpoints (--setpoint), or give a second file"
+        raise InputError(f"{name}: measured: {measured}; wanted: {goal}; {advice}")
     for q, (t, errors) in curves.items():
         lag = _lag(partial(compared, q), len(t))
         for axis, column in zip(QUANTITIES[q][1], abs(errors).T, strict=True):

@@ -361,5 +361,6 @@ def test_a_table_has_no_setpoints():
     )
     Path("g.ulg").write_bytes(ulog(("vehicle_local_position", LOCAL, [(1, 0, 0, 0), (9, 0, 0, 0)])))
     assert refusal(InputError, eqt_cli.log_errors, "g.ulg") == (
-        "g.ulg: nothing to compare; measured: position; wanted: none"
+        "g.ulg: measured: position; wanted: none; name the topic of the setpoints (--setpoint), or "
+        "give a second file"
     )
