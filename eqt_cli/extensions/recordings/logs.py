@@ -343,7 +343,7 @@ class ColumnUse:
 
 def topics_of(flight: Flight) -> Iterator[tuple[str, str, int, float, int]]:
     """Yield name, use, rows, rate in Hz, and gaps of all topics; a rate of those that are read."""
-    for each in flight.topics:
+    for each in (topic for topic in flight.topics if topic.rows):
         steps, table = np.diff(each.times) / 1e9, sources_of(flight.format)
         median = float(np.median(steps)) if len(steps) else np.nan
         here = [s for s in table if s.kind == each.kind and {*s.fields.split()} <= {*each.fields}]

@@ -179,6 +179,7 @@ def test_damage_is_told(content):
     broken[middle : middle + 400] = b"\0" * 400
     found = check_text(table_of(bytes(broken), "f.ulg"), "f.ulg", "csv", LogMapping())
     assert found.notes[0] == "parts of the file are damaged and were skipped"
+    assert "" not in {topic for topic, *_ in eqt_cli.check_log("f.ulg").topics}
 
 
 @pytest.mark.slow("starts a process for each of 24 files")
