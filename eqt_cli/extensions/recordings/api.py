@@ -140,6 +140,8 @@ def log_errors(
     topic: str | None = None,
     setpoint: str | None = None,
     association: str = "linear",
+    align: str | None = None,
+    relative: int | None = None,
     out: str | os.PathLike[str] | None = None,
 ) -> TrackingErrors:
     """Measure how far a recorded vehicle was from its setpoints, or from a second recording.
@@ -160,6 +162,11 @@ def log_errors(
     association
         ``linear``; ``nearest``: the measurement at the nearest time, at most 0.01 s away;
         ``held``: the last one.
+    align
+        Moves the measured positions to the wanted ones first: ``rigid`` or ``similarity`` (with a
+        scale) by least squares (Umeyama), ``origin`` by the first pose.
+    relative
+        Compare the motions over so many instants in place of the poses.
     out
         Output folder for the figure ``errors``, and a CSV of each quantity. Default: no files.
 
@@ -187,6 +194,7 @@ def log_errors(
     (0.1, 0.1, 0.0)
     """
     literal(Literal["linear", "nearest", "held"], "association", association)
+    literal(Literal["rigid", "similarity", "origin"], "align", align or "rigid")
     flight, spans, of = _flight(path), logs.NO_SPANS, " setpoint"
     known = _series(path, flight, mapping, format, topic)
     if second is not None:
@@ -197,7 +205,7 @@ def log_errors(
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         wanted = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight)
-    found = logs.tracking_errors(f"{path}", known, wanted, spans, association)
+    found = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, relative)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
 

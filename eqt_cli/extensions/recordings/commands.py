@@ -146,6 +146,7 @@ def _entry(value: Any) -> Any:
 
 
 ASSOCIATIONS = "linear", "nearest", "held"
+ALIGNMENTS = "rigid", "similarity", "origin"
 
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
@@ -206,6 +207,8 @@ def log_errors(
     topic: Annotated[str | None, options.option("--topic")] = None,
     setpoint: Annotated[str | None, options.option("--setpoint")] = None,
     association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear",
+    align: Annotated[str | None, options.option("--align", known=ALIGNMENTS)] = None,
+    relative: Annotated[int | None, options.option("--relative", min=1)] = None,
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -223,6 +226,9 @@ def log_errors(
         --setpoint NAME  Topic of the setpoints, or desired for those values of ArduPilot in place
             of its targets. Default: the first that the file has.
         --association NAME  Measurement at the instants: linear, nearest (within 0.01 s) or held.
+        --align NAME  Move the measured positions first: rigid, similarity (both by Umeyama) or
+            origin (by the first pose).
+        --relative N  Compare the motions over N instants in place of the poses.
     Result
         --out DIR  Folder for the figure errors, and CSV of the errors over time.
     """
@@ -230,6 +236,7 @@ def log_errors(
     from eqt_cli.extensions.recordings.logs import error_table
 
     how: dict[str, Any] = {"association": association, "topic": topic, "setpoint": setpoint}
+    how |= {"align": align, "relative": relative}
     found = api.log_errors(file, second, mapping, format=format_, out=out, **how)
     sizes = [one._asdict() for one in found.sizes]
     document = {"headline": found.headline, "topics": found.topics, "sizes": sizes}

@@ -593,6 +593,59 @@ def difference(quantity: str, measured: Array, wanted: Array) -> Array:
     return np.rad2deg(np.stack([angle, tilt, (heading + np.pi) % (2 * np.pi) - np.pi], axis=-1))
 
 
+def umeyama(x: Array, y: Array, scale: bool) -> tuple[float, Array, Array]:
+    """Return c, R and p for which c R x + p is nearest to y, ``(n, 3)`` each (Umeyama 1991)."""
+    x0, y0 = x.mean(axis=0), y.mean(axis=0)
+    U, d, Vt = np.linalg.svd((y - y0).T @ (x - x0) / len(x))
+    if not d[1] > 1e-12 * d[0]:
+        raise EqtError("align: the positions are on a line; use origin, or leave it out")
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+    R = (U * signs) @ Vt
+    c = float(d @ signs / np.mean(np.sum((x - x0) ** 2, axis=1))) if scale else 1.0
+    return c, R, y0 - c * R @ x0
+
+
+def _frame(
+    position: list[Array], turned: list[Series], align: str, how: str
+) -> tuple[float, Array, Array]:
+    """Return c, R and p that move the measured positions to the wanted ones."""
+    t, x, y = position
+    if align != "origin":
+        return umeyama(x, y, align == "similarity")
+    R = np.eye(3)
+    if turned:
+        here, there = (matrices(one.at(t[:1], how))[0] for one in turned)
+        R = there @ here.T
+    return 1.0, R, y[0] - R @ x[0]
+
+
+def moved(quantity: str, one: Series, c: float, R: Array, p: Array) -> Series:
+    """Return a series in the frame of c R x + p."""
+    if quantity == "attitude":
+        return one._replace(numbers=quaternions(R @ matrices(one.numbers)))
+    there = c * one.numbers @ R.T + p * (quantity == "position")
+    return one if quantity == "rates" else one._replace(numbers=there)
+
+
+def _relative(
+    position: list[Array], turned: list[Series], how: str, frames: int
+) -> dict[str, tuple[Array, Array]]:
+    """Return the errors of the motions over some frames, E = (Q_d⁻¹ Q_d')⁻¹ Q⁻¹Q'."""
+    t, *places = position
+    first, moves = np.arange(0, len(t) - frames, frames), []
+    for k, place in enumerate(places):
+        Q = np.tile(np.eye(4), (len(t), 1, 1))
+        Q[:, :3, 3] = place
+        if turned:
+            Q[:, :3, :3] = matrices(turned[k].at(t, how))
+        moves.append(np.linalg.solve(Q[first], Q[first + frames]))
+    E, t = np.linalg.solve(moves[1], moves[0]), t[first + frames]
+    none = np.tile([1.0, 0, 0, 0], (len(t), 1))
+    found = {"position": (t, difference("position", E[:, :3, 3], 0 * none[:, 1:]))}
+    turn = {"attitude": (t, difference("attitude", quaternions(E[:, :3, :3]), none))}
+    return found | turn if turned else found
+
+
 NO_SPANS = np.empty(0), np.ones(1, bool)
 
 
@@ -602,6 +655,8 @@ def tracking_errors(
     wanted: dict[str, Series],
     spans: tuple[Array, Array] = NO_SPANS,
     association: str = "linear",
+    align: str | None = None,
+    relative: int | None = None,
 ) -> TrackingErrors:
     """Compare known series with wanted ones, at the instants of the wanted ones.
 
@@ -611,21 +666,34 @@ def tracking_errors(
         If they have no quantity in common, or no time.
     """
 
-    def compared(q: str, delay: float = 0.0, how: str = "linear") -> tuple[Array, Array]:
+    def pair(q: str, delay: float = 0.0, how: str = "linear") -> list[Array]:
         t, goal, (edges, armed) = wanted[q].times, wanted[q].numbers, spans
         numbers = known[q].at(t + delay, how, edges)
         rows = np.isfinite(numbers).all(axis=1) & np.isfinite(goal).any(axis=1)
         rows &= armed[np.searchsorted(edges, t, side="right")]
-        return t[rows], difference(q, numbers[rows], goal[rows])
+        return [each[rows] for each in (t, numbers, goal)]
 
+    def compared(q: str, delay: float = 0.0, how: str = "linear") -> tuple[Array, Array]:
+        t, numbers, goal = pair(q, delay, how)
+        return t, difference(q, numbers, goal)
+
+    if (align or relative) and not {"position"} <= {*known} & {*wanted}:
+        raise EqtError(f"{name}: align and relative need positions, measured and wanted")
+    both = [of["attitude"] for of in (known, wanted) if {"attitude"} <= {*known} & {*wanted}]
+    if align:
+        frame = _frame(pair("position", 0.0, association), both, align, association)
+        known = {q: moved(q, one, *frame) for q, one in known.items()}
     curves = {q: compared(q, 0.0, association) for q in QUANTITIES if q in known and q in wanted}
     curves, sizes = {q: curve for q, curve in curves.items() if len(curve[0])}, []
+    if relative:
+        both = [of["attitude"] for of in (known, wanted) if both]
+        curves = _relative(pair("position", 0.0, association), both, association, relative)
     if not curves:
         measured, goal = (", ".join(each) or "none" for each in (known, wanted))
         advice = "name the topic of the setpoints (--setpoint), or give a second file"
         raise InputError(f"{name}: measured: {measured}; wanted: {goal}; {advice}")
     for q, (t, errors) in curves.items():
-        lag = _lag(partial(compared, q), len(t))
+        lag = (np.nan, np.nan) if relative else _lag(partial(compared, q), len(t))
         for axis, column in zip(QUANTITIES[q][1], abs(errors).T, strict=True):
             if len(x := column[np.isfinite(column)]):
                 rms, median, most = map(float, (np.sqrt(np.mean(x**2)), np.median(x), x.max()))

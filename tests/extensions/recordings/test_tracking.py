@@ -364,3 +364,48 @@ def test_a_table_has_no_setpoints():
         "g.ulg: measured: position; wanted: none; name the topic of the setpoints (--setpoint), or "
         "give a second file"
     )
+
+
+def two_trajectories():
+    """Poses that were wanted, and noisy ones in another frame and scale, as files of TUM."""
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 6.0, 0.05)
+    p = np.c_[np.cos(t), np.sin(1.3 * t), 0.2 * t]
+    R = Rotation.from_euler("ZYX", np.c_[0.5 * t, 0.2 * np.sin(t), 0 * t])
+    frame = Rotation.from_rotvec([0.3, -0.2, 0.5])
+    q = 1.2 * frame.apply(p) + [1.0, 2.0, 3.0] + 0.02 * rng.normal(size=p.shape)
+    S = frame * R * Rotation.from_rotvec(0.02 * rng.normal(size=p.shape))
+    for name, place, turn in (("wanted.tum", p, R), ("flown.tum", q, S)):
+        np.savetxt(name, np.c_[t, place, turn.as_quat()], fmt="%.17g")
+    return p, R, q, S
+
+
+@pytest.mark.parametrize("align", ["rigid", "similarity", "origin"])
+def test_positions_are_aligned_as_a_plain_program_does(align):
+    p, R, q, S = two_trajectories()
+    found = eqt_cli.log_errors("flown.tum", "wanted.tum", format="tum", align=align)
+    if align == "origin":
+        turn, scale = R[0] * S[0].inv(), 1.0
+        shift = p[0] - turn.apply(q[0])
+    else:
+        # By SciPy's solution of Wahba's problem, and the scale as a least-squares slope
+        turn, _ = Rotation.align_vectors(p - p.mean(axis=0), q - q.mean(axis=0))
+        there = turn.apply(q - q.mean(axis=0))
+        scale = np.sum(there * (p - p.mean(axis=0))) / np.sum(there**2)
+        scale = scale if align == "similarity" else 1.0
+        shift = p.mean(axis=0) - scale * turn.apply(q.mean(axis=0))
+    apart = np.linalg.norm(scale * turn.apply(q) + shift - p, axis=1)
+    angle = np.degrees((R.inv() * turn * S).magnitude())
+    assert size(found, "position").rms == pytest.approx(np.sqrt(np.mean(apart**2)), abs=1e-12)
+    assert size(found, "attitude", "angle").largest == pytest.approx(angle.max(), abs=1e-10)
+
+
+def test_relative_motions_do_not_depend_on_the_frame():
+    p, R, q, S = two_trajectories()
+    found = eqt_cli.log_errors("flown.tum", "wanted.tum", format="tum", relative=3)
+    expected = []
+    for k in range(0, len(p) - 3, 3):
+        move = R[k].inv().apply(p[k + 3] - p[k]), R[k].inv() * R[k + 3]
+        flew = S[k].inv().apply(q[k + 3] - q[k])
+        expected.append(np.linalg.norm(move[1].inv().apply(flew - move[0])))
+    assert found.curves["position"][1][:, 0] == pytest.approx(np.array(expected), abs=1e-12)
