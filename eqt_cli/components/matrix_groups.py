@@ -167,10 +167,10 @@ def rotation_of_euler(sequence: str, angles: Array) -> Array:
         return _quaternion_product(q, turn) if sequence.isupper() else _quaternion_product(turn, q)
 
     half = np.asarray(angles) / 2
-    turns = np.zeros((len(sequence), *half.shape[:-1], 4))
+    turns = np.zeros((len(sequence), *half.shape[:-1], 4), dtype=half.dtype)
     for index, letter in enumerate(sequence.lower()):
-        turns[index, ..., "xyz".index(letter)] = np.sin(half[..., index])
-        turns[index, ..., 3] = np.cos(half[..., index])
+        turns[index, ..., "xyz".index(letter)] = sin(half[..., index])
+        turns[index, ..., 3] = cos(half[..., index])
     return rotation_of_quaternion(reduce(joined, turns))
 
 

@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import Input, Program, distinct, traced
 
 INPUT, NUMBER, MEMORY = "input_", "number_", "memory_"
-TORQUE = "torque"
+TORQUE, MISSING = "torque", "missing_"
 PERIOD = "period"
 """Name of the control period, by which memory advances, s."""
 
@@ -102,15 +103,24 @@ class LawProgram:
         return {entry.name: numbers[entry.source].reshape(entry.shape) for entry in self.numbers}
 
 
-def law_program(loop: ClosedLoop) -> LawProgram:
+def law_program(loop: ClosedLoop, adapter: Any = None) -> LawProgram:
     """Return the law of a closed loop as a program.
 
     A law that cannot be traced raises whatever error it raises on symbols.
+
+    Parameters
+    ----------
+    adapter
+        What gives the `entries` of the program, and the input of a law that it can `read` from
+        them; its `output` gives what is `returned` for a torque. What it does not give, and the law
+        reads, is `MISSING` among the inputs of `step`.
     """
     G, held = loop.group, loop.controller.held(loop.group, 0.0)
     loop = dataclasses.replace(loop, held_law=held)
     entries, numbers, memory = _inputs(loop), _numbers(loop), _memory(loop)
-    groups = sizes({INPUT: entries, NUMBER: numbers, MEMORY: memory})
+    units, known = {each.source: each.unit for each in entries}, MISSING if adapter else INPUT
+    reads = tuple(adapter.entries(G, units)) if adapter else entries
+    groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
 
     def symbols(inputs: Mapping[str, Array]) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
         """Return the loop with symbols for the law's numbers, its input, and its memory."""
@@ -119,7 +129,9 @@ def law_program(loop: ClosedLoop) -> LawProgram:
         def one(prefix: str, entry: Entry) -> Array:
             return inputs[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
-        law_input = LawInput(**{entry.source: one(INPUT, entry) for entry in entries})
+        law_input = LawInput(**{entry.source: one(known, entry) for entry in entries})
+        if adapter:
+            law_input = adapter.read(G, law_input, {each.name: one(INPUT, each) for each in reads})
         # Constant entries of a pose need not be read.
         Q, Qd = (G.unpack(G.pack(pose)) for pose in (law_input.pose, law_input.desired_pose))
         law_input = law_input._replace(t=law_input.t[0, 0], pose=Q, desired_pose=Qd)
@@ -129,6 +141,9 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
         symbolic, law_input, state = symbols(inputs)
         torque, after = symbolic.answer(law_input, state, inputs[NUMBER + numbers[-1].name][0])
+        if adapter:
+            s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
+            torque = adapter.output.returned(s, torque)
         return {TORQUE: torque[0], **_flat(memory, after)}
 
     def start(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -145,14 +160,15 @@ def law_program(loop: ClosedLoop) -> LawProgram:
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
     unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
-    if loop.controller.reads_flat_output:  # instead of the desired pose, or beside its rates
-        desired = {INPUT + each.name for each in entries if each.name.startswith("desired_")}
-        unused |= desired - read
-        entries = tuple(each for each in entries if INPUT + each.name not in unused)
+    flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
+    spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}
+    unused |= spare - read
+    reads = tuple(each for each in reads if INPUT + each.name not in unused)
     left = tuple((group, size) for group, size in groups.items() if group not in unused)
     trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
-    torque = Entry(TORQUE, (G.dimension,), TORQUE, by_part(G, "force_unit"))
-    return LawProgram(entries, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
+    words = adapter.output.words if adapter else str
+    torque = Entry(TORQUE, (G.dimension,), TORQUE, words(by_part(G, "force_unit")))
+    return LawProgram(reads, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
 
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:

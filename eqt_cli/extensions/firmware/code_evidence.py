@@ -314,11 +314,14 @@ class Question:
         The loop, with the law as a formula.
     inputs, memory
         Inputs and memory of the law, one row per state.
+    adapted
+        Whether the law reads its inputs in other frames or orders.
     """
 
     loop: ClosedLoop
     inputs: LawInput
     memory: Mapping[str, Array]
+    adapted: bool = False
 
     def torque(
         self,

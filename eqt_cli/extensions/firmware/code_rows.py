@@ -305,8 +305,12 @@ def _compared(judged: Judged) -> Iterator[Row]:
     for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
             continue
+        if judged.law.adapter:  # poses of runs are rotations but for the error of the solver
+            x, G = states.inputs, loop.group
+            x = x._replace(pose=G.exp(G.log(x.pose)), desired_pose=G.exp(G.log(x.desired_pose)))
+            states = states._replace(inputs=x)
         torque, memory = loop.answer(*states, loop.period)
-        question = Question(formula, *states)
+        question = Question(formula, *states, bool(judged.law.adapter))
         differences = _differences(question, torque, code.real)
         words, verdict = [], Verdict.HOLDS
         if differences.wrong.any():
@@ -406,12 +410,14 @@ def _rounding(question: Question, where: Array) -> Array:
     """The bound of the rounding error of the law in doubles, with that of all it is given."""
     loop = question.loop
 
-    def inexact(values: Array) -> Array:
+    def inexact(values: Array, mixed: bool = False) -> Array:
         values = np.asarray(values, dtype=float)
-        return lifted(values, UNIT * np.abs(values))
+        # Each entry of a rotated vector, or of a quaternion, is a sum of all of them.
+        size = np.abs(values).max(tuple(range(1, values.ndim * mixed)), keepdims=True)
+        return lifted(values, UNIT * size * np.ones_like(values))
 
     bounded = with_leaves(loop, {path: inexact(values) for path, values in leaves(loop).items()})
-    inputs = question.inputs.each(lambda part: inexact(np.asarray(part)[where]))
+    inputs = question.inputs.each(lambda part: inexact(np.asarray(part)[where], question.adapted))
     memory = {name: inexact(values[where]) for name, values in question.memory.items()}
     with np.errstate(all="ignore"):
         _, errors = value_of(bounded.answer(inputs, memory, loop.period)[0])

@@ -25,6 +25,7 @@ def export(
     real: Annotated[str, options.option("--real", known=REALS)] = "double",
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     reference: Annotated[bool, options.option("--reference")] = False,
+    adapter: Annotated[Path | None, options.option("--adapter")] = None,
     set_: options.Set = None,
     point: options.Point = None,
     workers: options.Workers = None,
@@ -43,6 +44,8 @@ def export(
     Output
         --real NAME  Type of all numbers: double or float.
         --reference  Also export the reference, which must be in closed form.
+        --adapter FILE  YAML that says how the vehicle writes what the law reads and what it
+            returns, as of `eqt verify`.
     Result
         --out DIR  Folder to write. Default: exported/NAME.
     """
@@ -57,6 +60,7 @@ def export(
         controllers=controller or (),
         real="float" if real == "float" else "double",
         reference=reference,
+        adapter=adapter,
         workers=workers or options.cores(),
     )
     _report(exported, json=json)

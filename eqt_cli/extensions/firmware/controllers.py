@@ -11,20 +11,21 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.base.arrays import Array, apply_matrix, transpose
+from eqt_cli.base.arrays import Array, apply_matrix, dot, transpose
 from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
 from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import load
+from eqt_cli.components import matrix_groups
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, Controller, RunsCode, controllers
-from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.source import ConfigSource, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
+from eqt_cli.loop.law_program import Entry
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
 from eqt_cli.results.dataset import coordinates_of
 
@@ -77,21 +78,56 @@ class Signal:
 
     def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return the signal as code reads it, ``(..., *shape)``."""
+        name, part, where, own = self._found(G, x)
+        value: Any = np.asarray(getattr(x, name), dtype=float)[where]
+        if not own:
+            return self._ordered(part, value)
+        return self.factor * turned(G, x, value, own, self.frame)
+
+    def read(self, G: MatrixLieGroup, x: LawInput, value: Array) -> LawInput:
+        """Return the input with this signal from what code has of it; inverts `values`."""
+        name, part, where, own = self._found(G, x)
+        whole = np.array(getattr(x, name))
+        if not own:
+            value = self._rotation(value)
+            where = where if value.shape == whole.shape else (..., *part.entries)
+        else:
+            value = turned(G, x, value / self.factor, self.frame or own, own)
+        whole[where] = value
+        return x._replace(**{name: whole})
+
+    def _found(self, G: MatrixLieGroup, x: LawInput) -> tuple[str, Part, tuple[Any, ...], str]:
+        """Return the input, its part, where that is, and its frame in eqt; none of a rotation."""
         name, _, which = self.signal.partition(".")
         part = next((each for each in G.parts if which in ("", each.name)), None)
         if part is None or getattr(x, name, None) is None:
             known = ", ".join(x._fields)
             raise InputError(f"signal: expected {known}, or a part, got {shown(self.signal)}")
-        value: Any = np.asarray(getattr(x, name), dtype=float)
-        own = "desired" if name.startswith("desired") else "body"
         if name.endswith("pose"):
-            value, own = value[..., *part.entries] if which else value, "space"
+            rows, columns = part.entries if which else (slice(None), slice(0, None))
             if part.turns:
-                return self._ordered(part, value)
-            value = value[..., 0]
-        elif which:
-            value = value[..., part.axes]
-        return self.factor * turned(G, x, value, own, self.frame)
+                return name, part, (..., rows, columns), ""
+            return name, part, (..., rows, columns.start), "space"
+        of_velocity = "desired" if name.startswith("desired") else "body"
+        own = "space" if name == "position" else of_velocity
+        return name, part, (..., part.axes) if which else (...,), own
+
+    def words(self, unit: str) -> str:
+        """Return what differs from eqt's, whose unit is given."""
+        plain = None, 1.0, "matrix", "result", self.signal, self.unit
+        said = [
+            f"{k.rstrip('_')} {value}" for k, value in asdict(self).items() if value not in plain
+        ]
+        return ", ".join([self.unit or unit, *self.signal.split(".")[1:], *said])
+
+    def _rotation(self, value: Array) -> Array:
+        if self.as_ == "roll-pitch-yaw":
+            value = matrix_groups.rotation_of_euler("xyz", value / self.factor)
+        elif self.as_.startswith("quaternion"):  # of any length
+            q = np.roll(value, -(self.as_[-4] == "w"), -1)
+            value = matrix_groups.rotation_of_quaternion(q) / dot(q, q)[..., None, None]
+        value = transpose(value) if self.as_ == "columns" else value
+        return value * np.outer(*2 * [np.broadcast_to(self.sign, value.shape[-1])])
 
     def _ordered(self, part: Part, R: Array) -> Array:
         R = R * np.outer(*2 * [np.broadcast_to(self.sign, R.shape[-1])])
@@ -107,6 +143,11 @@ class Signal:
         torque = turned(s.G, LawInput.of(s), back, self.frame or "body", "body")
         return s.inertia.momentum(torque) if self.per else torque
 
+    def returned(self, s: Tracking, torque: Array) -> Array:
+        """Return what code returns for a torque; inverts `torque_of`."""
+        back = s.inertia.velocity(torque) if self.per else torque
+        return self.factor * turned(s.G, LawInput.of(s), back, "body", self.frame)
+
 
 def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None) -> Array:
     """Return vectors of one frame in another one; numbers stay as they are."""
@@ -115,7 +156,7 @@ def turned(G: MatrixLieGroup, x: LawInput, value: Array, by: str, to: str | None
         if frame != "space":
             pose = x.pose if frame == "body" else x.desired_pose
             R = pose[(..., *block)] if frame == by else transpose(pose[(..., *block)])
-            vectors = value.reshape(*value.shape[:-1], -1, R.shape[-1])
+            vectors = value.reshape(*R.shape[:-2], -1, R.shape[-1])
             value = apply_matrix(R[..., None, :, :], vectors).reshape(value.shape)
     return value
 
@@ -137,6 +178,28 @@ class Adapter:
     inputs: dict[str, Signal]
     output: Signal = Signal()
     call: str | None = None
+
+    def entries(self, G: MatrixLieGroup, known: Mapping[str, str]) -> Iterator[Entry]:
+        """Yield what C reads in place of the known input of a law, whose units are given."""
+        first = first_inputs(G)
+        for name, each in self.inputs.items():
+            of, shape = each.signal.partition(".")[0], each.values(G, first).shape[1:]
+            yield Entry(name, shape, of, each.words(known.get(of, "")))
+
+    def read(self, G: MatrixLieGroup, x: LawInput, values: Mapping[str, Array]) -> LawInput:
+        """Return the input of a law from what code has of it."""
+        for name, signal in 2 * list(self.inputs.items()):  # first the pose, by which others turn
+            x = signal.read(G, x, values[name])
+        return x
+
+
+def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | None:
+    """Return the adapter in a file, for C; raises an `EqtError` where it is none."""
+    at = Problems(lambda _: os.fspath(file))
+    data = load(text_of(Path(file), "it is an adapter", InputError), str(file)).data
+    law: Code = Kind(controllers).checked({"kind": "code", "file": "law", "adapter": data}, at, G)
+    at.raise_if_any()
+    return law.adapter
 
 
 # A law that runs a function of the user -----------------------------------------------------------
@@ -218,6 +281,8 @@ class Code(_Numbers):
             _check_name(name, problems.at("numbers", name))
         for index, name in enumerate(self.memory_):
             _check_name(name, problems.at("memory", index))
+        for name in self.adapter.inputs if self.adapter and not self.code.is_python else ():
+            _check_name(name, problems.at("adapter", "inputs", name))
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
         if self.function is not None and not self.code.is_python:
@@ -270,7 +335,7 @@ class Code(_Numbers):
         if problems:
             return None, {}
         with problems.catching():
-            space, first = G.space if rigid_motions(G) else 0, first_inputs(G)
+            space, first = G.space if matrix_groups.rigid_motions(G) else 0, first_inputs(G)
             reads = self._adapted.inputs.items()
             shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
             of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
@@ -438,11 +503,10 @@ def _of_claimed(name: str) -> property:
 
 
 for _name in (
-    *("energy", "matched", "claims_decrease", "claims", "feedforward_torque", "lyapunov"),
-    *("velocity_error", "dissipation", "memory_rate", "memory_gradient", "gains_group", "inside"),
-    *("commands_attitude", "attitude_error", "direction", "cycle", "undefined"),
-    *("reads_gains", "inside_reads_gains"),
-):
+    "energy matched claims_decrease claims feedforward_torque lyapunov velocity_error dissipation "
+    "memory_rate memory_gradient gains_group inside commands_attitude attitude_error direction "
+    "cycle undefined reads_gains inside_reads_gains"
+).split():
     setattr(Code, _name, _of_claimed(_name))
 
 
@@ -511,7 +575,7 @@ def file_and_function(code: str) -> tuple[Path, str | None]:
 def first_inputs(G: MatrixLieGroup) -> LawInput:
     """Return inputs at random states, at rest without error, and at half turns about every axis."""
     random, m = np.random.default_rng(0), G.dimension
-    n = G.space if rigid_motions(G) else 0
+    n = G.space if matrix_groups.rigid_motions(G) else 0
 
     def drawn(*shape: int) -> Array:
         rows = np.zeros((TRIED + 1 + m, *shape))

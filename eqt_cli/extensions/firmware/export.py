@@ -27,6 +27,7 @@ from eqt_cli.config.preflight import remark_on
 from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import headers, needed
+from eqt_cli.extensions.firmware.controllers import adapter_of
 from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
@@ -193,7 +194,7 @@ def header(law: ExportedLaw) -> str:
     return of_law(
         "law.h",
         law,
-        input=[_field(law.by, each, INPUT_MEANINGS[each.name]) for each in program.inputs],
+        input=[_field(law.by, each, INPUT_MEANINGS[each.source]) for each in program.inputs],
         numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
         memory=states or [(law.by.name, "unused", "the law has no memory")],
         **_filter_fields(law),
@@ -292,14 +293,12 @@ def emitted(program: Program, name: str) -> str:
 
 def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) -> str:
     """Return a C statement that calls a program with the arguments of the enclosing function."""
+    p = law.program
+    of = (INPUT, "input", p.inputs), (NUMBER, "numbers", p.numbers), (MEMORY, "memory", p.memory)
     entries = {
-        prefix + entry.name: f"{'' if entry.shape else '&'}{of}->{entry.name}"
-        for prefix, of, all_entries in (
-            (INPUT, "input", law.program.inputs),
-            (NUMBER, "numbers", law.program.numbers),
-            (MEMORY, "memory", law.program.memory),
-        )
-        for entry in all_entries
+        prefix + each.name: f"{'' if each.shape else '&'}{where}->{each.name}"
+        for prefix, where, group in of
+        for each in group
     }
     arguments = [entries[group] for group, _ in program.inputs]
     return wrapped(f"{name}({', '.join([*arguments, *outputs])});", " " * 12).lstrip()
@@ -461,6 +460,7 @@ def export(
     controllers: str | Sequence[str] = (),
     real: Literal["double", "float"] = "double",
     reference: bool = False,
+    adapter: str | os.PathLike[str] | None = None,
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
@@ -479,6 +479,9 @@ def export(
         Type of all numbers in C.
     reference
         Whether to export the reference too, which must be in closed form.
+    adapter
+        How the vehicle writes what the law reads and returns: a YAML file, as of `eqt
+        verify`. Default: as eqt does.
     point
         Point of a sweep, counted from 0. Default: the first.
     trust_plugins
@@ -509,7 +512,8 @@ def export(
     folder = Path(out) if out is not None else Path("exported", experiment.name)
     check_targets([folder / NAME], folder)  # fails before the work, not after it
     labels = [controllers] if isinstance(controllers, str) else controllers
-    laws = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
+    by, how = ARITHMETICS[real], adapter_of(adapter, experiment.group) if adapter else None
+    laws = exported(experiment, labels, by, reference=reference, adapter=how, workers=workers)
     texts: dict[str, str] = {}
     for law in laws:
         texts |= files(law)

@@ -21,18 +21,21 @@ from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
+from eqt_cli.extensions.firmware.controllers import Adapter
 from eqt_cli.extensions.firmware.program_error import FLOAT, Arithmetic, BoundedOutput, bounded
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import (
     CONTROLLER,
     INPUT,
     MEMORY,
+    MISSING,
     NUMBER,
     PERIOD,
     TORQUE,
     Entry,
     LawProgram,
     by_part,
+    law_program,
     sizes,
 )
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
@@ -465,6 +468,8 @@ class ExportedLaw:
         Program of the reference; None where it is not exported.
     filter
         Filter whose estimate the law reads; None where it reads measurements.
+    adapter
+        How the vehicle writes what the law reads and returns; None: as eqt does.
     """
 
     experiment: Experiment
@@ -475,6 +480,7 @@ class ExportedLaw:
     states: CheckedStates
     reference: ReferenceProgram | None
     filter: ExportedFilter | None
+    adapter: Adapter | None = None
 
     @property
     def title(self) -> str:
@@ -546,7 +552,7 @@ class ExportedLaw:
     @cached_property
     def allocation(self) -> Allocation | None:
         """The allocation behind the law, where it is a fixed matrix; else None."""
-        for actuator in self.loop.vehicle.actuators:
+        for actuator in () if self.adapter else self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
                 what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
@@ -580,6 +586,7 @@ def exported(
     by: Arithmetic,
     *,
     reference: bool = False,
+    adapter: Adapter | None = None,
     workers: int = 1,
 ) -> list[ExportedLaw]:
     """Return laws of an experiment, to be written as C, in its order.
@@ -590,6 +597,8 @@ def exported(
         Labels of the laws; all if empty.
     reference
         Whether to export the reference too.
+    adapter
+        How the vehicle writes what the law reads and returns. Default: as eqt does.
 
     Raises
     ------
@@ -603,24 +612,42 @@ def exported(
                 f"controller {label!r} is not in this experiment; expected "
                 f"{', '.join(experiment.loops)}{suggestion(label, experiment.loops)}"
             )
-    names = dict(
-        zip(experiment.loops, distinct(experiment.loops, endings=("", CHECK)), strict=True)
-    )
-    wanted = [label for label in experiment.loops if not labels or label in labels]
-    programs = {label: _program(experiment, label) for label in wanted}
-    return [
-        ExportedLaw(
-            experiment,
-            label,
-            names[label],
-            by,
-            program,
-            states_of(experiment, label, program, workers),
-            reference_program(experiment.loops[label], program) if reference else None,
-            exported_filter(experiment.loops[label], label, experiment.config.ensemble.seed),
-        )
-        for label, program in programs.items()
-    ]
+    names = distinct(experiment.loops, endings=("", CHECK))
+    wanted = {
+        k: v for k, v in zip(experiment.loops, names, strict=True) if not labels or k in labels
+    }
+    programs, laws = {label: _program(experiment, label) for label in wanted}, []
+    for label, program in programs.items():
+        loop, seed = experiment.loops[label], experiment.config.ensemble.seed
+        states = states_of(experiment, label, program, workers)
+        moving = reference_program(loop, program) if reference else None
+        found = exported_filter(loop, label, seed)
+        law = ExportedLaw(experiment, label, wanted[label], by, program, states, moving, found)
+        laws.append(_adapted(law, adapter) if adapter else law)
+    return laws
+
+
+def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
+    """Return a law as a vehicle writes what it reads and returns.
+
+    Raises
+    ------
+    EqtError
+        If the adapter does not give what the law reads, or more than a law is exported.
+    """
+    rows, program = law.states.inputs, law_program(law.loop, adapter)
+    for name in (name for name, _ in program.step.inputs if name.startswith(MISSING)):
+        left = name.removeprefix(MISSING)
+        raise EqtError(f"{law.label}: the adapter lacks {left}, or a part of it; add an input")
+    if law.reference or law.filter:
+        raise EqtError(f"{law.label}: leave out --reference and the estimator, or the adapter")
+    known = {each.source: each for each in law.program.inputs}
+    given = {name: rows[INPUT + name].reshape(-1, *each.shape) for name, each in known.items()}
+    x = LawInput._make(map(given.get, LawInput._fields))
+    inputs = {name: values for name, values in rows.items() if name.startswith(MEMORY)}
+    for name, signal in adapter.inputs.items():
+        inputs[INPUT + name] = signal.values(law.loop.group, x).reshape(len(x.t), -1)
+    return replace(law, program=program, states=replace(law.states, inputs=inputs), adapter=adapter)
 
 
 def _program(experiment: Experiment, label: str) -> LawProgram:

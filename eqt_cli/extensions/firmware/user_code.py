@@ -534,28 +534,16 @@ class CodeFunction:
         return static_state(compiler.object_file(self.code.source))
 
     def _called(
-        self,
-        begins: int,
-        numbers: Array,
-        period: float,
-        memory: Array,
-        inputs: Array,
-        *outcomes: Array,
+        self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array, *more: Array
     ) -> tuple[Array, Array]:
-        runs = len(inputs)
-        options = np.ascontiguousarray(numbers, dtype=float)
         later = np.array(memory, dtype=float, order="C")
         rows = np.ascontiguousarray(inputs, dtype=float)
-        torques = np.empty((runs, self.code.axes))
-        assert rows.shape == (runs, sum(self.code.inputs.values()))
-        arrays = (options, later, rows, torques, *outcomes)
+        torques = np.empty((len(rows), self.code.axes))
+        assert rows.shape[1] == sum(self.code.inputs.values())
+        arrays = (np.ascontiguousarray(numbers, dtype=float), later, rows, torques, *more)
         addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
-        self.library.eqt_code(
-            ctypes.c_long(runs),
-            ctypes.c_int(begins + 2 * self.fills),
-            ctypes.c_double(period),
-            *addresses,
-        )
+        how = ctypes.c_int(begins + 2 * self.fills), ctypes.c_double(period)
+        self.library.eqt_code(ctypes.c_long(len(rows)), *how, *addresses)
         return torques, later
 
 
@@ -611,9 +599,8 @@ def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
                 f"numbers.{name}: {X}_numbers in {code.file} has {count // size} of it, got "
                 f"{length}"
             )
-    lengths = dict(
-        zip(code.memory, (count // size for count in rest[len(code.numbers) :]), strict=True)
-    )
+    kept = [count // size for count in rest[len(code.numbers) :]]
+    lengths = dict(zip(code.memory, kept, strict=True))
     total = sum(lengths.values())
     if whole != total * size and (lengths or whole > size):
         named = ", ".join(f"{name} ({length})" for name, length in lengths.items()) or "none"

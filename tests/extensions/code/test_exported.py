@@ -1,13 +1,18 @@
 """Exported C that comes back: the very bits, and faults that are told and named."""
 
 import re
+import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 from case_tables import slow
+from exported_laws import FLAGS, compilers
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
+from eqt_cli.base import yaml_source
+from eqt_cli.base.errors import EqtError
 
 
 @pytest.mark.slow("compiles two closed loops for each law")
@@ -117,3 +122,112 @@ def test_a_memory_that_goes_on_too_early_is_told_and_named(faulty, judged, expor
     assert rows[TORQUE.format("Goodarzi 2013")] == (
         "memory goes on before it is used, and not after"
     )
+
+
+# With an adapter: what the vehicle reads and returns ----------------------------------------------
+
+ROTATION = {
+    "q": {"signal": "pose", "as": "quaternion wxyz"},
+    "w": {"signal": "velocity", "unit": "deg/s"},
+    "q_d": {"signal": "desired_pose", "as": "quaternion xyzw"},
+    "w_d": {"signal": "desired_velocity", "frame": "space", "sign": [1, -1, -1]},
+    "a_d": {"signal": "desired_acceleration", "frame": "body", "scale": 2},
+}
+EULER = ROTATION | {
+    "q": {"signal": "pose", "as": "roll-pitch-yaw", "unit": "deg", "sign": [1, -1, -1]},
+    "q_d": {"signal": "desired_pose", "as": "columns"},
+}
+MOTION = {
+    "p": {"signal": "pose.translation", "unit": "mm", "frame": "body"},
+    "q": {"signal": "pose.rotation", "as": "quaternion xyzw"},
+    "v": {"signal": "velocity.translation", "frame": "space"},
+    "w": {"signal": "velocity.rotation", "unit": "deg/s"},
+    "q_d": {"signal": "desired_pose.rotation", "as": "quaternion wxyz"},
+    "p_d": {"signal": "desired_pose.translation", "sign": -1},
+    "V_d": {"signal": "desired_velocity"},
+    "A_d": {"signal": "desired_acceleration", "frame": "body"},
+}
+SPACE = {
+    "group": "SE3",
+    "inertia": [1.0, 2.0, 3.0, 4.0, 4.0, 4.0],
+    "reference": {"kind": "constant"},
+}
+SPACE |= {"initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"}}
+ADAPTED = {
+    "quaternions": ({}, "lee2010", ROTATION, {"per": "inertia", "frame": "space", "scale": 3}),
+    "angles": ({}, "eqt", EULER, {"unit": "mN m"}),
+    "a memory": ({}, "goodarzi2013", ROTATION, {}),
+    "a rigid motion": (SPACE, "lee2010", MOTION, {"per": "inertia", "sign": -1}),
+}
+
+
+@pytest.fixture
+def adapted(config, tmp_path):
+    """Exports a law with an adapter: a configuration with the C and that adapter."""
+
+    def make(over, law, inputs, output, **changed):
+        over = dict(over) | {"gains": {"kp": 1.0, "kd": 0.5}}
+        adapter = {"inputs": inputs, "output": output}
+        Path("a.yaml").write_text(yaml_source.dump(adapter), encoding="utf-8")
+        made = config(over=over) | {"controllers": [law]}
+        eqt_cli.export(made, tmp_path / "law", adapter="a.yaml")
+        memory = ["integral"] if law == "goodarzi2013" else []
+        options = {"file": f"law/{law}.c", "numbers": {}, "memory": memory, "as": law}
+        options["adapter"] = adapter | {"inputs": {**inputs, **changed}}
+        return config(over=over, **options)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    "case", [slow("quaternions are fast", case, unless=case == "quaternions") for case in ADAPTED]
+)
+def test_c_for_an_adapter_is_the_law_through_it(case, adapted, judged):
+    said = judged(adapted(*ADAPTED[case])).values()
+    assert all(each.startswith("undecided: ") for each in said)  # not all of a sine is reached
+
+
+@pytest.mark.slow("compiles a program for each case")
+@pytest.mark.parametrize("case", ADAPTED)
+def test_the_check_of_c_for_an_adapter_passes(case, adapted):
+    """It compares the C with exact numbers."""
+    adapted(*ADAPTED[case])
+    law, [command, *_] = ADAPTED[case][1], compilers()
+    made = ["-o", "check", f"law/{law}_check.c", f"law/{law}.c"]
+    subprocess.run([*command, *FLAGS, *made], check=True)
+    said = subprocess.run(["./check"], check=True, capture_output=True, text=True).stdout
+    assert "states pass" in said
+
+
+def test_c_for_an_adapter_is_not_the_law_through_another(adapted, judged):
+    other = {"q": {"signal": "pose", "as": "quaternion xyzw"}}
+    assert TORQUE.format("Lee 2010") in judged(adapted(*ADAPTED["quaternions"], **other))
+
+
+def test_the_header_says_what_the_adapter_says(adapted):
+    adapted(*ADAPTED["a rigid motion"])
+    text = " ".join(Path("law", "lee2010.h").read_text(encoding="utf-8").split())
+    assert re.search(r"double q\[4\]; +/\* .*quaternion xyzw; Q, the pose as it was", text)
+    assert re.search(r"double w\[3\]; +/\* deg/s, rotation; V, the body velocity", text)
+    assert "sign -1.0, per inertia; then the memory" in text
+
+
+@pytest.mark.parametrize(
+    ("inputs", "said"),
+    [
+        ({"q": ROTATION["q"]},
+         "lee2010: the adapter lacks velocity, or a part of it; add an input"),
+        ({"q-1": ROTATION["q"]}, "a.yaml: adapter.inputs.q-1: expected a name in C, got 'q-1'"),
+    ],
+)  # fmt: skip
+def test_an_adapter_that_gives_no_law(inputs, said, adapted):
+    with pytest.raises(EqtError) as caught:
+        adapted({}, "lee2010", inputs, {})
+    assert str(caught.value) == said
+
+
+def test_no_reference_with_an_adapter(config):
+    Path("a.yaml").write_text(yaml_source.dump({"inputs": ROTATION}), encoding="utf-8")
+    made = config(over={"reference": {"kind": "constant"}}) | {"controllers": ["lee2010"]}
+    with pytest.raises(EqtError, match="lee2010: leave out --reference and the est"):
+        eqt_cli.export(made, "law", adapter="a.yaml", reference=True)

@@ -5,7 +5,7 @@
    Experiment ${comment(law.experiment.name)}, configuration ${law.experiment.digest[:16]}.
 
    Arrays are row by row, coordinates in the order ${law.loop.group.axis_names | join(", ")}, and velocities,
-   accelerations and torques are those of the body frame. At t = k period, call ${label}_torque with
+   accelerations and torques are those of the body frame{% if law.adapter %}, unless the field says otherwise{% endif %}. At t = k period, call ${label}_torque with
    what is known at that time, and hold its torque until the next call. There is no other state than
    that of the structures below: two vehicles need two of them.
 
