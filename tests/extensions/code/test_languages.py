@@ -1,9 +1,11 @@
 """Laws in Python and C++ are judged as those in C, and one in Python cannot leave its process."""
 
+import ctypes
 import json
 import re
 import shutil
 import socket
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -211,7 +213,9 @@ def test_a_signal_is_that_of_scipy(options, plain):
 
 
 def test_the_parts_of_a_rigid_motion():
-    x = states(group_named("SE3"))
+    x = states(group_named("SE3"))._replace(
+        position=np.random.default_rng(1).normal(size=(4, 5, 3))
+    )
     R, p = x.pose[:, :3, :3], x.pose[:, :3, 3]
     G = group_named("SE3")
     for signal, frame, plain in (
@@ -219,6 +223,8 @@ def test_the_parts_of_a_rigid_motion():
         ("pose.translation", "body", np.einsum("nji,nj->ni", R, p)),
         ("velocity.translation", "space", np.einsum("nij,nj->ni", R, x.velocity[:, 3:])),
         ("pose.rotation", None, R),
+        ("position", "space", x.position),
+        ("position", "body", np.einsum("nji,nkj->nki", R, x.position)),
     ):
         assert np.allclose(Signal(signal, frame=frame).values(G, x), plain, atol=1e-12)
 
@@ -290,6 +296,34 @@ def test_a_hostile_law_is_contained(does, python, told, monkeypatch):
         with pytest.raises(TimeoutError):
             server.accept()
     assert said.startswith("controllers[0]: bad in lee.py") and HOSTILE[does] in said
+    assert sorted(path.name for path in Path().iterdir()) == ["lee.py"]
+
+
+ESCAPES = {
+    "os.open('lee.py', os.O_WRONLY | os.O_TRUNC)": 13,
+    "os.open('x', os.O_WRONLY | os.O_CREAT)": 13,
+    "os.open('/proc/self/mem', os.O_RDWR)": 13,
+    "os.remove('lee.py')": 13,
+    "os.symlink('lee.py', 'x')": 13,
+    "os.posix_spawn('/bin/sh', ['sh', '-c', 'echo > x'], {})": 13,
+    "os.kill(os.getppid(), 0)": 1,
+    "open(f'/proc/{os.getppid()}/environ', 'rb')": 13,
+    "socket.create_connection(('127.0.0.1', PORT))": 13,
+    "socket.socket(2, socket.SOCK_DGRAM).sendto(b'x', ('127.0.0.1', PORT))": 101,
+}
+"""What Linux itself refuses, with the numbers of its errors."""
+
+
+@pytest.mark.parametrize("does", ESCAPES)
+def test_a_law_that_disarms_the_hook_is_contained(does, python, told):
+    if sys.platform != "linux" or ctypes.CDLL(None).syscall(444, None, ctypes.c_size_t(0), 1) < 6:
+        pytest.skip("needs Landlock of Linux 6.12")
+    more = "\nimport os, socket, __main__\n__main__.CHANGES, __main__.WRITES = ('none',), 0\n"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        line = does.replace("PORT", str(server.getsockname()[1]))
+        said = told(python(more=more + LAW.format(line), function="bad"))
+    assert f"[Errno {ESCAPES[does]}]" in said
+    assert Path("lee.py").read_text(encoding="utf-8").startswith(LEE)
     assert sorted(path.name for path in Path().iterdir()) == ["lee.py"]
 
 
