@@ -54,7 +54,8 @@ def _usage_message(error: Any, context: Any) -> str:
     parameter = getattr(error, "param", None)
     name = "" if parameter is None else _name(parameter)
     if type(error).__name__ == "MissingParameter":
-        return f"{name}: missing"
+        made = "; create one with `eqt config new mine.yaml --vehicle satellite`"
+        return f"{name}: missing{made * ('CONFIG' in name)}"
     said = error.message
     for pattern, words in _REWRITTEN:
         if match := re.fullmatch(pattern, said):

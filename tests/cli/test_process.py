@@ -20,7 +20,11 @@ HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
     ("command", "told"),
     [
         ("ruun", "unknown command 'ruun'; did you mean 'run'?; see `eqt --help`"),
-        ("run", "CONFIG: missing; see `eqt run --help`"),
+        (
+            "run",
+            "CONFIG: missing; create one with `eqt config new mine.yaml --vehicle satellite`; "
+            "see `eqt run --help`",
+        ),
         ("compare r --latex", "unknown option --latex; did you mean '--format latex'?; see `eqt c"),
         (
             "fit c.yaml --measured m.csv --over gains=[1,2]",
