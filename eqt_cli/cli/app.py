@@ -54,7 +54,7 @@ def _usage_message(error: Any, context: Any) -> str:
     parameter = getattr(error, "param", None)
     name = "" if parameter is None else _name(parameter)
     if type(error).__name__ == "MissingParameter":
-        made = "; create one with `eqt config new mine.yaml --vehicle satellite`"
+        made = "; try `eqt config new --vehicle satellite --inertia 2,3,4 --bandwidth 1`"
         return f"{name}: missing{made * ('CONFIG' in name)}"
     said = error.message
     for pattern, words in _REWRITTEN:

@@ -22,8 +22,8 @@ HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
         ("ruun", "unknown command 'ruun'; did you mean 'run'?; see `eqt --help`"),
         (
             "run",
-            "CONFIG: missing; create one with `eqt config new mine.yaml --vehicle satellite`; "
-            "see `eqt run --help`",
+            "CONFIG: missing; try `eqt config new --vehicle satellite "
+            "--inertia 2,3,4 --bandwidth 1`; see `eqt run --help`",
         ),
         ("compare r --latex", "unknown option --latex; did you mean '--format latex'?; see `eqt c"),
         (
