@@ -167,8 +167,11 @@ def _drawn(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> dict
     return {f"vehicle.{path}": np.array([row[path] for row in rows]) for path in rows[0]}
 
 
-KEPT_BYTES = 64 * 2**20
-"""Most memory for errors of runs that are kept: those of 200 runs of 6 s at 500 Hz on SE(3)."""
+KEPT_BYTES = 32 * 2**20
+"""Most memory for errors of runs that are kept: those of 110 runs of 6 s at 500 Hz on SE(3)."""
+
+DRAWN_AT_ONCE = 16
+"""Number of runs whose errors are drawn in one array, before each has its own."""
 
 _kept: dict[Hashable, Errors] = {}  # of single runs; the last used ones come last
 
@@ -202,11 +205,13 @@ class Draws:
         """Return the errors of some runs, ``(rows, ticks, …)``."""
         keys = [(*self._known, *self.runs[row]) for row in rows]
         errors = {key: _kept.pop(key, None) for key in keys}
-        if missing := [key for key, each in errors.items() if each is None]:
-            randoms = [partial(generator_at, *key[len(self._known) :]) for key in missing]
+        missing = [key for key, each in errors.items() if each is None]
+        for first in range(0, len(missing), DRAWN_AT_ONCE):
+            some = missing[first : first + DRAWN_AT_ONCE]
+            randoms = [partial(generator_at, *key[len(self._known) :]) for key in some]
             drawn = self.vehicle.measurement_errors(self.group, self.instants, randoms)
             errors |= {
-                key: Errors(*(part[k].copy() for part in drawn)) for k, key in enumerate(missing)
+                key: Errors(*(part[k].copy() for part in drawn)) for k, key in enumerate(some)
             }
         _kept.update(errors)
         bytes_kept = sum(part.nbytes for each in list(_kept.values()) for part in each)
