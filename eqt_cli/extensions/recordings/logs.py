@@ -548,7 +548,8 @@ class TrackingErrors(NamedTuple):
         one = self.sizes[0]
         by, unit = (1e3, "mm") if one.unit == "m" and one.rms < 0.1 else (1.0, one.unit)
         rms, most, rest = (f"{by * x:.3g} {unit}" for x in (one.rms, one.largest, one.remains))
-        late = f"; {one.delay:.3g} s late, without which {rest} remain" * (one.delay == one.delay)
+        late = f"{abs(one.delay):.3g} s {'late' if one.delay > 0 else 'early'}"
+        late = f"; {late}, without which {rest} remain" * (one.delay == one.delay)
         return f"{one.quantity} error {rms} rms, at most {most}{late}"
 
 
@@ -681,26 +682,44 @@ def tracking_errors(
         raise EqtError(f"{name}: align and relative need positions, measured and wanted")
     both = [of["attitude"] for of in (known, wanted) if {"attitude"} <= {*known} & {*wanted}]
     if align:
-        frame = _frame(pair("position", 0.0, association), both, align, association)
+        position = enough(name, pair("position", 0.0, association), 1)
+        frame = _frame(position, both, align, association)
         known = {q: moved(q, one, *frame) for q, one in known.items()}
     curves = {q: compared(q, 0.0, association) for q in QUANTITIES if q in known and q in wanted}
-    curves, sizes = {q: curve for q, curve in curves.items() if len(curve[0])}, []
+    curves, sizes = {q: curve for q, curve in curves.items() if len(curve[0])}, list[ErrorSize]()
     if relative:
         both = [of["attitude"] for of in (known, wanted) if both]
-        curves = _relative(pair("position", 0.0, association), both, association, relative)
+        position = enough(name, pair("position", 0.0, association), 1 + relative)
+        curves = _relative(position, both, association, relative)
     if not curves:
         measured, goal = (", ".join(each) or "none" for each in (known, wanted))
         advice = "name the topic of the setpoints (--setpoint), or give a second file"
         raise InputError(f"{name}: measured: {measured}; wanted: {goal}; {advice}")
     for q, (t, errors) in curves.items():
         lag = (np.nan, np.nan) if relative else _lag(partial(compared, q), len(t))
-        for axis, column in zip(QUANTITIES[q][1], abs(errors).T, strict=True):
-            if len(x := column[np.isfinite(column)]):
-                rms, median, most = map(float, (np.sqrt(np.mean(x**2)), np.median(x), x.max()))
-                sizes.append(ErrorSize(q, axis, QUANTITIES[q][0], rms, median, most, *lag))
-            lag = np.nan, np.nan
+        sizes += _sizes(q, errors, lag)
+    if not sizes:
+        raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
     return TrackingErrors(sizes, curves, topics)
+
+
+def enough(name: str, position: list[Array], least: int) -> list[Array]:
+    """Return times, measured and wanted positions; refuse fewer instants than are needed."""
+    if (count := len(position[0])) < least:
+        few = f"positions at {count} common instants; align and relative need {least}"
+        raise InputError(f"{name}: {few}; eqt log check shows the times of a file")
+    return position
+
+
+def _sizes(quantity: str, errors: Array, lag: tuple[float, float]) -> Iterator[ErrorSize]:
+    """Yield the sizes of the errors of each axis that has any, the delay with the first."""
+    unit, axes = QUANTITIES[quantity]
+    for axis, column in zip(axes, abs(errors).T, strict=True):
+        if len(x := column[np.isfinite(column)]):
+            rms, median, most = map(float, (np.sqrt(np.mean(x**2)), np.median(x), x.max()))
+            yield ErrorSize(quantity, axis, unit, rms, median, most, *lag)
+        lag = np.nan, np.nan
 
 
 def _lag(compared: Callable[[float], tuple[Array, Array]], rows: int) -> tuple[float, float]:

@@ -354,6 +354,27 @@ def test_two_recordings_are_compared_as_a_plain_program_does():
         assert (one.rms, one.median, one.largest) == pytest.approx(expected, abs=1e-12)
 
 
+def table(name, t):
+    np.savetxt(name, np.c_[t, circle(T)], delimiter=",", header="t,x,y,z", comments="")
+
+
+@pytest.mark.parametrize("how", [{"align": "origin"}, {"align": "rigid"}, {"relative": 1}])
+def test_too_few_common_instants_are_told(how):
+    table("far.csv", T + 100)
+    table("wanted.csv", T)
+    need = 1 + how.get("relative", 0)
+    with pytest.raises(EqtError, match=rf"at 0 common instants; align and relative need {need};"):
+        eqt_cli.log_errors("far.csv", "wanted.csv", **how)
+    with pytest.raises(EqtError, match=f"at {len(T)} common instants; .* need {len(T) + 1};"):
+        eqt_cli.log_errors("wanted.csv", "wanted.csv", relative=len(T))
+
+
+def test_a_vehicle_ahead_of_its_setpoints_is_early():
+    table("ahead.csv", T - 0.1)
+    table("wanted.csv", T)
+    assert "; 0.1 s early, without" in eqt_cli.log_errors("ahead.csv", "wanted.csv").headline
+
+
 def test_a_table_has_no_setpoints():
     Path("f.csv").write_text("t,x,y,z\n0,0,0,0\n1,1,0,0\n")
     assert refusal(EqtError, eqt_cli.log_errors, "f.csv") == (
