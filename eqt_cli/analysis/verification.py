@@ -367,7 +367,9 @@ def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
         if isinstance(loop.controller, Cascade):
             position = with_fields(loop.controller.position, period=None)
             law = with_fields(loop.controller, position=position)
-            of_model = replace(loop, vehicle=Vehicle(forces=law.known), controller=law)
+            of_model = replace(
+                loop, vehicle=Vehicle(forces=(*law.known, *law.across)), controller=law
+            )
             yield sampled(label, of_model, horizon, _random(experiment, index))
 
 

@@ -24,6 +24,7 @@ from eqt_cli.components.motions import (
     check_along,
     check_rigid_body,
     only_direction,
+    sides,
     third_axis,
     unit_vector,
 )
@@ -153,8 +154,10 @@ class Cascade(Controller):
     (2010) is the case `attitude: lee2010`.
 
     R_c turns at rates that need Ḟ and F̈ along the motion. They follow from the law itself: the
-    model's acceleration is substituted, and so on order by order. Known forces that turn with the
-    body are differentiated as if Ω were constant. L and its dissipation are the attitude law's, and
+    model's acceleration is substituted, and so on order by order. Known drag that is linear along
+    the body's own axes is no part of F: R_c is the attitude in which push and drag give F, of the
+    drag at ṗ_d (Faessler, Franchi and Scaramuzza, 2018). Other known forces that turn with the body
+    are differentiated as if Ω were constant. L and its dissipation are the attitude law's, and
     their balance holds only if the rates are right.
 
     Attributes
@@ -186,6 +189,7 @@ class Cascade(Controller):
     along: list[Real] | None = None
     inner: Any = field(default=None, init=False, repr=False)  # Controller
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
+    across: Any = field(default=(), init=False, repr=False)  # tuple of drags
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
     # Of most laws, a constant of the class: mypy refuses a field in its place.
     direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # type: ignore[misc]
@@ -270,8 +274,16 @@ class Cascade(Controller):
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
-        known = {"known": plant.forces, "position": self.position.of_mass(mass)}
-        return with_fields(self, **known, direction=unit_vector(along), exact=plant.exact)
+        b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
+        parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
+        return with_fields(
+            self,
+            known=tuple(force for force, _ in parts),
+            across=tuple(drag for _, drag in parts if drag is not None),
+            position=self.position.of_mass(mass),
+            direction=b,
+            exact=plant.exact,
+        )
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return no time that is left at the first instant, and some at the others."""
@@ -347,6 +359,8 @@ class Cascade(Controller):
             if k < self._order:
                 b: Any = Jet.of(push[: k + 1])  # a series acts as an array
                 moved = external + estimate + self.push(acceleration, b)[..., None] * b
+                for drag in self.across:
+                    moved = moved + drag.in_space(G, Jet.time(s.t, k), motion) / mass
                 place.append(moved.derivative(k))
         return acceleration, integrand.value
 
@@ -376,7 +390,12 @@ class Cascade(Controller):
         if self.rates == "filter":
             now, rate = s.memory[FILTERED], s.memory[FILTERED_RATE]
             acceleration = Jet.of([now, rate, self._filter_rate(s, acceleration.value)])
-        desired = attitude(acceleration, self.direction, s.flat.turn(acceleration.order), R)
+        side: Any = None
+        if self.across:
+            moving = _desired(s, 1, acceleration.order)
+            each = sides(G, acceleration, moving, self.across, self.direction, _mass(s))
+            acceleration, side = each[0], each[-1]
+        desired = attitude(acceleration, self.direction, s.flat.turn(acceleration.order), R, side)
         if self.rates == "reference":
             desired = desired._replace(velocity=s.Vd[..., turns], acceleration=s.Vd_dot[..., turns])
         elif self.rates == "heading":

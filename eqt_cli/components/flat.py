@@ -51,6 +51,12 @@ SAMPLES = 1001
 NOISE = 0.1
 """Acceleration, m/s², by noise from row to row above which a recording is to be smoothed."""
 
+OWN_DRAG = (
+    "it is linear, along the axes that the body is pushed along and those across, in still air or "
+    "a constant wind; with heading: free, the same along both axes across"
+)
+"""The drag that may turn with the body."""
+
 FREE, ALONG_VELOCITY = "free", "velocity"
 
 
@@ -79,7 +85,8 @@ class FlatReference(ClosedReference):
 
     The force that moves it, F = m p̈_d − known forces, must be along that axis: this decides the
     attitude, with a heading in space, and its rates. Known forces are those of `model`; they must
-    not depend on the attitude.
+    not depend on the attitude, but for drag that is linear along the body's own axes, in air that
+    is still or has a constant wind.
 
     Attributes
     ----------
@@ -109,7 +116,8 @@ class FlatReference(ClosedReference):
     heading: str | float | None = field(default=None, metadata=STRUCTURE)
     along: list[Real] | None = None
     mass: float = field(default=0.0, init=False, repr=False, metadata=STRUCTURE)
-    known_forces: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
+    free: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
+    across: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     direction: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     inner: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
     since: Any = field(default=None, init=False, repr=False)
@@ -131,7 +139,8 @@ class FlatReference(ClosedReference):
         if alone:  # a symbol without batch axes is no array
             position, psi = position[None], None if psi is None else psi[None]
         turn = None if psi is None else Jet.of([psi[..., k] for k in range(OF_FORCE + 1)])
-        body = motions.attitude(self._acceleration(G, t, position), self.direction, turn)
+        ahead, side = self._sides(G, t, position)
+        body = motions.attitude(ahead, self.direction, turn, side=side)
         p, v, a = (position[..., k, :] for k in range(3))
         back = transpose(body.R)
         velocity = apply_matrix(back, v)
@@ -143,15 +152,18 @@ class FlatReference(ClosedReference):
         )
         return (Q[0], V[0], V_dot[0]) if alone else (Q, V, V_dot)
 
-    def _acceleration(self, G: EuclideanGroup, t: Any, position: Array) -> Jet:
-        """Return F/m in space as a series of order 2."""
+    def _sides(self, G: EuclideanGroup, t: Any, position: Array) -> tuple[Jet, Jet | None]:
+        """Return what decides b₁ and, if it is another, b₂: F/m in space as series of order 2."""
         course = motions.FlatOutput(position).course(OF_FORCE + 1)
         still = np.eye(G.space), np.zeros(G.rotations)
         moving = motions.RigidMotion(G, *still, course.to_order(OF_FORCE), course.rate)
         a = Jet.of([position[..., k, :] for k in range(2, motions.ORDER + 1)])
-        for force in self.known_forces:
+        for force in self.free:
             a = a - force.in_space(G, Jet.time(t, OF_FORCE), moving) / self.mass
-        return a
+        if not self.across:
+            return a, None
+        sides = motions.sides(G, a, moving.velocity, self.across, self.direction, self.mass)
+        return sides[0], sides[-1]
 
     def _position(self, G: MatrixLieGroup, t: Any) -> Array:
         """Return p_d and its derivatives, ``(..., 5, n)``."""
@@ -280,6 +292,11 @@ class FlatReference(ClosedReference):
 
     # What it knows of the plant.
 
+    @property
+    def known_forces(self) -> tuple[Any, ...]:
+        """The forces of `model`, drag by its parts."""
+        return (*self.free, *self.across)
+
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Return Q_d(0) and V_d(0) of the motion, which a model decides; until then those given."""
         return super().initial(G, pose, velocity) if self.direction else (pose, velocity)
@@ -293,17 +310,26 @@ class FlatReference(ClosedReference):
                 "missing; nothing says in which direction the body is pushed",
                 Remedy("give it in the body frame, such as along: [0, 0, 1]"),
             )
-        for force in plant.forces:
-            if _turns_with_body(G, force):
+        if problems:
+            return self
+        direction, even = motions.unit_vector(along), self.heading == FREE
+        parts = [force.apart(G, direction, even) for force in plant.forces]
+        for force, found in zip(plant.forces, parts, strict=True):
+            if found is None:
                 problems.add(
-                    f"needs known forces that do not depend on the attitude, and {force.name} does",
+                    f"needs known forces that do not depend on the attitude, and {force.name} "
+                    f"does; drag may if {OWN_DRAG}",
                     Remedy("move it from model.forces to plant.forces"),
                 )
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[-1, -1])
         known = with_fields(
-            self, mass=mass, known_forces=plant.forces, direction=motions.unit_vector(along)
+            self,
+            mass=mass,
+            free=tuple(free for free, _ in parts),
+            across=tuple(drag for _, drag in parts if drag is not None),
+            direction=direction,
         )
         known._check_horizon(G, plant.horizon, problems)
         return known
@@ -317,8 +343,9 @@ class FlatReference(ClosedReference):
             position = np.broadcast_to(
                 self._position(G, times), (len(times), motions.ORDER + 1, G.space)
             )
-            a = self._acceleration(G, times, position)
+            a, side = self._sides(G, times, position)
             force = np.stack([a.derivative(k) + 0.0 * position[:, 0] for k in (0, 1)])
+            up = force[0] if side is None else side.value + 0.0 * position[:, 0]
         if not np.isfinite(force).all(axis=(0, 2)).any():
             problems.add("has no finite real value at any time; correct its expressions")
             return
@@ -327,7 +354,7 @@ class FlatReference(ClosedReference):
             problems.add(
                 f"needs a thrust of {self.mass * smallest:.2g} N at {t:.4g} s: no attitude follows",
                 Remedy("change the motion there")
-                if self.known_forces
+                if self.free
                 else Remedy("give the weight of the body in model.forces"),
             )
         if self.heading == ALONG_VELOCITY:
@@ -340,7 +367,7 @@ class FlatReference(ClosedReference):
         elif G.space == 3:
             psi = np.broadcast_to(self._heading(position, times)[..., 0], times.shape)
             ahead = np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=-1)
-            across = norm(np.cross(force[0], ahead)) / norm(force[0])
+            across = norm(np.cross(up, ahead)) / norm(up)
             if across.min() < WEAK:
                 problems.at("heading").add(
                     f"is along the thrust at {times[across.argmin()]:.4g} s: no attitude follows; "
@@ -406,17 +433,6 @@ class FlatReference(ClosedReference):
                     "goes through every row, noise included, which four derivatives make large; "
                     f"write `of: {{kind: waypoints, file: …, smoothing: {{{sizes}}}}}`"
                 )
-
-
-def _turns_with_body(G: EuclideanGroup, force: Any) -> bool:
-    """Return whether a force in space depends on the attitude of a body that moves."""
-    still, moves = np.zeros((1, G.rotations)), Jet([np.ones((1, G.space))])
-    turned = G.rotation(G.exp(np.full((1, G.dimension), 0.5)))
-    values: list[Any] = []
-    for R in (np.eye(G.space)[None], turned):
-        wrench = force.in_space(G, Jet.time(0.0, 0), motions.RigidMotion(G, R, still, moves, moves))
-        values.append(wrench.value if isinstance(wrench, Jet) else wrench)
-    return not np.allclose(values[0], values[1], rtol=1e-9, atol=0.0)
 
 
 def _derivatives(x: Jet) -> Array:

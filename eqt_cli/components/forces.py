@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -14,6 +14,7 @@ from eqt_cli.base.arrays import (
     as_array,
     cos,
     cross,
+    dot,
     moment,
     sin,
     stack,
@@ -26,10 +27,10 @@ from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
-from eqt_cli.components.motions import RigidMotion, unit_vector
+from eqt_cli.components.motions import RigidMotion, body_axes, unit_vector
 from eqt_cli.components.pose_notation import square
 from eqt_cli.components.references import InExpressions, instants_of
-from eqt_cli.numbers.jets import value_and_derivative
+from eqt_cli.numbers.jets import Jet, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 UNLIKE = 0.03
@@ -73,8 +74,30 @@ class Force(vehicle_parts.VehiclePart):
         The time is a series, too, see `eqt_cli.numbers.jets`.
         """
         assert G.translation is not None
+        if self.frame == "spatial":
+            wrench = self.acting(G, t, moving.pose, moving.twist_in_space)
+            return wrench[..., G.translation.axes]
         force: Any = self.in_body(G, t, moving.pose, moving.twist)[..., G.translation.axes]
         return (G.rotation(moving.pose) @ force[..., None])[..., 0]
+
+    def turns_with_body(self, G: EuclideanGroup) -> bool:
+        """Return whether the force in space depends on the attitude of a body that moves."""
+        turns, moves = np.ones((1, G.rotations)), Jet([np.ones((1, G.space))])
+        turned = G.rotation(G.exp(np.linspace(0.3, 0.8, G.dimension)[None]))
+        values: list[Any] = []
+        for R in (np.eye(G.space)[None], turned):
+            wrench = self.in_space(G, Jet.time(0.0, 0), RigidMotion(G, R, turns, moves, moves))
+            values.append(wrench.value if isinstance(wrench, Jet) else wrench)
+        at_rest, other = values
+        return bool(np.abs(other - at_rest).max() > 1e-9 * np.abs(at_rest).max())
+
+    def apart(self, G: EuclideanGroup, along: Any, even: bool) -> Any:
+        """Return a force that does not turn with the body, and a drag across its axis `along`.
+
+        Their sum is the force; None where there is no such sum, and for the drag where it is 0. One
+        that is `even` is the same along both axes across.
+        """
+        return None if self.turns_with_body(G) else (self, None)
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times, s, at which the force switches to another expression, in order."""
@@ -213,6 +236,37 @@ class Drag(Force):
             if mass is not None and any(self.expressions):
                 force = force + apply_matrix(mass, G.Ad(to_body, self._flow(G, t, rate=True)))
         return force
+
+    def in_space(self, G: EuclideanGroup, t: Any, moving: RigidMotion) -> Any:
+        """Return the drag, in a medium that moves no masses, of the velocity in it."""
+        if self.current is None or self.added is not None or self.displaced_mass is not None:
+            return super().in_space(G, t, moving)
+        slip = moving.velocity - self._flow(G, t)[..., G.parts[1].axes]
+        return with_fields(self, current=None).in_space(G, t, replace(moving, velocity=slip))
+
+    def apart(self, G: EuclideanGroup, along: Any, even: bool) -> Any:
+        """Return the drag D_b along all axes, and D − D_b across, if it has that form."""
+        turns, moves = G.parts[0].axes, G.parts[1].axes
+        whole, axes = self.linear, body_axes(along)
+        own = axes.T @ whole[moves, moves] @ axes
+        other = [own - np.diag(np.diag(own)), whole[moves, turns], self.quadratic[moves]]
+        other += [np.ptp(np.diag(own)[:-1])] * even
+        size = ROUNDING * np.abs(whole).max()
+        is_own = self.frame == "body" and not any(self.expressions)
+        if is_own and all(np.abs(each).max() <= size for each in other):
+            across = np.zeros_like(whole)
+            across[moves, moves] = whole[moves, moves] - own[-1, -1] * np.eye(G.space)
+            free = with_fields(self, linear=whole - across)
+            if across.any() and not free.turns_with_body(G):
+                none = dict.fromkeys(("added", "displaced_mass"))
+                return free, with_fields(self, linear=across, quadratic=0.0 * across, **none)
+        return super().apart(G, along, even)
+
+    def beside(self, G: EuclideanGroup, axis: Array, velocity: Any) -> Any:
+        """Return D_k U for an axis b_k of the body; velocities in space, ``(..., n)``."""
+        moves = G.parts[1].axes
+        share = dot(apply_matrix(self.linear[..., moves, moves], axis), axis)
+        return share[..., None] * (velocity if self.current is None else velocity - self.current)
 
     def _flow(self, G: MatrixLieGroup, t: Any, rate: bool = False) -> Array:
         """Return the velocity of the medium, or its rate, in space, ``(..., m)``."""

@@ -420,6 +420,15 @@ class RigidMotion:
         turning = [self.turning[..., k] for k in range(self.group.rotations)]
         return stack([*turning, *(velocity[..., k] for k in range(self.group.space))])
 
+    @cached_property
+    def twist_in_space(self) -> Any:
+        """Ad_Q V as a series: RΩ and ṗ − (RΩ) × p; in the plane Ω is the same in space."""
+        R, spin = self._rotation, self.group.rotation_group.hat(self.turning)
+        carried = (R @ spin @ R.swapaxes(-1, -2) @ self.position[..., None])[..., 0]
+        turns = (R @ self.turning[..., None])[..., 0] if self.group.space == 3 else self.turning
+        parts = (turns, self.velocity - carried)
+        return stack([each[..., k] for each in parts for k in range(each.shape[-1])])
+
 
 class Attitude(NamedTuple):
     """An attitude and its rates.
@@ -438,7 +447,11 @@ class Attitude(NamedTuple):
 
 
 def attitude(
-    force: Jet, along: tuple[float, ...], heading: Jet | None, R: Array | None = None
+    force: Jet,
+    along: tuple[float, ...],
+    heading: Jet | None,
+    R: Array | None = None,
+    side: Jet | None = None,
 ) -> Attitude:
     """Return the attitude whose body axis `along` has the direction n of a force F ≠ 0 in space.
 
@@ -454,11 +467,27 @@ def attitude(
         Unit vector.
     R : (..., 3, 3)
         Attitude of the body, where there is no heading.
+    side
+        With a heading, what b₂ is perpendicular to; then b₁ is so to F. Default: F, for both.
     """
     n = force / norm(force)[..., None]  # type: ignore[arg-type]  # a series acts as an array
     if len(along) == 2:
         return _in_plane(n, along)
-    return _next_to(n, along, R) if heading is None else _headed(n, along, heading)
+    return _next_to(n, along, R) if heading is None else _headed(n, along, heading, side)
+
+
+def sides(
+    G: EuclideanGroup, force: Any, velocity: Any, drags: Sequence[Any], along: Any, mass: Any
+) -> list[Any]:
+    """Return F/m + (D_k − D_b) U/m for each axis b_k of the body across b, of drag −D U.
+
+    There F = −D_b U + … is without the part of the drag that has no axis. A push along b gives F
+    where each b_k is perpendicular to its own of these: the attitude still follows from the motion
+    (Faessler, Franchi and Scaramuzza, IEEE Robotics and Automation Letters 3(2), 2018).
+    """
+    across = body_axes(along)[:, :-1].T
+    beside = [sum(drag.beside(G, axis, velocity) / mass for drag in drags) for axis in across]
+    return [force + each for each in beside]
 
 
 def _in_plane(n: Any, along: tuple[float, ...]) -> Attitude:
@@ -470,12 +499,16 @@ def _in_plane(n: Any, along: tuple[float, ...]) -> Attitude:
     return Attitude(R, *(each[..., None] for each in _rates(velocity, 0.0 * c)))
 
 
-def _headed(n: Any, along: tuple[float, ...], heading: Any) -> Attitude:
+def _headed(n: Any, along: tuple[float, ...], heading: Any, side: Any) -> Attitude:
     b3: Any = n if along[2] >= 0 else -n
     c, s = cos(heading), sin(heading)
-    x, y, z = (b3[..., k] for k in range(3))
+    up: Any = b3 if side is None else side if along[2] >= 0 else -side
+    x, y, z = (up[..., k] for k in range(3))
     b2: Any = stack([-(z * s), z * c, x * s - y * c])
     b2 = b2 / norm(b2)[..., None]
+    if side is not None:
+        b3 = b3 - dot(b3, b2)[..., None] * b2
+        b3 = b3 / norm(b3)[..., None]
     b1: Any = cross(b2, b3)
     R = stack([b1.value, b2.value, b3.value])
     velocity = None
@@ -483,7 +516,7 @@ def _headed(n: Any, along: tuple[float, ...], heading: Any) -> Attitude:
         turning = b2.rate
         velocity = stack([dot(b3, turning), dot(b1, b3.rate), -dot(b1, turning)])
     attitude = Attitude(R, *_rates(velocity, 0.0 * b3.value))
-    axes = _axes(along)
+    axes = body_axes(along)
     if np.array_equal(axes, np.eye(3)):
         return attitude
     R, *rates = attitude
@@ -507,8 +540,10 @@ def _rates(velocity: Any, zero: Any) -> tuple[Any, Any]:
     return velocity.value, velocity.derivative(1) if velocity.order else zero
 
 
-def _axes(along: tuple[float, ...]) -> Array:
-    """Return the body axes that become b₁, b₂ and b₃, as columns."""
+def body_axes(along: tuple[float, ...]) -> Array:
+    """Return the body axes that become b₁, b₂ and b₃, as columns; in the plane b₁ and b."""
+    if len(along) == 2:
+        return np.array([[along[1], along[0]], [-along[0], along[1]]])
     third = np.array(along) * (1.0 if along[2] >= 0 else -1.0)
     ahead = np.eye(3)[0 if abs(third[0]) < 0.9 else 2]
     first = ahead - (ahead @ third) * third
@@ -518,7 +553,7 @@ def _axes(along: tuple[float, ...]) -> Array:
 
 def third_axis(along: tuple[float, ...]) -> Array:
     """Return the body axis about which a heading turns, ``(3,)``."""
-    return _axes(along)[:, 2]
+    return body_axes(along)[:, 2]
 
 
 def only_direction(pushes: Array) -> Array | None:

@@ -7,7 +7,7 @@ from scipy.interpolate import PPoly
 
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.components.flat import FlatReference, Knot, _smallest
-from eqt_cli.components.forces import Restoring
+from eqt_cli.components.forces import Drag, Restoring
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.motions import PlantModel
@@ -46,7 +46,7 @@ def options(way, n):
     return found | ({"heading": heading} if n == 3 else {})
 
 
-def known(name, horizon=2.1, along=None, **given):
+def known(name, horizon=2.1, along=None, forces=(), **given):
     G = GROUPS[name]
     inertia = np.diag([*np.linspace(1.0, 1.5, G.rotations), *[MASS] * G.space])
     weight = Restoring(WEIGHT).of_run(G, None)
@@ -54,7 +54,7 @@ def known(name, horizon=2.1, along=None, **given):
     reference.check(G, problems)
     problems.raise_if_any()
     law = Inertia(inertia, np.linalg.inv(inertia))
-    plant = PlantModel(law, (weight,), None, True, horizon, along=along or ALONG[name])
+    plant = PlantModel(law, (weight, *forces), None, True, horizon, along=along or ALONG[name])
     found = reference.for_plant(G, plant, problems)
     problems.raise_if_any()
     return found, law, weight
@@ -90,6 +90,30 @@ def test_rates_are_those_of_the_pose_and_the_force_is_along_the_axis(name, way):
         np.testing.assert_allclose(part, (Q, V, V_dot)[k][1], rtol=0, atol=1e-14)
         if held is not None:
             np.testing.assert_array_equal(held.motion(G, 0.77)[k], part)
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_a_push_along_the_axis_does_what_drag_of_the_own_axes_leaves(name):
+    G, t = GROUPS[name], np.array([0.3, 0.77, 1.9])
+    options = {"linear": [0.0] * G.rotations + [0.9, 0.2, 0.5][-G.space :]}
+    drag = Drag(**options, current=[1.0, -0.4, 0.2][: G.space]).of_run(G, None)
+    given = {"position": ["2*sin(t)", "-cos(t)", "0.3*t"][: G.space]}
+    given |= {"heading": "0.3*t"} if G.space == 3 else {}
+    reference, law, weight = known(name, forces=(drag,), **given)
+    Q, V, V_dot = reference.motion(G, t)
+    turned = G.inverse(Q) @ difference(lambda t: reference.motion(G, t)[0], t)
+    np.testing.assert_allclose(G.hat(V), turned, rtol=0, atol=1e-6)
+    slope = difference(lambda t: reference.motion(G, t)[1], t)
+    np.testing.assert_allclose(V_dot, slope, rtol=0, atol=1e-6)
+    force = law.momentum(V_dot) - G.ad_star(V, law.momentum(V))
+    force = force - weight.in_body(G, t, Q, V) - drag.in_body(G, t, Q, V)
+    np.testing.assert_allclose(force[:, G.rotations : -1], 0.0, atol=1e-12)
+    if G.space == 3:
+        ahead = np.stack([np.cos(0.3 * t), np.sin(0.3 * t)], axis=-1)
+        np.testing.assert_allclose((Q[:, :2, 1] * ahead).sum(axis=-1), 0.0, atol=1e-14)
+    known_there = sum(each.in_body(G, t, Q, V) for each in reference.known_forces)
+    expected = weight.in_body(G, t, Q, V) + drag.in_body(G, t, Q, V)
+    np.testing.assert_allclose(known_there, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_minimum_snap_has_no_jump_of_six_derivatives_and_the_least_snap():
@@ -183,18 +207,47 @@ def test_a_rate_reaches_half_a_step():
     assert _smallest(np.arange(3.0), values, rates)[0] == pytest.approx(np.hypot(2, 3))
 
 
-def test_known_forces_must_not_turn_with_the_body(experiment):
-    drag = "{kind: drag, linear: [0, 0, 0, 0.1, 0.1, %s]}"
-    reference = f"{{kind: flat, {HOVER}, along: [0, 0, 1]}}"
-    for last in ("0.1", "0.3"):
-        model = f"{{forces: [{drag % last}, {{kind: restoring, weight: 19.62}}]}}"
-        sections = BODY | {"model": model, "reference": reference}
-        if last == "0.1":
-            assert experiment(**sections).initial_pose[2, 3] == 1
-            continue
-        assert "needs known forces that do not depend on the attitude, and drag does" in refusal(
-            EqtError, experiment, **sections
-        )
+SAME = "linear: [0, 0, 0, 0.1, 0.1, 0.1]"
+OWN = "linear: [0, 0, 0, 0.1, 0.2, 0.3]"
+
+
+@pytest.mark.parametrize(
+    ("force", "heading", "is_flat"),
+    [
+        (f"drag, {SAME}", "0", True),
+        (f"drag, {OWN}, current: [1, 2, 3]", "0", True),
+        ("drag, linear: [1, 2, 3, 0.1, 0.1, 0.3], quadratic: [1, 1, 1, 0, 0, 0]", "free", True),
+        (f"drag, {OWN}", "free", False),
+        (f"drag, {OWN}, quadratic: [0, 0, 0, 0.1, 0, 0]", "0", False),
+        (f"drag, {OWN}, current: [sin(t), 0, 0]", "0", False),
+        (f"drag, {OWN}, frame: spatial", "0", False),
+        (
+            "drag, linear: [[0,0,0,0,0,0],[0,0,0,0,0,0],[0,0,0,0,0,0],[1,0,0,1,0,0],[0,1,0,0,1,0],"
+            "[0,0,1,0,0,1]]",
+            "0",
+            False,
+        ),
+        ("constant, force: [0, 0, 0, 1, 0, 0]", "0", False),
+        ("constant, force: [0, 0, 0, 1, 0, 0], frame: spatial", "0", True),
+        ("expression, force: [0, 0, 0, sin(t), 0, 0], frame: spatial", "0", True),
+    ],
+)
+def test_known_forces_turn_with_the_body_as_drag_of_its_own_axes_only(
+    experiment, force, heading, is_flat
+):
+    reference = f"{{kind: flat, {HOVER}, along: [0, 0, 1], heading: {heading}}}"
+    model = f"{{forces: [{{kind: {force}}}, {{kind: restoring, weight: 19.62}}]}}"
+    sections = BODY | {"model": model, "reference": reference}
+    if is_flat:
+        assert experiment(**sections).initial_pose[2, 3] == 1
+        return
+    name = force.partition(",")[0]
+    assert (
+        f"needs known forces that do not depend on the attitude, and {name} does; drag may if it "
+        "is linear, along the axes that the body is pushed along and those across, in still air or "
+        "a constant wind; with heading: free, the same along both axes across; move it from "
+        "model.forces to plant.forces"
+    ) in refusal(EqtError, experiment, **sections)
 
 
 def test_the_file_of_the_path_is_a_file_of_the_reference():

@@ -32,6 +32,9 @@ class Push:
     def in_space(self, G, t, moving):
         return np.array([0.0, 0.0, -9.81])
 
+    def apart(self, G, along, even):
+        return self, None
+
 
 @pytest.mark.parametrize("batch", [(), (4,), (2, 3)], ids=str)
 def test_torque_takes_any_batch_axes(loop, states, batch):
