@@ -12,7 +12,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_limits
+from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_limits, drawn
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # The base class of actuators; it knows no law, plant or engine ------------------------------------
@@ -192,6 +192,43 @@ actuators = Registry(
     Actuator,
     ("components.actuators", "components.thrusters", "components.wheels"),
 )
+
+
+@dataclass(frozen=True)
+class Scaled(Actuator):
+    """A factor along each axis, as of commands without a unit or of a weak actuator.
+
+    Attributes
+    ----------
+    factor
+        Torque or force by a command of 1; along every axis, or a list of m.
+    curve
+        Share f of the square in the thrust curve: a command u gives factor · ((1 − f) u + f |u| u).
+        PX4's `THR_MDL_FAC` is such a share.
+    """
+
+    name: ClassVar[str] = "scale"
+    departs: ClassVar[str] = "torque scaled"
+    vectors: ClassVar[tuple[str, ...]] = ("factor", "curve")
+
+    factor: Numbers
+    curve: Numbers | None = None
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return the scaled command."""
+        u = command
+        if self.curve is not None:
+            u = u + self.curve * (absolute(u) - 1.0) * u
+        scaled: Array = self.factor * u
+        return scaled
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note shares of a curve that are not between 0 and 1."""
+        super().check(G, problems)
+        shares = self.curve if isinstance(self.curve, list) else [self.curve]
+        for share in (drawn(each, None) for each in shares if each is not None):
+            if not 0 <= share <= 1:
+                problems.at("curve").add(f"expected a share from 0 to 1, got {share:g}")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
@@ -20,7 +19,7 @@ from eqt_cli.base.arrays import (
     transpose,
     where,
 )
-from eqt_cli.base.errors import InputError, Problems, Remedy
+from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Kind, Real, Unit
 from eqt_cli.components import motions
@@ -47,9 +46,6 @@ WEAK = 0.01
 
 SAMPLES = 1001
 """Times at which the thrust is checked; between them by its rate."""
-
-NOISE = 0.1
-"""Acceleration, m/s², by noise from row to row above which a recording is to be smoothed."""
 
 OWN_DRAG = (
     "it is linear, along the axes that the body is pushed along and those across, in still air or "
@@ -419,19 +415,14 @@ class FlatReference(ClosedReference):
         if self.inner is None:
             return
         yield from self.inner.remarks(G)
-        if not self.inner.files or getattr(self.inner, "smoothing", None) is not None:
-            return
-        from eqt_cli.components.waypoints import smoothed
+        if self.inner.files and self.inner.name != "waypoints":  # which says so itself
+            from eqt_cli.components.waypoints import proposed_smoothing
 
-        times = self.inner.knot_times(G)
-        with suppress(InputError):
-            noise = smoothed(G, times, self.inner.motion(G, times)[0], [None] * len(G.parts))
-            if noise.residuals[-1] > NOISE * np.median(np.diff(times)) ** 2:
-                each = zip(G.parts, noise.residuals, strict=True)
-                sizes = ", ".join(f"{part.name}: {size:.2g}" for part, size in each)
+            times = self.inner.knot_times(G)
+            if sizes := proposed_smoothing(G, times, self.inner.motion(G, times)[0]):
                 yield (
                     "goes through every row, noise included, which four derivatives make large; "
-                    f"write `of: {{kind: waypoints, file: …, smoothing: {{{sizes}}}}}`"
+                    f"write `of: {{kind: waypoints, file: …, smoothing: {sizes}}}`"
                 )
 
 

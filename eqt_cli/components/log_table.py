@@ -31,6 +31,7 @@ _UNITS_BY_NAME: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"[va][xyz]?\d{0,2}", ("m", "m/s", "m/s^2")),
     (r"t[xyz]\d?", ("N m",)),
     (r"f[xyz]\d?", ("N",)),
+    (r"n[1-9]\d*", ("rad/s",)),
 )
 """Units of eqt, one for each dimension, by a pattern of column names; other columns have none."""
 
@@ -49,15 +50,19 @@ def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:
     InputError
         If the column cannot have this unit; a `MappingError` where `path` is given.
     """
-    if not unit:
-        return 1.0
     units = units_of(name)
+    if not unit or (unit == NORMALISED and units in (("N m",), ("N",))):
+        return 1.0
     ratio = next(filter(None, (factor(unit, each) for each in units)), None)
     if ratio is not None:
         return ratio
     expected = " or ".join(map(offered, units)) if units else "no unit"
     message = f"column {name}: expected {expected}, got '{unit}'"
     raise MappingError(path, message) if path else InputError(message)
+
+
+NORMALISED = "normalised"
+"""Unit of a wrench that was commanded as a share of the largest."""
 
 
 TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
@@ -131,6 +136,11 @@ class TimeMapping:
     offset
         Time to add to the times that are kept, s; ``first`` puts the first of them at 0 s.
         Without it, a recording that is compared with a run is aligned with the run.
+    gap
+        A longer time between two rows is a gap, s. Default: five times the median one.
+    rate
+        Rows to keep in a second, at most; the first in each interval. Wrenches and speeds of rotors
+        hold until the next row, so that their means over the interval are kept.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -139,6 +149,8 @@ class TimeMapping:
     begin: Annotated[Real | None, Unit("s")] = None
     end: Annotated[Real | None, Unit("s")] = None
     offset: _Offset | None = None
+    gap: Annotated[Positive | None, Unit("s")] = None
+    rate: Annotated[Positive | None, Unit("Hz")] = None
 
 
 @dataclass(frozen=True)
@@ -160,6 +172,11 @@ class LogMapping:
         Whether the rotation maps body coordinates to world coordinates, or back.
     world, body
         Axes of the file, and the axes to convert them to.
+    origin
+        Pose of the file's frame in the world, as in `initial.pose`: every pose Q becomes origin Q.
+    sensor
+        Pose in the body of what was recorded, a marker or a sensor: Q becomes Q sensor⁻¹, and
+        velocities V, which are those of the sensor, become Ad_sensor V. Wrenches are the body's.
     rates, velocity, torque, force
         The frame of the recorded ``wx, wy, wz``, ``vx, vy, vz``, ``tx, ty, tz`` and
         ``fx, fy, fz``. The velocity is that of the body's origin; the torque is about it.
@@ -180,6 +197,8 @@ class LogMapping:
     attitude: Literal["body_to_world", "world_to_body"] = "body_to_world"
     world: Literal["NED to ENU", "ENU to NED"] | None = None
     body: Literal["FRD to FLU", "FLU to FRD"] | None = None
+    origin: Any = None
+    sensor: Any = None
     rates: Literal["body", "spatial"] = "body"
     velocity: Literal["body", "spatial"] = "spatial"
     torque: Literal["body", "spatial"] = "body"

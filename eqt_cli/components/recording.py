@@ -1,6 +1,7 @@
 """Recorded motions: from the columns of a table to poses, velocities and wrenches."""
 
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -8,7 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, transpose
-from eqt_cli.base.errors import InputError
+from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.units import factor
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.log_table import (
@@ -19,12 +20,13 @@ from eqt_cli.components.log_table import (
     LogTable,
     MappingError,
     Sheet,
+    TimeMapping,
     TrajectoryFormat,
     open_sheet,
     with_units,
 )
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
-from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
+from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE, pose_from
 
 ANGLE, EULER = ("angle",), ("yaw", "pitch", "roll")
 """Columns of an angle in the plane, and of Euler angles: about z, y and x."""
@@ -294,6 +296,9 @@ def _require_no_axes(mapping: LogMapping, G: MatrixLieGroup) -> None:
             raise MappingError((key,), f"{value} are axes of space, which {G.name} does not have")
 
 
+ROUNDING = 1e-6
+"""Share of an interval by which times of rows may be early."""
+
 GAP = 5.0
 """Multiple of the median step beyond which a step is a gap."""
 
@@ -316,6 +321,10 @@ class Log:
         Columns of velocities and wrenches that are no part of the poses.
     group, mapping
         The group of the poses, and the mapping by which the file is read.
+    missing
+        Times after which rows are missing, s.
+    speeds
+        Columns of the speeds of rotors.
     """
 
     sheet: Sheet
@@ -325,18 +334,34 @@ class Log:
     recorded: list[RecordedColumns]
     group: MatrixLieGroup
     mapping: LogMapping
+    missing: Array
+    speeds: Sequence[str] = ()
 
     @cached_property
     def poses(self) -> Array:
-        """Poses ``(n, d, d)``; raises an `InputError` where the log is not usable."""
+        """Poses in the file ``(n, d, d)``; raises an `InputError` where it is not usable."""
         return table_poses(self.table, self.columns, self.group, self.mapping)
+
+    @cached_property
+    def moved_poses(self) -> Array:
+        """Poses of the body in the world, by `origin` and `sensor` of the mapping."""
+        origin, sensor = self.placed("origin"), self.placed("sensor")
+        return origin @ self.poses @ self.group.inverse(sensor)
+
+    def placed(self, key: str) -> Array:
+        """Return the pose that the mapping gives, the identity without one, ``(d, d)``."""
+        value, problems = getattr(self.mapping, key), Problems().at(key)
+        pose = pose_from("identity" if value is None else value, self.group, problems)
+        for problem in problems:
+            raise MappingError(parse_key(problem.path), problem.message)
+        assert pose is not None
+        return pose
 
     @cached_property
     def gaps(self) -> Array:
         """The rows after which rows are missing."""
-        steps = np.diff(self.times)
-        usual = np.median(steps) if len(steps) > 2 else np.inf
-        return np.flatnonzero(steps > GAP * usual)
+        rows = np.unique(np.searchsorted(self.times, self.missing, side="right") - 1)
+        return rows[(rows >= 0) & (rows < len(self.times) - 1)]
 
     def in_body(self, recorded: RecordedColumns) -> Array:
         """Return recorded velocities or wrenches in the body frame, ``(n, k)``.
@@ -376,7 +401,7 @@ class Log:
             message = f"expected a time after {before:.9g} s, got {here:.9g} s{more}"
             raise self.table.error(row, message + advice)
         require_norms(self.table, self.columns)
-        _ = self.poses
+        _ = self.moved_poses
 
 
 def read_log(
@@ -395,11 +420,40 @@ def read_log(
     columns = require_pose(sheet, G, mapping, True)
     others = set(sheet.names) - set(columns.names)
     recorded = [each for each in recorded_columns(G) if set(each.names) <= others]
-    used = ["t", *columns.names, *(name for each in recorded for name in each.names)]
+    rotors = sorted(int(name[1:]) for name in others if re.fullmatch(r"n[1-9]\d*", name))
+    speeds = [f"n{k}" for k in rotors]
+    used = ["t", *columns.names, *(name for each in recorded for name in each.names), *speeds]
     sheet = with_units(sheet, mapping, used)
     table, times = _timed(sheet.table(used), form, mapping)
     sheet = replace(sheet, lines=[])  # frees memory of the size of the file
-    return Log(sheet, table, columns, times, recorded, G, mapping)
+    missing = times[:-1][_is_gap(np.diff(times), mapping.time)]
+    if mapping.time.rate is not None:
+        held = {*speeds}.union(*(each.names for each in recorded if each.kind in WRENCH))
+        table, times = _resampled(table, times, mapping.time.rate, held)
+    return Log(sheet, table, columns, times, recorded, G, mapping, missing, speeds)
+
+
+def _is_gap(steps: Array, time: TimeMapping) -> Array:
+    """Return whether each step is a gap."""
+    usual = np.median(steps) if len(steps) > 2 else np.inf
+    long: Array = steps > (GAP * usual if time.gap is None else time.gap)
+    return long
+
+
+def _resampled(
+    table: LogTable, times: Array, rate: float, held: Collection[str]
+) -> tuple[LogTable, Array]:
+    """Return the first row of each interval of 1/rate, with the means of what holds."""
+    if len(times) < 2 or not np.all(steps := np.diff(times)) > 0:
+        return table, times  # no motion, which is an error where it is used
+    count = np.floor((times - times[0]) * rate + ROUNDING)
+    rows = np.flatnonzero(np.diff(count, prepend=-1.0))
+    length = np.append(steps, steps[-1])
+    kept, columns = table.part(rows), dict[str, Array]()
+    for name in held:
+        sums = np.add.reduceat(table.columns[name] * length, rows)
+        columns[name] = sums / np.add.reduceat(length, rows)
+    return replace(kept, columns=kept.columns | columns), times[rows]
 
 
 def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tuple[LogTable, Array]:

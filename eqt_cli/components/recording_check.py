@@ -13,6 +13,7 @@ from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.log_table import (
     MAPPING,
+    NORMALISED,
     PARTNERS,
     QUATERNION,
     LogMapping,
@@ -254,6 +255,9 @@ def notes(log: Log) -> Iterator[str]:
     yield from incomplete_columns({*log.sheet.names} - {*log.columns.names})
     yield from _angles_without_unit(log)
     yield from _times(log)
+    normalised = [name for name, unit in log.sheet.units.items() if unit == NORMALISED]
+    if named := ", ".join(each for each in normalised if each in log.table.columns):
+        yield f"{named}: normalised; the actuator `scale` gives their unit, or fit finds it"
     yield from misfits(log)
     yield from _start(log)
     yield from log.sheet.notes(log.table)
@@ -347,6 +351,8 @@ class Recording:
         Whether the mapping gives the offset of the clock.
     notes
         Remarks on oddities in the file.
+    speeds : (n, r)
+        Speeds of rotors, rad/s, if they were recorded.
     """
 
     name: str
@@ -359,6 +365,7 @@ class Recording:
     gaps: Array
     timed: bool = False
     notes: tuple[str, ...] = ()
+    speeds: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     def require_wrenches(self) -> Array:
         """Return the wrenches, or raise an `InputError` if one was not measured."""
@@ -390,6 +397,7 @@ class Recording:
             poses=self.poses[rows],
             velocities=self.velocities[rows],
             wrenches=self.wrenches[rows],
+            speeds=self.speeds[rows],
             gaps=gaps[(gaps >= 0) & (gaps < len(times) - 1)],
         )
 
@@ -408,17 +416,22 @@ def recording_of(log: Log) -> Recording:
     for columns in log.recorded:
         measured = velocities if columns.kind in VELOCITY else wrenches
         measured[:, columns.axes] = log.in_body(columns)
+    if log.mapping.sensor is not None:  # V = Ad_sensor V_sensor; unknown where a part of it is
+        Ad = G.Ad_matrix(log.placed("sensor"))
+        unknown = np.isnan(velocities) @ (Ad != 0).T
+        velocities = np.where(unknown, np.nan, np.nan_to_num(velocities) @ Ad.T)
     return Recording(
         log.table.name,
         log.sheet.header_place,
         G,
         log.times,
-        log.poses,
+        log.moved_poses,
         velocities,
         wrenches,
         log.gaps,
         log.mapping.time.offset is not None,
         tuple(notes(log)),
+        *([log.table.get(log.speeds)] if log.speeds else ()),
     )
 
 

@@ -9,6 +9,7 @@ log(Q_i⁻¹P_i); motions of constant velocity are not changed.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -39,6 +40,12 @@ MAX_ITERATIONS, MAX_MATCHES = 200, 20
 FEWEST = 5
 """Smallest number of poses for cross-validation."""
 
+NOISE = 0.1
+"""Acceleration by noise from row to row, m/s² or rad/s², above which smoothing is proposed."""
+
+MOST_ROWS = 2000
+"""Largest number of rows, in the middle of a recording, whose noise is estimated."""
+
 
 class Smoothed(NamedTuple):
     """Poses on a smooth motion.
@@ -55,6 +62,18 @@ class Smoothed(NamedTuple):
     poses: Array
     residuals: list[float]
     weights: list[float]
+
+
+def proposed_smoothing(G: MatrixLieGroup, times: Array, poses: Array) -> str:
+    """Return the option `smoothing` that the noise of a recording asks for; "" if it is small."""
+    first = max(0, (len(times) - MOST_ROWS) // 2)
+    times, poses = (each[first : first + MOST_ROWS] for each in (times, poses))
+    with suppress(InputError):
+        sizes = smoothed(G, times, poses, [None] * len(G.parts)).residuals
+        if max(sizes) > NOISE * np.median(np.diff(times)) ** 2:
+            each = zip(G.parts, sizes, strict=True)
+            return f"{{{', '.join(f'{part.name}: {size:.2g}' for part, size in each)}}}"
+    return ""
 
 
 class _Bending:
@@ -321,6 +340,8 @@ class WaypointsReference(InFile, PiecewiseReference):
             log = self.log(G)
             yield from (f"{self.file}: {note}" for note in notes(log))
         if self.smoothing is None:
+            if self.file and (sizes := proposed_smoothing(G, *self._waypoints(G))):
+                yield f"goes through every row, noise included; add `smoothing: {sizes}`"
             return
         residuals = self.prepared(G, self._smoothed, "smoothed").residuals
         requested = self._deviations(G, Problems())
@@ -357,7 +378,7 @@ class WaypointsReference(InFile, PiecewiseReference):
             poses = [pose_from(point.pose, G, Problems()) for point in self.points]
             return np.array([point.t for point in self.points]), np.array(poses)
         log = self.log(G)
-        return log.times, log.poses
+        return log.times, log.moved_poses
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid waypoints, in the configuration or in the file."""

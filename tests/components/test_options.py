@@ -161,6 +161,19 @@ NOISY = [
 ]
 
 
+def test_smoothing_is_proposed_from_the_noise_of_a_file():
+    """0.02 rad from row to row at 10 Hz: accelerations of 2 rad/s² and more by noise alone."""
+    rows = [f"{p.t},{np.sin(h := p.pose['rotvec'][0] / 2)},0,0,{np.cos(h)}" for p in NOISY]
+    found = WaypointsReference(file="a.csv")
+    [said] = found.with_files({"a.csv": "\n".join(["t,qx,qy,qz,qw", *rows])}).remarks(G)
+    start = "a.csv: goes through every row, noise included; add `smoothing: {rotation: "
+    assert said.startswith(start.removeprefix("a.csv: "))
+    assert 0.01 < float(said.removeprefix(start.removeprefix("a.csv: ")).rstrip("}`")) < 0.02
+    assert (
+        list(WaypointsReference(NOISY).remarks(G)) == []
+    )  # places of a task are meant as they are
+
+
 def test_the_residual_of_smoothed_waypoints_is_told():
     found = WaypointsReference(NOISY, smoothing={"rotation": "1 deg"})
     assert notes(found) == []

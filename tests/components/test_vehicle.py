@@ -16,6 +16,7 @@ from eqt_cli.components.actuators import (
     MomentumLimit,
     Quantisation,
     RateLimit,
+    Scaled,
 )
 from eqt_cli.components.estimators import Complementary, Schedule
 from eqt_cli.components.filters import Invariant
@@ -253,6 +254,17 @@ def test_a_deadband_swallows_what_is_small_and_nothing_of_the_rest():
     found = part.of_run(SO3, None).output(SO3, command, none)
     np.testing.assert_array_equal(found, [[0, -0.4, 0], [0, 0.41, 1.5], [3.0, -7.0, 0]])
     assert part.sampled
+
+
+def test_a_scaled_command_follows_the_thrust_curve(noted):
+    """PX4's model of thrust, (1 − f) u + f u², for either sign."""
+    part, none = Scaled(factor=[2.0, 2.0, 30.0], curve=[0, 0, 0.25]), np.zeros((1, 0))
+    found = part.of_run(SO3, None).output(SO3, np.array([[0.5, -0.5, -0.4]]), none)
+    thrust = -30 * (0.75 * 0.4 + 0.25 * 0.4**2)
+    np.testing.assert_allclose(found, [[1.0, -1.0, thrust]], rtol=2 * ROUNDING)
+    assert noted(Scaled(1.0, curve=[0, 1.5, 0]), SO3) == [
+        ("curve", "expected a share from 0 to 1, got 1.5")
+    ]
 
 
 def test_wheels_are_judged_by_the_integral_of_the_torque():

@@ -44,6 +44,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "limit": {"limit": 0.5},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},
+    "scale": {"factor": 0.8},
     "quantisation": {"resolution": 0.4},
     "momentum_limit": {"momentum": 0.5},
     "wheels": {"pyramid": 0.95, "limit": 0.5, "momentum": 2.0, "start": 0.1},

@@ -30,7 +30,15 @@ from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
-from eqt_cli.extensions.recordings.prediction import Growth, Hold, Replay, Windows, driven, growth
+from eqt_cli.extensions.recordings.prediction import (
+    Growth,
+    Hold,
+    Replay,
+    Windows,
+    by_rotors,
+    driven,
+    growth,
+)
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.results.result import open_result
 
@@ -195,10 +203,15 @@ def log_errors(
     """
     literal(Literal["linear", "nearest", "held"], "association", association)
     literal(Literal["rigid", "similarity", "origin"], "align", align or "rigid")
+    if relative is not None and relative < 1:
+        raise EqtError(f"relative: expected 1 instant or more, got {relative}")
     flight, spans, of = _flight(path), logs.NO_SPANS, " setpoint"
     known = _series(path, flight, mapping, format, topic)
+    other = None if second is None else _flight(second)
+    if mapping is not None and flight and (second is None or other):
+        raise EqtError(f"mapping: is for tables, and {path} is read by its topics; leave it out")
     if second is not None:
-        wanted = _series(second, _flight(second), mapping, format, setpoint)
+        wanted = _series(second, other, mapping, format, setpoint)
     elif flight is None:
         raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
     else:
@@ -417,7 +430,7 @@ def _opened(
     source = config if isinstance(config, ConfigSource) else source_from(config, {})
     data = without_search(source.data)
     base = build(replace(source, data=data), trust_plugins=trust_plugins)
-    recording = read_measured(measured, base.group, mapping, format)
+    recording = by_rotors(base, read_measured(measured, base.group, mapping, format))
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])
     if not abs(delay) < length:

@@ -298,6 +298,10 @@ def table_of(flight: Flight) -> str:
             names = COLUMNS[name].split() if is_used else series.fields
             headings += [f"{each} ({series.unit})" if series.unit else each for each in names]
             columns += [*series.at(times, "held" if is_held else "linear").T]
+    for topic in (each for each in flight.topics if each.name == lead.topic):
+        if "recorded" in topic.fields:  # the time of the recorder, where the header has another
+            headings.append(f"{lead.topic} recorded (s)")
+            columns.append(np.interp(times, topic.times / 1e9, topic.fields["recorded"]))
     table = np.stack(columns, axis=-1)
     moving = [headings.index(each) for each in headings if re.match(r"[xyzqvw][wxyz]?( |$)", each)]
     table = table[np.isfinite(table[:, moving]).all(axis=1)]
@@ -327,7 +331,8 @@ class ColumnUse:
     name
         eqt's name for the column; empty where it is not used.
     use
-        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force`` or ``not used``.
+        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force``, ``speed`` (of a rotor)
+        or ``not used``.
     unit
         The unit of its numbers; empty where they have none.
     assumed
@@ -477,7 +482,8 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
             continue
         kinds = [recorded.kind for recorded in log.recorded if name in recorded.names]
-        use = "time" if name == "t" else kinds[0] if kinds else "pose"
+        kinds += ["time"] * (name == "t") + ["speed"] * (name in log.speeds)
+        use = next(iter(kinds), "pose")
         unit = log.sheet.units.get(name, "")
         default = next(iter(log_table.units_of(name)), "")
         if use in recording.VELOCITY and "/" not in default:

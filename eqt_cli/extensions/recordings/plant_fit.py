@@ -338,8 +338,8 @@ def fit(
 ) -> PlantFit:
     """Fit the numbers of a plant, so that it predicts the windows of a recording best.
 
-    The sum of squared errors, in units of the noise, is minimised by SciPy. Intervals are by a
-    block bootstrap, in which each window is a block.
+    The sum of squared errors, in units of the noise, is minimised by SciPy. Intervals
+    let the errors of a window be correlated.
 
     Raises
     ------

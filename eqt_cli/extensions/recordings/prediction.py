@@ -9,16 +9,17 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
-from eqt_cli.analysis.intervals import Resampling, intervals_of_means
-from eqt_cli.base.arrays import Array, as_array, norm
+from eqt_cli.base.arrays import Array, apply_matrix, as_array, norm
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
+from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.motions import piece_at
 from eqt_cli.components.recording_check import Recording, RecordingInFile
 from eqt_cli.components.references import ConstantReference
+from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Engine, Problem
@@ -162,7 +163,13 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
     for place, part in vehicle.parts.items():
         if part.varies:
             raise EqtError(f"{place}: is drawn for each run; give a number to replay a recording")
-    for index, actuator in enumerate(vehicle.actuators):
+    actuators = vehicle.actuators
+    if law.recording(loop.group).speeds.size:  # measured behind the rotors, and what is before them
+        first = next(k for k, each in enumerate(actuators, start=1) if _has_rotors(each))
+        vehicle = replace(vehicle, actuators=actuators[first:])
+    for index, actuator in enumerate(actuators):
+        if actuator not in vehicle.actuators:
+            continue
         if actuator.sampled or actuator.states(loop.group):
             raise EqtError(
                 f"{ACTUATORS}[{index}]: has a state that the recording does not hold; remove the "
@@ -170,6 +177,33 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
             )
     flying = vehicle.of_run(loop.group)
     return replace(loop, reference=ConstantReference(), controller=law, vehicle=flying)
+
+
+def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
+    """Return the recording with the wrench of its rotors, B f with f = k_η · speed².
+
+    Raises
+    ------
+    EqtError
+        If the configuration has no such rotors, or the recording has a wrench, too.
+    """
+    count, vehicle = recording.speeds.shape[1], experiment.loop.vehicle
+    if not count:
+        return recording
+    place, actuators = f"{recording.place}: {count} speeds of rotors", vehicle.actuators
+    if np.isfinite(recording.wrenches).any():
+        raise EqtError(f"{place} and a wrench; give other names to the columns of one of them")
+    rotors: Any = next(filter(_has_rotors, actuators), None)
+    if rotors is None or rotors.count != count:
+        needed = f"an actuator `kind: thrusters` with `thrust_constant` and {count} thrusters"
+        raise EqtError(f"{place} need {needed}")
+    rotors = rotors.of_run(recording.group, None)
+    thrusts = rotors.thrust_constant * recording.speeds**2
+    return replace(recording, wrenches=apply_matrix(rotors.matrix, thrusts))
+
+
+def _has_rotors(actuator: Actuator) -> bool:
+    return isinstance(actuator, Thrusters) and actuator.thrust_constant is not None
 
 
 @dataclass(frozen=True)
@@ -437,18 +471,37 @@ def linear(errors: PredictionErrors, noise: Array) -> Linear:
 def intervals(fits: Sequence[Linear]) -> Array:
     """Return the ends of 95 % intervals relative to the fitted numbers, ``(2, p)``.
 
-    The mean of the jackknife's pseudo-values is resampled. They follow from the numbers without
-    each window, to first order θ + (A − A_w)⁻¹ b_w with A_w = J_wᵀJ_w and b_w = J_wᵀr_w.
+    Errors may be correlated within a window. The variance is the sandwich of all windows with the
+    adjustment CR2, and Student's t has the degrees of freedom that Bell and McCaffrey (2002) give
+    for few windows, or for some that say more than others. With A_w = J_wᵀJ_w, A = Σ A_w and
+    B_w = A_w^½ A⁻¹ A_w^½, the variance is A⁻¹ Σ u_w u_wᵀ A⁻¹,
+    u_w = A_w^½ (1 − B_w)^−½ A_w^−½ J_wᵀr_w.
     """
-    squares = [one.derivatives.T @ one.derivatives for one in fits]
-    pulls = [one.derivatives.T @ one.residuals for one in fits]
-    others, total = len(fits) - 1, sum(squares)
-    values = [
-        -others * np.linalg.solve(total - square, pull)
-        for square, pull in zip(squares, pulls, strict=True)
-    ]
-    mean = intervals_of_means(np.array(values), Resampling())
-    return np.stack([mean.low - mean.mean, mean.high - mean.mean])
+    from scipy.special import stdtrit  # slow to import
+
+    lengths = norm(np.concatenate([one.derivatives for one in fits]).T)
+    J = [one.derivatives / lengths for one in fits]
+    A = np.array([each.T @ each for each in J])
+    inverse, root = np.linalg.inv(A.sum(axis=0)), _power(A, 0.5)
+    free = np.eye(len(inverse)) - root @ inverse @ root
+    C = inverse @ root @ _power(free, -0.5) @ _power(A, -0.5)  # A⁻¹u_w = C_w J_wᵀr_w
+    pulls = np.array([each.T @ one.residuals for each, one in zip(J, fits, strict=True)])
+    sizes = norm((C @ pulls[..., None])[..., 0].T)
+    # Covariances of the terms, (p, windows, windows), if all errors are white.
+    own = np.einsum("wki,wij,wkj->kw", C, A, C)
+    shared = np.einsum("wki,kvi->kwv", C @ A @ inverse, (C @ A).swapaxes(0, 1))
+    covariance = own[..., None] * np.eye(len(fits)) - shared
+    freedom = np.trace(covariance, axis1=1, axis2=2) ** 2 / np.sum(covariance**2, axis=(1, 2))
+    half = stdtrit(freedom, 0.975) * sizes / lengths
+    return np.stack([-half, half])
+
+
+def _power(A: Array, exponent: float) -> Array:
+    """Return powers of symmetric matrices, ``(..., p, p)``; of singular ones on their range."""
+    values, vectors = np.linalg.eigh(A)
+    least = A.shape[-1] * np.finfo(float).eps * values[..., -1:]
+    powers = np.where(values > least, np.maximum(values, least) ** exponent, 0.0)
+    return (vectors * powers[..., None, :]) @ vectors.swapaxes(-1, -2)
 
 
 def correlated(fits: Sequence[Linear], windows: Windows) -> Iterator[str]:

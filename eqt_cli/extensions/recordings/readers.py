@@ -112,7 +112,8 @@ def _decoded(topic: Topic, reader: Any, one: Any, wanted: Any, decode: Any, stor
     recorded = np.array(times, int)
     if "header" in known and rows:
         sec, rest = (fields[name].astype(int) for name in stamps)
-        recorded = 10**9 * sec + rest if (sec + rest).any() else recorded  # a header may not be set
+        if (sec + rest).any():  # a header may not be set
+            fields["recorded"], recorded = recorded / 1e9, 10**9 * sec + rest
     elif "timestamp" in known:
         recorded = _since_boot(fields)
     return topic._replace(times=recorded, fields=fields)

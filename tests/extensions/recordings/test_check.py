@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.base.errors import ConfigError, EqtError, InputError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping, TimeMapping
+from eqt_cli.components.log_table import LogMapping, MappingError, TimeMapping
 from eqt_cli.components.recording import read_log
+from eqt_cli.components.recording_check import read_recording
 from eqt_cli.extensions.recordings.logs import check_text
 
 HEAD = "t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz"
@@ -236,6 +237,50 @@ def test_a_format_that_is_none_is_told(tmp_path):
         refusal(InputError, eqt_cli.check_log, tmp_path / "flight.csv", format="cvs")
         == "format: expected one of csv, tum, euroc, got 'cvs'"
     )
+
+
+def body_of(text, **mapping):
+    return read_recording(text, "l.csv", "csv", group_named("SE3"), LogMapping(**mapping))
+
+
+def test_a_marker_tells_the_motion_of_the_body():
+    """A marker off the body's origin, seen in a frame beside the world, both by hand."""
+    turn, at = Rotation.from_rotvec([0.3, -0.2, 0.5]), np.array([0.1, -0.05, 0.2])
+    frame, origin = Rotation.from_rotvec([0, 0, 0.7]), np.array([3.0, 2.0, 1.0])
+    seen = frame.inv().apply(MADE["p"] + R.apply(at) - origin)
+    speed = frame.inv().apply(MADE["v"] + R.apply(np.cross(MADE["w"], at)))
+    q, w = (frame.inv() * R * turn).as_quat(), turn.inv().apply(MADE["w"])
+    said = {
+        "origin": {"rotvec": [0, 0, 0.7], "position": origin.tolist()},
+        "sensor": {"rotvec": [0.3, -0.2, 0.5], "position": at.tolist()},
+    }
+    found = body_of(recording(q=q, p=seen, w=w, v=speed), **said)
+    np.testing.assert_allclose(found.poses[:, :3, :3], R.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(found.poses[:, :3, 3], MADE["p"], atol=1e-12)
+    V = np.c_[MADE["w"], R.inv().apply(MADE["v"])]
+    np.testing.assert_allclose(found.velocities, V, atol=1e-12)
+    assert found.notes == ()  # the marker moves as its poses do
+    # Without rates, nobody knows the velocity of the body's origin from that of a marker beside it.
+    only = body_of(recording(HEAD.replace("wx,wy,wz", "a,b,c"), q=q, p=seen, v=speed), **said)
+    assert np.isnan(only.velocities).all()
+
+
+def test_a_marker_is_a_pose_of_the_group():
+    said = refusal(MappingError, body_of, recording(), sensor={"at": [0, 0, 0.1]})
+    assert said == "unknown key; a pose of SE3 takes rotvec, quaternion, euler, matrix, position"
+
+
+def test_rows_are_thinned_and_commands_keep_their_mean():
+    rows = [f"{0.01 * k!r},{0.02 * k!r},{1.0 if k % 10 < 3 else 0.0}" for k in range(100)]
+    del rows[42:45]
+    text, G = "\n".join(["t,angle,tz", *rows]), group_named("SO2")
+    thin = read_recording(text, "l.csv", "csv", G, LogMapping(time=TimeMapping(rate=10.0)))
+    np.testing.assert_allclose(thin.times, 0.1 * np.arange(10), atol=1e-12)
+    # The command of 1 N m before the missing rows holds until the next: 0.05 s of 0.1 s.
+    np.testing.assert_allclose(thin.wrenches[:, 0], [0.3] * 4 + [0.5] + [0.3] * 5)
+    assert thin.gaps.tolist() == []  # 0.04 s is no gap of rows 0.01 s apart
+    said = LogMapping(time=TimeMapping(rate=10.0, gap=0.03))
+    assert read_recording(text, "l.csv", "csv", G, said).gaps.tolist() == [4]
 
 
 ANGLES = np.column_stack([T, R.as_euler("ZYX"), MADE["w"]])

@@ -220,7 +220,8 @@ def test_a_bag(suffix):
     path = write_bag(Path(f"f{suffix}"), topics)
     checked = eqt_cli.check_log(path)
     assert (checked.group, checked.format, checked.problems) == ("SE3", "bag", [])
-    assert checked.notes == []  # the velocities, which are in the body, fit the poses
+    # The velocities, which are in the body, fit the poses.
+    assert checked.notes == ["column /odom recorded is not used"]
     assert [row[:3] for row in checked.topics] == [
         ("/odom", "position, attitude, velocity, rates", len(t)),
         ("/setpoint", "position, attitude", len(s)),
@@ -229,6 +230,21 @@ def test_a_bag(suffix):
     found = eqt_cli.log_errors(path)
     assert size(found, "position", "x").median == pytest.approx(0.1, abs=1e-3)
     assert size(found, "attitude", "angle").largest < 0.05
+
+
+def test_the_recorder_and_the_header_may_tell_the_time():
+    """A header that is 0.25 s older than its record: a camera, or another computer."""
+    t = np.arange(0, 4, 0.02)
+
+    def older(k, header, make):
+        stamp = make["Time"](sec=int(t[k] + 99.75), nanosec=round(1e9 * ((t[k] + 99.75) % 1)))
+        header = make["Header"](stamp=stamp, frame_id="map")
+        return odometry(*motion(t))(k, header, make)
+
+    path = write_bag(Path("f.mcap"), [("/odom", "nav_msgs/msg/Odometry", 100 + t, older)])
+    assert eqt_cli.check_log(path).begin == pytest.approx(99.75, abs=1e-6)
+    known = {"columns": {"t": "/odom recorded"}}
+    assert eqt_cli.check_log(path, known).begin == pytest.approx(100.0, abs=1e-6)
 
 
 def test_topics_are_chosen_by_name():
