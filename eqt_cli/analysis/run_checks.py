@@ -726,7 +726,10 @@ class MomentumBalance(LargestExcess):
         G, vehicle = s.G, loop.vehicle
         body, stored = vehicle.inertia_at(s).momentum(s.V), vehicle.stored(G, s.V, s.vehicle)
         momentum = body + stored
-        force = G.ad_star(s.V, momentum) + (0.0 if vehicle.wheels else loop.torque(s))
+        force = G.ad_star(s.V, momentum)
+        if not vehicle.wheels:
+            reactions = (of_rotors for _, of_rotors, _ in vehicle.reactions(G, s.V, s.vehicle))
+            force = force + sum(reactions, loop.torque(s))
         for each in vehicle.forces:
             force = force + each.in_body(G, s.t, s.Q, s.V)
         fine = ORDERS[-1]

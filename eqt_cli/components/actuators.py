@@ -63,6 +63,24 @@ class Actuator(VehiclePart):
         return False
 
     @property
+    def changes(self) -> bool:
+        """Whether it is another one over time, see `at`."""
+        return False
+
+    @property
+    def nominal(self) -> "Actuator":
+        """The actuator that does not change over time, which laws know."""
+        return self
+
+    def at(self, t: Any) -> Self:
+        """Return the actuator at a time."""
+        return self
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times, s, at which it changes at once, in order."""
+        return np.empty(0)
+
+    @property
     def sampled(self) -> bool:
         """Whether the actuator acts at control instants only, on a held command.
 

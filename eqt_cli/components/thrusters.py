@@ -8,17 +8,22 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, maximum, outside, sqrt
-from eqt_cli.base.errors import Problems
+from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, maximum, outside, sqrt, stack
+from eqt_cli.base.errors import InputError, Problems, Remedy
+from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Real, Scale, Unit
 from eqt_cli.components.actuators import Actuator, Needed, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
+from eqt_cli.components.references import instants_of
 from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_numbers, drawn, lowest
-from eqt_cli.numbers.leaves import with_fields
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
+
+CHANGING = ("fails", "sag")
+"""Options that change thrusters over time."""
 
 SMALLEST = 1e-10
 """Largest singular value of B, relative to the largest of all, that counts as 0."""
@@ -68,6 +73,28 @@ class Thruster:
 
 
 @dataclass(frozen=True)
+class Failure:
+    """The failure of one thruster.
+
+    Attributes
+    ----------
+    rotor
+        Which one: its number, from 1, or its name.
+    at
+        When, s.
+    to
+        The share of its commanded thrust that is left.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    rotor: int | str
+    at: Annotated[Real, Scale("time of the failure", "s")]
+    to: Annotated[Real, Scale("thrust left to the rotor", "1")] = 0.0
+
+
+@dataclass(frozen=True)
 class Thrusters(Actuator):
     """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
 
@@ -94,6 +121,16 @@ class Thrusters(Actuator):
         k_m of rotors, the torque over the square of the speed, N m s²/rad², likewise.
     low_speed, high_speed
         The least and the largest speed of rotors, rad/s, instead of `low` and `high`.
+    rotor_inertia
+        J_r of rotors that lag, about `along`, kg m², likewise: they have the momentum
+        h = Σ ∓J_r η a, against the torque of `turns`, and the body the torque h × ω − ḣ; SE3 only.
+    fails
+        `{rotor: 2, at: 3 s, to: 0}`: from then on, of the thrust that is asked of a thruster, this
+        share is left. One that lags goes there by its lag.
+    sag
+        What is left to all thrusters as the battery empties, by an expression in t, likewise.
+    told
+        Whether the allocation knows `fails` and `sag`: it is then B⁺ of the columns that are left.
     weights
         The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
     allocation
@@ -112,6 +149,7 @@ class Thrusters(Actuator):
         "weights",
         "thrust_constant",
         "moment_constant",
+        "rotor_inertia",
     )
 
     matrix: list[list[Real]] | None = None
@@ -127,10 +165,19 @@ class Thrusters(Actuator):
     ] = None
     low_speed: Annotated[Numbers | None, Unit("rad/s")] = None
     high_speed: Annotated[Numbers | None, Unit("rad/s")] = None
+    rotor_inertia: Annotated[Numbers | None, Scale("inertia of the rotors", "kg m^2")] = None
+    fails: Failure | None = field(default=None, metadata=STRUCTURE)
+    sag: str | float | None = field(default=None, metadata=STRUCTURE)
+    told: bool = False
     weights: Numbers | None = None
     allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
     least: Annotated[float, Field(ge=0, lt=1)] = 0.05
     inverse: Any = field(default=None, init=False, repr=False)
+    spin: Any = field(default=None, init=False, repr=False)
+    over_time: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
+    lost: Any = field(default=None, init=False, repr=False)
+    turned: Any = field(default=None, init=False, repr=False)
+    share: Any = field(default=None, init=False, repr=False)
     scale: Any = field(default=None, init=False, repr=False)
     passed: Any = field(default=None, init=False, repr=False)
 
@@ -210,39 +257,103 @@ class Thrusters(Actuator):
                 each[name] = each["thrust_constant"] * each.pop(speed) ** 2
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
         inverse, limited = allocation(B, part.least, scale)
-        none = dict.fromkeys(("weights", "moment_constant", *SPEEDS))
+        each |= part._changing(B, scale, inverse)
+        if part.rotor_inertia is not None:
+            axes = B[3:] / np.linalg.norm(B[3:], axis=0)
+            sides = -np.sign([one.turns for one in part.thrusters or ()])
+            each["spin"] = np.concatenate([axes * sides * np.array(part.rotor_inertia), 0.0 * axes])
+        none = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
         none["scale"] = scale if self.sampled else None
         return with_fields(
             part, **each, **none, matrix=B, thrusters=named, inverse=inverse, passed=limited
         )
 
+    # What changes over time.
+
+    @property
+    def changes(self) -> bool:
+        """Whether a thruster fails, or the battery sags."""
+        return bool(self.over_time) or self.fails is not None or self.sag is not None
+
+    @property
+    def nominal(self) -> Self:
+        """The thrusters that do not fail, and whose battery does not sag."""
+        return with_fields(self, **dict.fromkeys(CHANGING), over_time=())
+
+    def _changing(self, B: Array, scale: Array, inverse: Array) -> dict[str, Any]:
+        """Return the share of all and the failure over time, and what it takes from each."""
+        if not self.changes:
+            return {}
+        fails, lost = self.fails or Failure(1, 0.0, 1.0), np.zeros(self.count)
+        lost[self._number(fails.rotor)] = fails.to - 1.0
+        steps = formula(1.0 if self.sag is None else self.sag), formula(f"step(t, {fails.at!r})")
+        after = allocation(B * (1.0 + lost), self.least, scale)[0] if self.told else inverse
+        return {"over_time": steps, "lost": lost, "turned": after - inverse}
+
+    def _number(self, rotor: int | str) -> int:
+        """Return the index of a thruster; −1 if there is none."""
+        names = [*self.thruster_names, *range(1, self.count + 1)]
+        return names.index(rotor) % self.count if rotor in names else -1
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the time of the failure, and those at which the expression changes its piece."""
+        return instants_of(self.over_time, until)
+
+    def at(self, t: Any) -> Self:
+        """Return the thrusters with the shares, and the allocation, at time t."""
+        if not self.over_time:
+            return self
+        sag, failed = (stack([each.evaluate({"t": t})]) for each in self.over_time)
+        share, inverse = sag * (1.0 + failed * self.lost), self.inverse
+        if self.told:
+            inverse = (inverse + failed[..., None] * self.turned) / sag[..., None]
+        return with_fields(self, share=share, inverse=inverse)
+
+    def _left(self, thrusts: Array) -> Array:
+        """Return what is left of commanded thrusts."""
+        return thrusts if self.share is None else self.share * thrusts
+
+    # The thrusts.
+
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: thrusts that are solved for, then thrusts that lag."""
         return (self.sampled + self.moves) * self.count
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return B f."""
+        """Return B f, without the torque by which rotors are made faster."""
         B: Any = self.matrix
-        return apply_matrix(B, self.thrust(G, command, x))
+        torque: Array = apply_matrix(B, self.thrust(G, command, x))
+        if self.spin is None:
+            return torque
+        return torque - apply_matrix(self.spin, self.state_rate(G, command, x)[..., -self.count :])
+
+    def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array] | None:
+        """Return h × ω with the momentum h of the rotors."""
+        if self.spin is None:
+            return None
+        return G.ad_star(V, apply_matrix(self.spin, x[..., -self.count :])), 0.0 * x
 
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
-            return self._commanded(command, x)
+            return self._left(self._commanded(command, x))
         state: Any = x[..., -self.count :]
         return state if self.thrust_constant is None else self.thrust_constant * state * state
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
         thrusts = self.solution(G, command) if self.sampled else self._commanded(command, command)
-        return np.concatenate([thrusts] * self.sampled + [self._followed(thrusts)], axis=-1)
+        followed = self._followed(self._left(thrusts))
+        return np.concatenate([thrusts] * self.sampled + [followed], axis=-1)
 
     def _followed(self, thrusts: Array) -> Array:
         """Return what the lag follows: the thrusts asked for, or their speeds."""
         if self.thrust_constant is None:
             return thrusts
-        return sqrt(maximum(thrusts, 0.0) / self.thrust_constant)
+        thrusts = maximum(thrusts, 0.0)
+        # Native takes a step past the limit at 0 before it ends it there: no root of less than 0.
+        return sqrt(sqrt(thrusts * thrusts) / self.thrust_constant)
 
     def _commanded(self, command: Array, x: Array) -> Array:
         """Return the commanded thrusts, within the limits."""
@@ -254,7 +365,9 @@ class Thrusters(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (commanded − x) / T, and 0 for thrusts that are solved for at the next instant."""
         thrusts = self._commanded(command, x)
-        rate: Array = (self._followed(thrusts) - x[..., -self.count :]) / self.time_constant
+        rate: Array = (
+            self._followed(self._left(thrusts)) - x[..., -self.count :]
+        ) / self.time_constant
         return np.concatenate([0.0 * thrusts, rate], axis=-1) if self.sampled else rate
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
@@ -308,6 +421,8 @@ class Thrusters(Actuator):
         if problems:
             return
         self._check_rotors(problems)
+        self._check_changes(problems)
+        self._check_inertia(problems)
         for name in ("low", "high", *SPEEDS, *self.positive):
             here, value = problems.at(name), getattr(self, name)
             if value is not None:
@@ -320,6 +435,36 @@ class Thrusters(Actuator):
             check_limits(getattr(self, low), getattr(self, high), problems, names)
         if self.sampled and not self.limits and not problems:
             problems.at("allocation").add("bounded needs limits; give low and high")
+
+    def _check_changes(self, problems: Problems) -> None:
+        """Note a thruster that is none, shares beyond 0 and 1, and an allocation told in vain."""
+        if self.fails is not None:
+            here, to = problems.at("fails"), self.fails.to
+            if self._number(self.fails.rotor) < 0:
+                names = ", ".join(self.thruster_names)
+                expected = f"expected a number from 1 to {self.count}, or one of {names}"
+                here.at("rotor").add(f"{expected}, got {self.fails.rotor}")
+            if not 0 <= to <= 1:
+                here.at("to").add(f"expected the share that is left, from 0 to 1, got {to:g}")
+        if self.sag is not None:
+            with problems.catching("sag"):
+                now = formula(self.sag).evaluate({"t": 0.0})
+                if not 0 < now <= 1:
+                    got = f"expected a share of the thrust, above 0 and up to 1, got {now:g} at 0 s"
+                    raise InputError(got, Remedy("for example 1 - 0.02*t"))
+        if self.told and not self.changes:
+            problems.at("told").add("belongs to fails or sag; give one of them")
+        elif self.told and self.sampled:
+            problems.at("told").add("needs allocation: pseudo_inverse; no other is told of changes")
+
+    def _check_inertia(self, problems: Problems) -> None:
+        """Note rotors whose speed, or the side to which they turn, is not known."""
+        if self.rotor_inertia is not None:
+            here = problems.at("rotor_inertia")
+            if not all(each.turns for each in self.thrusters or [Thruster([], [])]):
+                here.add("needs thrusters with places, and turns of each, which say how it spins")
+            if not self.runs:
+                here.add("needs speeds that lag; give thrust_constant and time_constant")
 
     def _check_rotors(self, problems: Problems) -> None:
         """Note keys of rotors without a thrust constant, and rotors that could push backwards."""

@@ -154,6 +154,12 @@ class Vehicle:
         )
         return dataclasses.replace(self, actuators=linear, estimator=None)
 
+    def at(self, t: Any) -> Self:
+        """Return the vehicle with the actuators at a time."""
+        if not any(actuator.changes for actuator in self.actuators):
+            return self
+        return with_fields(self, actuators=tuple(actuator.at(t) for actuator in self.actuators))
+
     def pushes(self, G: MatrixLieGroup) -> Array | None:
         """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
         for actuator in self.actuators:
@@ -311,7 +317,8 @@ class Vehicle:
     @property
     def is_direct(self) -> bool:
         """Whether forces are all that acts beside the command: it arrives, of the true state."""
-        arrives = all(a.thruster_names and not (a.limits or a.moves) for a in self.actuators)
+        bare = (not (a.limits or a.moves or a.changes) for a in self.actuators)
+        arrives = all(bare) and all(a.thruster_names for a in self.actuators)
         other = self.inertia or self.control or self.measures or self.estimator
         return arrives and not other
 
@@ -412,15 +419,15 @@ class Vehicle:
 
     @cached_property
     def _at_instants(self) -> int:
-        """Number of actuators that act at ticks only: those before the first that `moves`."""
+        """Number of actuators that act at ticks only: before the first that `moves`, `changes`."""
         if self.control is None:
             return 0
-        moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
+        moving = (k for k, each in enumerate(self.actuators) if each.moves or each.changes)
         return next(moving, len(self.actuators))
 
     @property
     def moving(self) -> tuple[Actuator, ...]:
-        """The actuators from the first that `moves`; only these may change between ticks."""
+        """The actuators from the first that `moves` or `changes`; only these may between ticks."""
         return self.actuators[self._at_instants :]
 
     def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:

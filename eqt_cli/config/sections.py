@@ -725,7 +725,7 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
                 "a vehicle has one entry with thrusters; put all of them in the first one"
             )
         driven = driven or bool(actuator.thruster_names)
-        moving = actuator.name if actuator.moves else moving
+        moving = actuator.name if actuator.moves or actuator.changes else moving
 
 
 def _right(entries: Iterable[T] | None) -> dict[int, T]:

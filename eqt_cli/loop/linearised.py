@@ -44,7 +44,8 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
         If the model has no derivative, or no gain makes it stable.
     """
     clock, forces = loop.vehicle.control, loop.controller.known_forces
-    known = Vehicle(forces=forces, actuators=loop.vehicle.actuators, control=clock)
+    actuators = tuple(each.nominal for each in loop.vehicle.actuators)
+    known = Vehicle(forces=forces, actuators=actuators, control=clock)
     linear = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
     if not np.isfinite(linear.closed).all():
         raise InputError(

@@ -48,7 +48,7 @@ class LoopState(NamedTuple):
         if attitude is None:
             with np.errstate(invalid="ignore"):  # symbols compare NaN
                 attitude = s.P[..., 0] * 0.0 + np.nan
-        at_limit, thrust = loop.at_limit(s), vehicle.thrust(s.G, command, s.vehicle)
+        at_limit, thrust = loop.at_limit(s), vehicle.at(s.t).thrust(s.G, command, s.vehicle)
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
         return cls(s, command, torque, attitude, at_limit, thrust, *wheels, loop.lyapunov(s))
 

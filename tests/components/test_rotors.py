@@ -1,12 +1,19 @@
 """Rotors: thrusts by the square of a speed that lags, and their drag."""
 
+from itertools import pairwise
+
 import numpy as np
+import plain
 import pytest
+import yaml
+from case_tables import cases, refusal
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from eqt_cli.base.errors import EqtError
 from eqt_cli.components.forces import Drag, Restoring
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.thrusters import Thruster, Thrusters
+from eqt_cli.components.thrusters import Failure, Thruster, Thrusters
 from eqt_cli.config import shipped
 from eqt_cli.loop.linearised import flow
 from eqt_cli.results.result import open_result
@@ -139,3 +146,235 @@ def test_a_crazyflie_flies_by_both_engines_alike(invoke, tmp_path):
     assert (away > 0.01).all() and (away < 2).all()
     hover = 0.2943 / 4
     assert (np.abs(found[0][1] - hover) < 0.5 * hover).all()
+
+
+# Rotors with inertia, that fail, on a battery that sags -------------------------------------------
+
+SPUN, FAILED, LEFT, SAG = 6e-5, 0.117, 0.4, "1 - 0.2*t"  # kg m², s
+CHANGES = {"fails": {"rotor": 2, "at": "117 ms", "to": LEFT}, "sag": SAG}
+HEAVY = {"rotor_inertia": SPUN, "time_constant": LAG}
+FORCE = [0.01, -0.02, 0.005, 0.1, 0.1, 4.9]
+
+
+class Rotors(plain.Plain):
+    """EqT on four rotors along z, as one would write them: speed by speed."""
+
+    def __init__(self, lag=None, spun=0.0, fails=False, told=False):
+        super().__init__("SE3", [*J, MASS, MASS, MASS], 0.2, 0.05, lambda t: np.array(FORCE))
+        self.lag, self.spun, self.fails, self.told = lag, spun, fails, told
+        self.rows = np.array(
+            [
+                [at[1], -at[0], turns * MOMENT / THRUST, 1]
+                for at, turns in zip(AT, TURNS, strict=True)
+            ]
+        ).T
+
+    def shares(self, t, failed):
+        """What is left to each rotor."""
+        left = np.array([1.0, LEFT if failed else 1.0, 1.0, 1.0])
+        return (1 - 0.2 * t) * left if self.fails else np.ones(4)
+
+    def thrusts(self, t, wanted, failed):
+        share = self.shares(t, failed)
+        asked = np.linalg.solve(self.rows * share if self.told else self.rows, wanted[[0, 1, 2, 5]])
+        return share * np.clip(asked, 0.0, THRUST * FASTEST**2)
+
+    def field(self, t, y, command, failed):
+        Q, V, Qd, Pd, speeds = self.split(y)
+        thrusts, rates = self.thrusts(t, command(t, y), failed), np.zeros(4)
+        if self.lag:
+            rates = (np.sqrt(thrusts / THRUST) - speeds) / self.lag
+            thrusts = THRUST * speeds**2
+        wrench = np.zeros(6)
+        for at, turns, thrust, speed, rate in zip(AT, TURNS, thrusts, speeds, rates, strict=True):
+            torque = np.cross(at, [0, 0, thrust])
+            torque[2] += turns * MOMENT / THRUST * thrust
+            axis = np.array([0, 0, -turns])  # it turns against the torque of its drag
+            torque = torque - self.spun * (np.cross(V[:3], axis * speed) + axis * rate)
+            wrench += [*torque, 0, 0, thrust]
+        V_dot = np.linalg.solve(self.I, self.ad(V).T @ (self.I @ V) + wrench)
+        Vd = np.linalg.solve(self.I, Pd)
+        Pd_dot = self.ad(Vd).T @ Pd + self.torque(t)
+        moving = (Q @ self.hat(V)).ravel(), V_dot, (Qd @ self.hat(Vd)).ravel(), Pd_dot, rates
+        return np.concatenate(moving)
+
+    def flown(self, y, times, period=None):
+        """The states at the times, from leg to leg: the failure and the ticks end one."""
+        asked = self.law(0.0, *self.split(y)[:4])
+        speeds = np.sqrt(self.thrusts(0.0, asked, False) / THRUST) if self.lag else np.zeros(4)
+        y, states = np.concatenate([y[:-6], speeds]), []
+        ticks = np.arange(0.0, times[-1], period or 10.0)
+        ends = np.unique([*times, *ticks, FAILED])
+        for start, end in pairwise(ends):
+            states += [y] * (start in times)
+            if start in ticks:
+                held = self.law(start, *self.split(y)[:4])
+            command = (lambda t, y, held=held: held) if period else self.now
+            given = {"args": (command, start >= FAILED), **plain.TIGHT}
+            y = solve_ivp(self.field, (start, end), y, **given).y[:, -1]
+        return np.array([*states, y])
+
+    def now(self, t, y):
+        return self.law(t, *self.split(y)[:4])
+
+
+def rotors_text(engine, control=None, **options):
+    part = {
+        "kind": "thrusters",
+        "thrusters": [
+            {"at": at, "along": [0, 0, 1], "turns": turns}
+            for at, turns in zip(AT.tolist(), TURNS, strict=True)
+        ],
+        "thrust_constant": THRUST,
+        "moment_constant": MOMENT,
+        "low_speed": 0,
+        "high_speed": FASTEST,
+    }
+    config = {
+        "group": "SE3",
+        "inertia": [*J.tolist(), MASS, MASS, MASS],
+        "gains": {"kp": 0.2, "kd": 0.05},
+        "reference": {"torque": FORCE},
+        "controllers": ["eqt"],
+        "actuators": [part | options],
+        "initial": {
+            "pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.3, -0.2, 0.1, 0.1, 0.2, 0.3]},
+            "velocity": {"kind": "fixed", "coordinates": [0.5, -0.3, 0.8, 0.1, 0.2, 0.0]},
+        },
+        "time": {"duration": 0.2, "samples": 3},
+        "solver": {"engine": engine, "rtol": 1e-12, "atol": 1e-14},
+    }
+    return yaml.safe_dump(config | ({"control": control} if control else {}))
+
+
+@pytest.mark.parametrize(
+    ("engine", "options", "control"),
+    [
+        ("solve_ivp", HEAVY | CHANGES, None),
+        ("native", HEAVY | CHANGES, None),
+        ("native", CHANGES, {"period": 0.05}),
+        ("native", CHANGES | {"told": True}, {"period": 0.05}),
+        ("solve_ivp", CHANGES, {"period": 0.05}),
+    ],
+    ids=["inertia, solve_ivp", "inertia", "sampled", "told", "sampled, solve_ivp"],
+)
+def test_rotors_that_fail_are_those_of_a_plain_program(solved, engine, options, control):
+    problem, solution = solved(rotors_text(engine, control, **options))
+    program = Rotors(options.get("time_constant"), options.get("rotor_inertia", 0.0), True)
+    program.told = "told" in options
+    start = program.start(
+        plain.exp("SE3", np.array([0.3, -0.2, 0.1, 0.1, 0.2, 0.3])),
+        np.array([0.5, -0.3, 0.8, 0.1, 0.2, 0.0]),
+        np.eye(4),
+        np.zeros(6),
+    )
+    states = program.flown(start, problem.times, control and control["period"])
+    s = problem.loop.tracking(problem.times, solution.states)
+    np.testing.assert_allclose(s.Q[0].reshape(3, 16), states[:, :16], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], states[:, 16:22], rtol=0, atol=1e-9)
+    if "time_constant" in options:
+        speeds = s.vehicle["actuators_0"][0]
+        np.testing.assert_allclose(speeds, states[:, -4:], rtol=0, atol=1e-9 * FASTEST)
+        assert np.abs(SPUN * speeds).max() > 0.01  # N m s: as much as the body at 3 rad/s
+
+
+@pytest.mark.parametrize("told", [False, True])
+def test_at_an_instant_wrench_and_rates_are_those_of_the_plain_program(experiment_of, told):
+    random, options = np.random.default_rng(2), HEAVY | CHANGES | {"told": told}
+    (loop,) = experiment_of(rotors_text("native", **options)).loops.values()
+    program = Rotors(LAG, SPUN, True, told)
+    for t in (0.0, 0.1, FAILED, 0.15):
+        Q, Qd = SE3.exp(0.3 * random.normal(size=(2, 6)))
+        V, Vd = random.normal(size=(2, 6))
+        speeds = random.uniform(0.1, 0.9, 4) * FASTEST
+        y = np.concatenate([program.start(Q, V, Qd, Vd)[:-6], speeds])
+        expected = program.field(t, y, program.now, t >= FAILED)
+        state = loop.initial_state(Q[None], V[None], Qd[None], Vd[None])
+        state[:, loop.layout.slices["vehicle.actuators_0"]] = speeds
+        s = loop.tracking(t, state)
+        acting, rates = loop.acting_and_rates(s)
+        V_dot = np.linalg.solve(program.I, program.ad(V).T @ (program.I @ V) + acting[0])
+        np.testing.assert_allclose(V_dot, expected[16:22], rtol=1e-12, atol=1e-12)
+        found = rates["actuators_0"][0]
+        np.testing.assert_allclose(found, expected[-4:], rtol=1e-12, atol=1e-12 * FASTEST / LAG)
+
+
+SIX = [
+    {"at": [np.cos(a), np.sin(a), 0.0], "along": [0, 0, 1], "turns": (-1) ** k * 0.1}
+    for k, a in enumerate(np.pi / 3 * np.arange(6).astype(float))
+]
+
+
+def six(**options):
+    rotors = Thrusters(thrusters=[Thruster(**each) for each in SIX], low=0.0, high=9.0, **options)
+    return rotors.of_run(SE3, None)
+
+
+def test_an_allocation_that_is_told_gives_the_command_without_the_rotor_that_failed():
+    fails, command = Failure("thruster 5", 1.0), np.array([0.3, -0.2, 0.02, 0.0, 0.0, 12.0])
+    for told, t in ((True, 0.5), (True, 1.0), (False, 0.5), (False, 1.0)):
+        rotors = six(fails=fails, sag="1 - 0.1*t", told=told).at(t)
+        thrusts = rotors.thrust(SE3, command, np.empty(0))
+        found = rotors.output(SE3, command, np.empty(0))
+        assert (thrusts[4] == 0.0) == (t == 1.0)
+        if told:
+            np.testing.assert_allclose(found, command, atol=1e-13)
+        else:
+            healthy = six().thrust(SE3, command, np.empty(0)) * (1 - 0.1 * t)
+            healthy[4] *= t < 1.0
+            np.testing.assert_allclose(thrusts, healthy, rtol=1e-14)
+
+
+def test_times_of_failures_and_of_sags_are_instants():
+    rotors = six(fails=Failure(1, 1.5), sag="1 - 0.1*step(t, 0.7)")
+    assert rotors.instants(SE3, 2.0).tolist() == [0.7, 1.5]
+    assert six().at(1.0).share is None
+
+
+def test_a_regulator_does_not_know_what_fails(experiment_of):
+    def gain(**options):
+        text = rotors_text("native", **HEAVY, **options, high_speed=1e5)
+        config = yaml.safe_load(text) | {"controllers": ["lqr"], "reference": {"kind": "constant"}}
+        config["model"] = {"forces": [{"kind": "restoring", "weight": 9.81 * MASS}]}
+        (loop,) = experiment_of(yaml.safe_dump(config)).loops.values()
+        return loop.controller.regulator.gain
+
+    np.testing.assert_array_equal(gain(), gain(fails={"rotor": 1, "at": 0.1}, sag="1 - t"))
+
+
+WRONG = """
+{fails: {rotor: 5, at: 1}}
+    fails.rotor: expected a number from 1 to 4, or one of thruster 1, thruster 2, thruster 3,
+    thruster 4, got 5
+{fails: {rotor: 1, at: 1, to: 1.5}}
+    fails.to: expected the share that is left, from 0 to 1, got 1.5
+{fails: {rotor: 1}}
+    fails.at: missing
+{sag: 1.2}
+    sag: expected a share of the thrust, above 0 and up to 1, got 1.2 at 0 s; for example
+    1 - 0.02*t
+{sag: 1 - x}
+    sag: '1 - x':
+{told: true}
+    told: belongs to fails or sag; give one of them
+{sag: 0.9, told: true, allocation: bounded}
+    told: needs allocation: pseudo_inverse; no other is told of changes
+{rotor_inertia: 1.0e-5}
+    rotor_inertia: needs speeds that lag; give thrust_constant and time_constant
+{rotor_inertia: 0, time_constant: 0.01}
+    rotor_inertia: expected a number greater than 0, got 0
+"""
+
+
+@pytest.mark.parametrize(("options", "said"), cases(WRONG))
+def test_what_no_rotor_does_is_refused(experiment_of, options, said):
+    text = rotors_text("native", {"period": 0.01}, **yaml.safe_load(options))
+    assert "actuators[0]." + said in refusal(EqtError, experiment_of, text)
+
+
+def test_rotors_without_a_side_have_no_known_spin(experiment_of):
+    config = yaml.safe_load(rotors_text("native", **HEAVY))
+    config["actuators"][0]["thrusters"][1]["turns"] = 0
+    assert (
+        "rotor_inertia: needs thrusters with places, and turns of each, which say how it spins"
+    ) in refusal(EqtError, experiment_of, yaml.safe_dump(config))
