@@ -12,13 +12,16 @@ import io
 import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+
+MANY, SINGLE = "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped"
+"""A message of many transforms, and one of a single one."""
 
 
 class Topic(NamedTuple):
@@ -77,6 +80,8 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Itera
         old = stream.read(7) == b"#ROSBAG"
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     decode = store.deserialize_ros1 if old else store.deserialize_cdr
+    if MANY not in store.fielddefs:  # rosbags has none of ROS 1
+        store.register(get_types_from_msg(f"{SINGLE.replace('/msg', '')}[] transforms", MANY))
     for name, text in types.items():
         store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
     with (rosbags.rosbag1 if old else rosbags.rosbag2).Reader(Path(path)) as reader:
@@ -84,27 +89,44 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Itera
             px4 = re.sub(r"\B([A-Z])", r"_\1", one.msgtype.rpartition("/")[2]).lower()
             kind = px4 if one.msgtype.startswith("px4_msgs") else one.msgtype
             topic = Topic(one.topic, kind, one.msgcount, np.empty(0, int), {})
-            is_known = kind in wanted and one.msgtype in store.fielddefs
+            is_known = kind in (*wanted, MANY) and one.msgtype in store.fielddefs
             note = _differs(one, store) if is_known else ""
             try:
                 if is_known and not note:
-                    topic = _decoded(topic, reader, one, wanted[kind], decode, store)
+                    found = ((t, decode(x, one.msgtype)) for _, t, x in reader.messages([one]))
+                    if kind == MANY:
+                        for name, some in _parts(one.topic, found).items():
+                            part = Topic(name, SINGLE, 0, topic.times, {})
+                            yield _decoded(part, some, SINGLE, wanted[SINGLE], store)
+                            topic = topic._replace(rows=0)  # so that it is not listed
+                    else:
+                        topic = _decoded(topic, found, one.msgtype, wanted[kind], store)
             except Exception as error:  # a foreign message may make rosbags raise anything
                 note = str(error)
             yield topic._replace(note=note)
 
 
-def _decoded(topic: Topic, reader: Any, one: Any, wanted: Any, decode: Any, store: Any) -> Topic:
-    known = {name for name, _ in store.fielddefs[one.msgtype][1]}
+def _parts(topic: str, messages: Iterator[Any]) -> dict[str, list[Any]]:
+    """Return the transforms of each pair of frames, which one topic mixes."""
+    pairs = dict[str, list[Any]]()
+    for time, message in messages:
+        for each in message.transforms:
+            name = f"{topic} {each.header.frame_id}.{each.child_frame_id}"
+            pairs.setdefault(name, []).append((time, each))
+    return {name: found for name, found in pairs.items() if len(found) > 1}  # others are static
+
+
+def _decoded(topic: Topic, messages: Iterable[Any], kind: str, wanted: Any, store: Any) -> Topic:
+    known = {name for name, _ in store.fielddefs[kind][1]}
     stamps = [name for name in ("timestamp", "timestamp_sample") if name in known]
     if "header" in known:
         stamps = ["header.stamp.sec", "header.stamp.nanosec"]
     names = {name.partition("[")[0] for name in wanted if re.split(r"[.[]", name)[0] in known}
     columns = [*stamps, *sorted(names)]
     get, times, rows, fields = attrgetter(*columns), [], [], dict[str, Any]()
-    for _, time, data in reader.messages(connections=[one]):
+    for time, message in messages:
         times.append(time)
-        rows.append(get(decode(data, one.msgtype)))
+        rows.append(get(message))
     for column, numbers in zip(columns, zip(*rows, strict=True), strict=False):
         array = np.asarray(numbers, float)
         split = range(array.shape[1] if array.ndim > 1 else 0)
@@ -116,7 +138,7 @@ def _decoded(topic: Topic, reader: Any, one: Any, wanted: Any, decode: Any, stor
             fields["recorded"], recorded = recorded / 1e9, 10**9 * sec + rest
     elif "timestamp" in known:
         recorded = _since_boot(fields)
-    return topic._replace(times=recorded, fields=fields)
+    return topic._replace(rows=len(rows), times=recorded, fields=fields)
 
 
 def _differs(one: Any, store: Any) -> str:

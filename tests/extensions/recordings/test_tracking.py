@@ -247,6 +247,28 @@ def test_the_recorder_and_the_header_may_tell_the_time():
     assert eqt_cli.check_log(path, known).begin == pytest.approx(100.0, abs=1e-6)
 
 
+def test_frames_of_a_tree_are_topics_of_their_own():
+    t = np.arange(0, 4, 0.05)
+    place, quaternion = motion(t)[:2]
+
+    def tree(k, header, make):
+        def named(child, x, q):
+            at, turn = make["Vector3"](*x.tolist()), make["Quaternion"](*q.tolist())
+            where = make["Transform"](translation=at, rotation=turn)
+            return make["TransformStamped"](header=header, child_frame_id=child, transform=where)
+
+        wheel = named("wheel", np.zeros(3), quaternion[0])
+        return make["TFMessage"](transforms=[named("body", place[k], quaternion[k]), wheel])
+
+    write_bag(Path("f.mcap"), [("/tf", "tf2_msgs/msg/TFMessage", t, tree)])
+    rows = {row[0]: row[2] for row in eqt_cli.check_log("f.mcap").topics}
+    assert rows == {"/tf map.body": len(t), "/tf map.wheel": len(t)}
+    table = np.c_[t, place - np.array([0.1, 0, 0])]
+    np.savetxt("wanted.csv", table, delimiter=",", header="t,x,y,z", comments="")
+    found = eqt_cli.log_errors("f.mcap", "wanted.csv", topic="/tf map.body")
+    assert size(found, "position").largest == pytest.approx(0.1, abs=1e-9)
+
+
 def test_topics_are_chosen_by_name():
     t = np.arange(0, 4, 0.05)
     topics = [
