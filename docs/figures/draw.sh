@@ -220,6 +220,12 @@ sweep_family() {
 	picture sweep_family sweep
 }
 
+quadrotor_recovery() {
+	sweep quadrotor_recovery configs/quadrotor_recovery.yaml --engine native
+	numbers sweep
+	picture quadrotor_recovery sweep
+}
+
 if [ $# = 1 ]; then # printed as a whole, since another is computed beside it
 	set +e
 	said=$(
@@ -236,7 +242,7 @@ all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
 	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
 		satellite_breaks quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
-		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family)
+		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family quadrotor_recovery)
 elif [ $# = 0 ]; then
 	echo "there is no C compiler: the other experiments are left out"
 fi

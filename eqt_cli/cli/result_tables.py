@@ -177,6 +177,7 @@ def _shares(result: Result) -> Iterator[str]:
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit: {shares}"
+        yield from _cut(result)
     known = result.comparable
     shown = [*result.headlines, *result.in_parts("saturated_share")]
     for quantity in (known[name] for name in shown if name in known):
@@ -184,6 +185,24 @@ def _shares(result: Result) -> Iterator[str]:
             number = result.per_run(quantity, quantity.window)
             least = 1e-3 * float(np.nan_to_num(mean_over_runs(number.values)).min())
             yield from number.sampling_note(least, result.unit_in_words(quantity.name))
+
+
+def _cut(result: Result) -> Iterator[str]:
+    """Yield the directions in which limits change the commands, and their shares of the time."""
+    names = [name for name in result.metrics if name.startswith("cut_share_")]
+    words = []
+    for c, label in enumerate(result.labels):
+        good = result.good[..., c, :]
+        means = [(name, result.metric(name, c)[good]) for name in names if good.any()]
+        shares = [
+            f"{name.removeprefix('cut_share_').replace('_', ' ')} {values.mean():.2%}"
+            for name, values in means
+            if values.any()
+        ]
+        if shares:
+            words.append(f"{result.title_of[label]} {listed(shares)}")
+    if words:
+        yield f"commands cut by limits: {'; '.join(words)}"
 
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:

@@ -152,6 +152,10 @@ class Actuator(VehiclePart):
         """Return the thrust of each thruster, ``(..., k)``."""
         return command[..., :0]
 
+    def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return what the limits leave of a command, before any lag."""
+        return self.output(G, command, x) if self.limits else command
+
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a command is beyond the limit, else 0, ``(...)``; None without a limit.
 

@@ -98,6 +98,16 @@ class MatrixLieGroup(ABC):
         """The parts of the coordinates, each with its own units."""
 
     @property
+    def directions(self) -> tuple[str, ...]:
+        """Names of the coordinates of a command: torque x, force z; torque in the plane."""
+        words = [""] * self.dimension
+        for part in self.parts:
+            for k in range(self.dimension)[part.axes]:
+                word = "torque" if part.force_unit == "N m" else "force"
+                words[k] = f"{word} {self.axis_names[k][1:]}".rstrip()
+        return tuple(words)
+
+    @property
     def translation(self) -> Part | None:
         """The only part whose velocity is in m/s; None if there is none, or more than one."""
         moving = [part for part in self.parts if part.velocity_unit == "m/s"]

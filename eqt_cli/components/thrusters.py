@@ -3,12 +3,25 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain, combinations
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from eqt_cli.base.arrays import Array, absolute, apply_matrix, clip, maximum, outside, sqrt, stack
+from eqt_cli.base.arrays import (
+    Array,
+    absolute,
+    apply_matrix,
+    clip,
+    less,
+    maximum,
+    minimum,
+    outside,
+    sqrt,
+    stack,
+    where,
+)
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Real, Scale, Unit
@@ -30,6 +43,9 @@ SMALLEST = 1e-10
 
 NEAR = 1e-12
 """A solved thrust so near its limit, in N and relative to it, is at the limit."""
+
+MOST = 12
+"""Thrusters that an allocation by priority takes: the faces of what they reach are many."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +111,24 @@ class Failure:
 
 
 @dataclass(frozen=True)
+class Priority:
+    """Directions of a command by their priority, for `allocation: {kind: priority, order: …}`.
+
+    Attributes
+    ----------
+    order
+        Groups of directions, the most important first: a name such as torque z, or a list. The
+        word force is all forces along which the thrusters push, torque all torques.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    kind: Literal["priority"]
+    order: list[str | Annotated[list[str], Field(min_length=1)]]
+
+
+@dataclass(frozen=True)
 class Thrusters(Actuator):
     """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
 
@@ -134,9 +168,13 @@ class Thrusters(Actuator):
     weights
         The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
     allocation
-        `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits. `bounded`: thrusts
-        within the limits whose torque is nearest to the command, by least squares over its m
-        numbers as they are; solved at control instants.
+        `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits, which changes the
+        torque in every direction. `bounded`: thrusts within the limits whose torque is nearest to
+        the command, by least squares over its m numbers as they are: N m and N count alike, so
+        that a light body loses its torque. `{kind: priority, order: [[torque x, torque y], force,
+        torque z]}`: each group of directions is met as far as those before it allow; a group of
+        several keeps its direction, and all its numbers have the largest common factor up to 1.
+        The last two act at control instants.
     least
         Least singular value, relative to the largest, of B with each row divided by its norm. Below
         it, a direction is not commanded, because small torques there would take large thrusts.
@@ -170,7 +208,7 @@ class Thrusters(Actuator):
     sag: str | float | None = field(default=None, metadata=STRUCTURE)
     told: bool = False
     weights: Numbers | None = None
-    allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
+    allocation: Literal["pseudo_inverse", "bounded"] | Priority = "pseudo_inverse"
     least: Annotated[float, Field(ge=0, lt=1)] = 0.05
     inverse: Any = field(default=None, init=False, repr=False)
     spin: Any = field(default=None, init=False, repr=False)
@@ -178,6 +216,10 @@ class Thrusters(Actuator):
     lost: Any = field(default=None, init=False, repr=False)
     turned: Any = field(default=None, init=False, repr=False)
     share: Any = field(default=None, init=False, repr=False)
+    groups: tuple[tuple[int, ...], ...] = field(
+        default=(), init=False, repr=False, metadata=STRUCTURE
+    )
+    faces: Any = field(default=(), init=False, repr=False)
     scale: Any = field(default=None, init=False, repr=False)
     passed: Any = field(default=None, init=False, repr=False)
 
@@ -198,15 +240,18 @@ class Thrusters(Actuator):
 
     @property
     def sampled(self) -> bool:
-        """Whether thrusts are solved for at control instants."""
-        return self.allocation == "bounded"
+        """Whether thrusts are found at control instants."""
+        return self.allocation != "pseudo_inverse"
 
-    solves = sampled
+    @property
+    def solves(self) -> bool:
+        """Whether code outside the engines finds them."""
+        return self.allocation == "bounded"
 
     @property
     def acting_at_instants(self) -> str:
         """The option, by which messages name the allocation."""
-        return "allocation: bounded"
+        return f"allocation: {'bounded' if self.solves else 'priority'}"
 
     @property
     def linear_part(self) -> Actuator:
@@ -214,7 +259,7 @@ class Thrusters(Actuator):
         if not self.limits:
             return self
         limits = dict.fromkeys(("low", "high", "low_speed", "high_speed", "scale"))
-        return with_fields(self, **limits, allocation="pseudo_inverse")
+        return with_fields(self, **limits, allocation="pseudo_inverse", groups=(), faces=())
 
     @cached_property
     def count(self) -> int:
@@ -264,10 +309,19 @@ class Thrusters(Actuator):
             each["spin"] = np.concatenate([axes * sides * np.array(part.rotor_inertia), 0.0 * axes])
         none = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
-        none["scale"] = scale if self.sampled else None
-        return with_fields(
-            part, **each, **none, matrix=B, thrusters=named, inverse=inverse, passed=limited
-        )
+        none["scale"] = scale if self.solves else None
+        found = {"matrix": B, "thrusters": named, "inverse": inverse, "passed": limited}
+        if isinstance(self.allocation, Priority):
+            words = G.directions
+            groups = [
+                tuple(axis for word in _listed(group) for axis in _axes(word, words, B))
+                for group in self.allocation.order
+            ]
+            rows: Array = B[[*chain(*groups)]]
+            null: Array = unreachable(rows.T) / scale**2  # times the least thrusts: 0
+            found |= {"groups": (*groups, *((),) * len(null)), "passed": None}
+            found["faces"] = _faces(np.concatenate([rows, null]), each["low"], each["high"])
+        return with_fields(part, **each, **none, **found)
 
     # What changes over time.
 
@@ -334,6 +388,14 @@ class Thrusters(Actuator):
             return None
         return G.ad_star(V, apply_matrix(self.spin, x[..., -self.count :])), 0.0 * x
 
+    def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return B times the solved thrusts, or the command and what limits take from B⁺ of it."""
+        B: Any = self.matrix
+        thrusts = self._commanded(command, x)
+        if self.sampled:
+            return apply_matrix(B, thrusts)
+        return command + apply_matrix(B, thrusts - apply_matrix(self.inverse, command))
+
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
@@ -374,10 +436,15 @@ class Thrusters(Actuator):
         """Return the states with the thrusts that were solved for; thrusts that lag stay."""
         if not self.sampled:
             return x
-        return np.concatenate([command, x[..., self.count :]], axis=-1) if self.moves else command
+        thrusts = command if self.solves else self.solution(G, command)
+        return np.concatenate([thrusts, x[..., self.count :]], axis=-1) if self.moves else thrusts
 
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
-        """Return thrusts within limits whose torque is nearest to the command, run by run."""
+        """Return thrusts within limits: by priority, or with the torque nearest to the command."""
+        if self.groups:
+            inverse, *faces = self.faces
+            met = _by_priority(command, self.groups, faces)
+            return clip(apply_matrix(inverse, met), self.low, self.high)
         runs = command.shape[:-1]
         command = command if self.passed is None else apply_matrix(self.passed, command)
         axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
@@ -434,7 +501,36 @@ class Thrusters(Actuator):
             low, high = names = SPEEDS if fast else ("low", "high")
             check_limits(getattr(self, low), getattr(self, high), problems, names)
         if self.sampled and not self.limits and not problems:
-            problems.at("allocation").add("bounded needs limits; give low and high")
+            kind = self.acting_at_instants.split()[-1]
+            problems.at("allocation").add(f"{kind} needs limits; give low and high")
+        if not problems:
+            self._check_order(G, problems.at("allocation", "order"))
+
+    def _check_order(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note directions that are unknown, twice there, left out, or that nothing pushes along."""
+        if not isinstance(self.allocation, Priority):
+            return
+        if self.count > MOST:
+            problems.add(f"expected at most {MOST} thrusters, got {self.count}; use bounded")
+        B, names, named = self.columns(G), G.directions, list[int]()
+
+        def pushes(axis: int) -> bool:
+            return not len(unreachable(B[[*named, axis]], self.least))
+
+        order = enumerate(map(_listed, self.allocation.order))
+        for k, word in ((k, word) for k, group in order for word in group):
+            here, axes = problems.at(k), _axes(word, names, B)
+            if not axes:
+                here.add(f"expected a direction, {', '.join(names)}, got '{word}'")
+            for axis in axes:
+                if axis in named:
+                    here.add(f"{names[axis]} is named twice; name each direction once")
+                elif not pushes(axis):
+                    here.add(f"nothing pushes along {names[axis]} alone; remove it")
+                named.append(axis)
+        left = [name for axis, name in enumerate(names) if not problems and pushes(axis)]
+        if left:
+            problems.add(f"lacks {', '.join(left)}; name each direction in which thrusters push")
 
     def _check_changes(self, problems: Problems) -> None:
         """Note a thruster that is none, shares beyond 0 and 1, and an allocation told in vain."""
@@ -631,3 +727,88 @@ def _nearest(
     solved = lsq_linear(B * scale, command, limits, method="bvls", tol=1e-14, max_iter=most)
     at = solved.active_mask
     return np.where(at < 0, low, np.where(at > 0, high, np.clip(scale * solved.x, low, high)))
+
+
+# Allocation by priority ---------------------------------------------------------------------------
+
+
+def _listed(group: str | list[str]) -> list[str]:
+    return [group] if isinstance(group, str) else group
+
+
+def _axes(word: str, names: Sequence[str], B: Array) -> list[int]:
+    """Return the axis of a direction, or all of a kind along which anything pushes."""
+    of_kind = [k for k, name in enumerate(names) if name.split()[0] == word and B[k].any()]
+    return [names.index(word)] if word in names else of_kind
+
+
+def _faces(C: Array, low: Array, high: Array) -> tuple[Array, ...]:
+    """Return C⁻¹, and the faces of what the first r rows of C reach within limits, for each r.
+
+    What they reach is a zonotope; the normal of each face is that of r − 1 columns. A face gives a
+    range of y_r from the numbers y before it, [l + w·y, h + w·y], here as a row (l, h, w).
+    """
+    norms, found = _norms(C), [np.linalg.inv(C)]
+    for r in range(1, len(C) + 1):
+        columns = np.array([*combinations(range(len(C)), r - 1)], dtype=int)
+        A = C[:r] / norms[:r]
+        normals = np.linalg.svd(A[:, columns].swapaxes(0, 1))[0][..., -1]
+        # Others limit the numbers before alone. The number of rows must not depend on B.
+        normals = np.resize(normals[np.abs(normals[:, -1]) > SMALLEST], normals.shape)
+        pushes = np.stack([normals @ A * low, normals @ A * high])
+        ends = np.stack([pushes.min(axis=0).sum(axis=-1), pushes.max(axis=0).sum(axis=-1)], axis=-1)
+        of_rows = normals / norms[:r, 0]
+        rows = np.concatenate([ends, -of_rows[:, :-1]], axis=-1) / of_rows[:, -1:]
+        rows[:, :2].sort(axis=-1)
+        found.append(rows)
+    return tuple(found)
+
+
+def _by_priority(command: Array, groups: Sequence[Sequence[int]], faces: Sequence[Array]) -> Array:
+    """Return the numbers y of groups, as near to the command as the faces and those before allow.
+
+    Of a group of several, c is nearest to 0 one number after the other, 0 if that is within reach;
+    y = c + s (d − c) with the largest s ≤ 1. Groups without axes are thrusts without effect.
+    """
+    y = command[..., :0]
+    for group in groups:
+        d = stack([command[..., axis] for axis in group] or [0.0 * command[..., 0]])
+        start, count, c = y.shape[-1], d.shape[-1], y
+        for face in faces[start : start + count]:
+            low, high = _ends(c, face)
+            nearest = d if count == 1 else 0.0 * d[..., :1]
+            c = np.concatenate([c, clip(nearest, -_least(-low), _least(high))], axis=-1)
+        y = c
+        if count == 1:
+            continue
+        move = np.concatenate([0.0 * c[..., :start], d - c[..., start:]], axis=-1)
+        share = 1.0 + 0.0 * d[..., :1]
+        for r in range(start, start + count):
+            w, (low, high) = faces[r][..., 2:], _ends(c[..., :r], faces[r])
+            slope = move[..., r, None] - _product(w, move[..., :r])
+            size = absolute(move[..., r, None]) + _product(absolute(w), absolute(move[..., :r]))
+            room = where(less(0.0, slope), high - c[..., r, None], c[..., r, None] - low)
+            counts = less(NEAR * size, absolute(slope))
+            shares = where(counts, room / where(counts, absolute(slope), 1.0), 1.0)
+            share = minimum(share, maximum(_least(shares), 0.0))
+        y = c + share * move
+    return y
+
+
+def _ends(y: Array, face: Array) -> tuple[Array, Array]:
+    """Return the ranges of the next number by each face, ``(..., n)``."""
+    moved = _product(face[..., 2:], y)
+    return face[..., 0] + moved, face[..., 1] + moved
+
+
+def _product(w: Array, y: Array) -> Array:
+    """Return w·y; 0 of no numbers."""
+    return apply_matrix(w, y) if y.shape[-1] else 0.0 * w.sum(axis=-1)
+
+
+def _least(x: Array) -> Array:
+    """Return the least number along the last axis, ``(..., 1)``."""
+    while (n := x.shape[-1]) > 1:
+        pairs = minimum(x[..., : n // 2], x[..., n // 2 : n // 2 * 2])
+        x = np.concatenate([pairs, x[..., n // 2 * 2 :]], axis=-1)
+    return x

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix, less, stack, where
+from eqt_cli.base.arrays import Array, absolute, apply_matrix, less, stack, where
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
 from eqt_cli.components.forces import Force, in_currents
@@ -617,6 +617,17 @@ class Vehicle:
             here = actuator.at_limit(G, u, x)
             beyond = beyond if here is None else where(less(0.5, here), 1.0, beyond)
         return beyond
+
+    def cut(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """Return 1 along axes where limits change the input of any actuator, else 0, ``(..., m)``.
+
+        A difference of the size of rounding is none.
+        """
+        cut = 0.0 * command
+        for actuator, u, x in self._inputs(G, command, states) if self.limits else ():
+            most = 1e-12 * (1 + absolute(u))
+            cut = where(less(most, absolute(u - actuator.within(G, u, x))), 1.0, cut)
+        return cut
 
     def acting(self, s: Tracking, torque: Array) -> Array:
         """Return the force that would move the law's model as the true plant moves.

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, sqrt, stack, where
+from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside, sqrt, stack, where
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
@@ -34,6 +34,7 @@ class LoopState(NamedTuple):
     torque: Array
     attitude_error: Array
     at_limit: Array
+    cut: Array
     thrust: Array
     wheel_momentum: Array
     wheel_speed: Array
@@ -48,13 +49,14 @@ class LoopState(NamedTuple):
         if attitude is None:
             with np.errstate(invalid="ignore"):  # symbols compare NaN
                 attitude = s.P[..., 0] * 0.0 + np.nan
-        at_limit, thrust = loop.at_limit(s), vehicle.at(s.t).thrust(s.G, command, s.vehicle)
+        now, at_limit = vehicle.at(s.t), loop.at_limit(s)
+        cut, thrust = (of(s.G, command, s.vehicle) for of in (now.cut, now.thrust))
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
-        return cls(s, command, torque, attitude, at_limit, thrust, *wheels, loop.lyapunov(s))
+        return cls(s, command, torque, attitude, at_limit, cut, thrust, *wheels, loop.lyapunov(s))
 
 
 Formula: TypeAlias = Callable[[LoopState], Array]
-Norm: TypeAlias = Literal["", "entries", "axes"]
+Norm: TypeAlias = Literal["", "entries", "axes", "each"]
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ class Signal:
         Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
     norm
         Whether it is the norm of the ``entries`` of a matrix, or along the ``axes`` of the
-        coordinates; a norm also exists for each part of them.
+        coordinates; a norm also exists for each part of them. With ``each``, it is 1 where any of
+        the coordinates is, and exists for each of them.
     stored_of
         Whether it is stored for a vehicle; for others it repeats another signal or is empty.
     only_there
@@ -111,6 +114,12 @@ class Signal:
 
     def parts(self, group: MatrixLieGroup) -> tuple[Part, ...]:
         """Return the parts with a norm of their own; empty if there is one part, or no norm."""
+        if self.norm == "each":
+            return tuple(
+                replace(part, name=group.directions[k].replace(" ", "_"), axes=slice(k, k + 1))
+                for part in group.parts
+                for k in range(group.dimension)[part.axes]
+            )
         return group.parts if self.norm and len(group.parts) > 1 else ()
 
     def value(self, of: Array, part: Part | None = None) -> Array:
@@ -119,6 +128,8 @@ class Signal:
             return frobenius(of if part is None else of[(..., *part.entries)])
         if self.norm == "axes":
             return norm(of if part is None else of[..., part.axes])
+        if self.norm == "each":
+            return outside(of if part is None else of[..., part.axes], 0.0, 0.5)
         return of
 
 
@@ -233,6 +244,12 @@ def command(x: LoopState) -> Array:
 def at_limit(x: LoopState) -> Array:
     """1 where an actuator is at its limit, else 0."""
     return x.at_limit
+
+
+@_signal("c", "1", norm="each", stored_of=lambda of: False)
+def cut(x: LoopState) -> Array:
+    """1 where limits change the command, else 0."""
+    return x.cut
 
 
 @_signal("f", "N", (THRUSTER,), stored_of=attrgetter("thruster_names"))
@@ -424,7 +441,7 @@ def holds(vehicle: Vehicle) -> dict[str, float]:
         return {}
     period = vehicle.tick if vehicle.clocks else vehicle.control.period
     held = [] if vehicle.moving else ["torque", "torque_norm"]
-    held += [] if any(part.limits for part in vehicle.moving) else ["at_limit"]
+    held += [] if any(part.limits for part in vehicle.moving) else ["at_limit", "cut"]
     return dict.fromkeys(held, period)
 
 

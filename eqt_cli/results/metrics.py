@@ -340,6 +340,15 @@ METRICS = (
         of=time_mean,
         stored_of=attrgetter("limits"),
     ),
+    _less_is_better(
+        "cut_share",
+        "share of the time at which limits change the command",
+        units="1",
+        signals=("cut",),
+        label="share of time that limits change the command",
+        of=time_mean,
+        stored_of=attrgetter("limits"),
+    ),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
     _closing("closing_torque", "torque_norm", "||tau||"),
     _rms(

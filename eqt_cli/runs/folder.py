@@ -353,7 +353,8 @@ def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
 
 def _separate_parts(quantity: Quantity, signal: Signal, group: MatrixLieGroup) -> tuple[Part, ...]:
     """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
-    mixes = quantity.per is ValuePer.TRAJECTORY or signal.units(group) == MIXED
+    mixes = signal.units(group) == MIXED or signal.norm == "each"
+    mixes = mixes or quantity.per is ValuePer.TRAJECTORY
     return signal.parts(group) if mixes else ()
 
 

@@ -138,6 +138,32 @@ actuators: [{kind: thrusters, matrix: [[1], [0], [1]], allocation: bounded}]
     actuators[0].allocation: bounded needs limits; give low and high
 actuators: [{kind: thrusters, matrix: [[1], [0], [1]], low: -1, high: 1, allocation: bounded}]
     actuators[0]: allocation: bounded acts at control instants; set control.period
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority, order: [force, torque]}}]
+    actuators[0]: allocation: priority acts at control instants; set control.period
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: priority}]
+    actuators[0].allocation: expected 'pseudo_inverse', 'bounded' or a mapping, got 'priority'
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority}}]
+    actuators[0].allocation.order: missing; this key is required: Groups of directions, the most
+    important first: a name such as torque z, or a list. The word force is all forces along which
+    the thrusters push, torque all torques
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority, order: [force, [torque, force x]]}}]
+    actuators[0].allocation.order[1]: force x is named twice; name each direction once
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority, order: [force z, torque]}}]
+    actuators[0].allocation.order[0]: expected a direction, torque, force x, force y, got 'force z'
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority, order: [force, torque, force y]}}]
+    actuators[0].allocation.order[2]: nothing pushes along force y alone; remove it
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority, order: [force]}}]
+    actuators[0].allocation.order: lacks torque; name each direction in which thrusters push
+actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,
+  allocation: {kind: priority, order: [[], force, torque]}}]
+    actuators[0].allocation.order[0]: expected text or at least 1 entry, got []
 actuators: [{kind: thrusters, matrix: [[1], [0], [1]]}, {kind: thrusters, matrix: [[1], [0], [1]]}]
     actuators[1]: a vehicle has one entry with thrusters; put all of them in the first one
 actuators: [{kind: thrusters, thrusters: [{at: [0, 0, 0], along: [1, 0]}]}]

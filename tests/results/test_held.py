@@ -82,7 +82,7 @@ def test_integrals_are_sums_over_ticks(tmp_path: Path, samples: int, engine: str
 
 def test_a_share_at_limit_is_held_before_a_lag_whose_torque_is_not(tmp_path: Path) -> None:
     with run(tmp_path, 21, [LIMIT, LAG]) as result:
-        assert result.described.holds == {"at_limit": TICK}
+        assert result.described.holds == {"at_limit": TICK, "cut": TICK}
         expected = at_ticks(result, "at_limit").mean(axis=-1)
         np.testing.assert_allclose(result.metric("saturated_share")[0], expected, rtol=1e-12)
 

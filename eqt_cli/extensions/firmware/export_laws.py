@@ -432,7 +432,7 @@ class Limit(NamedTuple):
 
 
 class Allocation(NamedTuple):
-    """The allocation of a torque to thrusters or wheels by a matrix.
+    """The allocation of a torque to thrusters or wheels by a matrix, or by a program.
 
     Attributes
     ----------
@@ -444,7 +444,9 @@ class Allocation(NamedTuple):
         Limits behind it; empty if none are part of it.
     rounding, carried
         Bounds of what rounding, and the bound of the torque, move the outputs by; the first for a
-        torque whose largest number is 1.
+        torque whose largest number is 1, or of a program, at the states of the check.
+    program
+        From ``torque`` to ``found``; None for a matrix.
     """
 
     what: str
@@ -452,6 +454,7 @@ class Allocation(NamedTuple):
     limits: list[Limit]
     rounding: float
     carried: float
+    program: Program | None = None
 
 
 @dataclass(frozen=True)
@@ -551,7 +554,7 @@ class ExportedLaw:
 
     @cached_property
     def allocation(self) -> Allocation | None:
-        """The allocation behind the law, where it is a fixed matrix; else None."""
+        """The allocation behind the law, where it is a fixed matrix or a program; else None."""
         for actuator in () if self.adapter else self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
@@ -563,7 +566,23 @@ class ExportedLaw:
                 rounding = u / (1 - u) * size.sum(axis=1).max()
                 carried = (1 + 2 * u) * (size @ self.torque_bound).max()
                 return Allocation(what, inverse, limits, float(rounding), float(carried))
+            if actuator.sampled and actuator.thruster_names and not actuator.solves:
+                return self._by_program(actuator)
         return None
+
+    def _by_program(self, actuator: Any) -> Allocation:
+        G, torque = self.loop.group, self.judged[TORQUE]
+
+        def thrusts(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+            return {"found": actuator.solution(G, inputs["torque"])}
+
+        program, apart = traced(thrusts, {"torque": G.dimension}), ~self.singular
+        inputs, errors = {"torque": torque.values[apart]}, {"torque": torque.errors[apart]}
+        rounding, both = (
+            float(bounded(program, inputs, self.by, each)["found"].errors.max(initial=0.0))
+            for each in ({}, errors)
+        )
+        return Allocation("thrusts, N,", actuator.inverse, [], rounding, both - rounding, program)
 
     @cached_property
     def torque_bound(self) -> Array:

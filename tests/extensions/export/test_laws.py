@@ -15,7 +15,7 @@ import eqt_cli
 from eqt_cli.base.errors import EqtError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.components.thrusters import Thrusters
+from eqt_cli.components.thrusters import Priority, Thrusters
 from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.study import Study
 from eqt_cli.engines import compiler
@@ -235,6 +235,37 @@ def test_an_exported_allocation_is_that_of_the_actuator(tmp_path, section, part)
         )
         # Both sums round.
         assert np.abs(np.array(found) - expected).max() <= 2 * bound * np.abs(torque).max()
+
+
+@pytest.mark.slow("exports and compiles a law with 4 rotors")
+def test_an_exported_allocation_by_priority_is_that_of_the_actuator(tmp_path):
+    """Within the bound of the header, for torques within and beyond the limits."""
+    if compiler.missing():
+        pytest.skip("no C compiler")
+    order = [["torque x", "torque y"], "torque z"]
+    section = {"kind": "thrusters", "matrix": MATRIX, "low": -0.02, "high": 0.03}
+    section["allocation"] = {"kind": "priority", "order": order}
+    part = Thrusters(matrix=MATRIX, low=-0.02, high=0.03, allocation=Priority("priority", order))
+    eqt_cli.export({**CONFIG, "actuators": [section], "control": {"period": 0.1}}, tmp_path / "law")
+    made, source = tmp_path / "law.so", tmp_path / "law" / "lee2010.c"
+    flags = [*FLAGS, "-fPIC", "-shared", str(source), "-o", str(made)]
+    subprocess.run([*compilers()[0], *flags], check=True)
+    allocate = ctypes.CDLL(str(made)).lee2010_allocate
+    header = (tmp_path / "law" / "lee2010.h").read_text(encoding="utf-8")
+    assert "by priority" in header
+    bound = float(re.search(r"rounding moves them by at\s+most (\S+);", header).group(1))
+    assert 1e-19 < bound < 1e-14
+    G = group_named("SO3")
+    part = part.of_run(G, None)
+    torques = 0.02 * np.random.default_rng(1).standard_normal((40, 3))
+    at_limits = 0
+    for torque in torques:
+        found = (ctypes.c_double * 4)()
+        allocate((ctypes.c_double * 3)(*torque), found)
+        expected = part.solution(G, torque[None])[0]
+        assert np.abs(np.array(found) - expected).max() <= 2 * bound + 1e-16
+        at_limits += bool(((found == part.low) | (found == part.high)).any())
+    assert 5 < at_limits < 40
 
 
 def part_torques(part):

@@ -1,5 +1,13 @@
 {% set found = law.allocation %}
 {% set count = found.inverse | length %}
+{% if found.program %}
+
+static ${emitted(found.program, label ~ "_thrusts")}
+void ${label}_allocate(const ${real} torque[${m}], ${real} found[${count}])
+{
+    ${label}_thrusts(torque, found);
+}
+{% else %}
 
 static const ${real} ${label}_inverse[${count}][${m}] = {
 {% for each in found.inverse %}
@@ -24,3 +32,4 @@ void ${label}_allocate(const ${real} torque[${m}], ${real} found[${count}])
         found[i] = sum;
     }
 }
+{% endif %}
