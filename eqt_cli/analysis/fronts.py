@@ -18,7 +18,7 @@ from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.files import CASE
 from eqt_cli.base.reporting import Block, TextTable, fixed, significant
-from eqt_cli.results.metrics import QUANTITIES
+from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Plain, Quantity, Window
 from eqt_cli.results.result import PerRun, Result, mean_over_runs
@@ -214,7 +214,7 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
     violation = missing.mean(axis=1)
     for bound in constraints:
         violation = violation + excess(bound, values[bound.metric])
-    means = [QUANTITIES[name].cost(mean_over_runs(values[name])) for name in objectives]
+    means = [quantity_of(name).cost(mean_over_runs(values[name])) for name in objectives]
     costs = np.stack(means, axis=1)
     settling = result.metric("settling_time")[:, 0]
     return Scores(costs, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))

@@ -27,7 +27,7 @@ from eqt_cli.config.experiment import Experiment, build
 from eqt_cli.config.schema import TuneSection, WorstRunSection
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.config.study import require_sweepable, section_of, study
-from eqt_cli.results.metrics import QUANTITIES, quantity_of
+from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
 
@@ -116,7 +116,7 @@ class Search(Searches[TuneSection]):
         if not scored.feasible[best]:
             return f"no feasible point so far, least violation {scored.violation[best]:.3g}"
         values = values_text(law.values(population.shares[best].tolist()))
-        cost = QUANTITIES[self.objectives[0]].cost(scored.objectives[best, 0])
+        cost = quantity_of(self.objectives[0]).cost(scored.objectives[best, 0])
         front = f", {len(population.front)} on the front" if self.seeks_front else ""
         return f"best so far: {self.objectives[0]} {brief(cost)} at {values}{front}"
 

@@ -22,7 +22,7 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import WorstSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import require_sweepable, study
-from eqt_cli.results.metrics import QUANTITIES
+from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.run_study import Execution
@@ -131,7 +131,7 @@ class WorstSearch(Searches[WorstSection]):
 
     def so_far(self, law: law_search.LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
-        cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
+        cost = quantity_of(self.objective).cost(-population.scores.objectives[population.best, 0])
         return f"worst so far: {self.objective} {brief(cost)}"
 
     def scores(self, result: Result) -> Scores:
@@ -217,7 +217,7 @@ class WorstSearch(Searches[WorstSection]):
     def _check(cls, section: WorstSection, base: Experiment, problems: Problems) -> None:
         with problems.catching("objective"):
             law_search.require_metric(section.objective, base)
-            if QUANTITIES[section.objective].better == "neither":
+            if quantity_of(section.objective).better == "neither":
                 raise InputError(
                     f"'{section.objective}' has no better direction, so no run is the worst by "
                     "it; choose another metric, such as final_pose_error"
@@ -297,7 +297,7 @@ def _line_ranges(lines: list[Line], label: str) -> list[dict[str, Any]]:
 def _value_record(search: WorstSearch, cost: float) -> dict[str, Any]:
     """Return the value of the objective; None for a failed run."""
     failed = cost == math.inf
-    value = None if failed else float(QUANTITIES[search.objective].cost(cost))
+    value = None if failed else float(quantity_of(search.objective).cost(cost))
     return {"value": value, "failed": failed}
 
 

@@ -219,10 +219,10 @@ def worst(
 
 def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:
     """Yield a line for each law with a failed run, or one worse than a bound."""
-    from eqt_cli.results.metrics import QUANTITIES
+    from eqt_cli.results.metrics import quantity_of
 
     metric = record["objective"]
-    cost = QUANTITIES[metric].cost
+    cost = quantity_of(metric).cost
     side = "above" if cost(1.0) > 0 else "below"
     for law in record["laws"]:
         if law["failed"]:

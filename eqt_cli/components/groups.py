@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any, Self
+from unicodedata import normalize
 
 import numpy as np
 
@@ -103,9 +104,10 @@ class MatrixLieGroup(ABC):
         words = [""] * self.dimension
         for part in self.parts:
             for k in range(self.dimension)[part.axes]:
-                word = "torque" if part.force_unit == "N m" else "force"
-                words[k] = f"{word} {self.axis_names[k][1:]}".rstrip()
-        return tuple(words)
+                words[k] = "torque" if part.force_unit == "N m" else "force"
+        axes = [normalize("NFKC", name) for name in self.axis_names]  # digits for subscripts
+        names = ([f"{a} {b[k:]}".strip() for a, b in zip(words, axes, strict=True)] for k in (1, 0))
+        return next(tuple(each) for each in names if len({*each}) == len(each))
 
     @property
     def translation(self) -> Part | None:

@@ -215,8 +215,9 @@ def test_signals_are_the_norms_they_are_named_after(G):
     found, s = compute(loop, TIMES, states), loop.tracking(TIMES, states)
     # Estimates are not, nor errors of what the group does not have.
     here = [signal for signal in SIGNALS if not signal.only_there and signal.exists_on(G)]
-    norms = [signal.name for signal in here if signal.norm and len(G.parts) > 1]
+    norms = [s.name for s in here if s.norm in ("axes", "entries") and len(G.parts) > 1]
     parts = {f"{norm}_{part.name}" for norm in norms for part in G.parts}
+    parts |= {f"cut_{name}".replace(" ", "_") for name in G.directions}
     # Of a vehicle that has thrusters or wheels.
     names = {signal.name for signal in here} - {"thrust", "wheel_momentum", "wheel_speed"}
     assert set(found) == names | parts | {"energy_balance"}
