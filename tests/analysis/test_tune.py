@@ -134,7 +134,8 @@ def test_a_run_that_does_not_settle_counts_with_the_horizon(stored):
 
 def test_a_number_of_a_part_is_an_objective(stored):
     """As its whole is: less is better."""
-    result = stored(GOOD, effort_rotation=[[1, 2, 3, 4], [2, 2, 2, 6]])
+    values = [[1, 2, 3, 4], [2, 2, 2, 6]]
+    result = stored(GOOD, effort_rotation=values, settling_time=values)
     result.attributes = {"group": "SE3"}
     found = scores(result, ["effort_rotation"], [])
     assert found.objectives[:, 0].tolist() == [2.5, 3]
