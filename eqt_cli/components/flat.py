@@ -47,12 +47,6 @@ WEAK = 0.01
 SAMPLES = 1001
 """Times at which the thrust is checked; between them by its rate."""
 
-OWN_DRAG = (
-    "it is linear, along the axes that the body is pushed along and those across, in still air or "
-    "a constant wind; with heading: free, the same along both axes across"
-)
-"""The drag that may turn with the body."""
-
 FREE, ALONG_VELOCITY = "free", "velocity"
 
 
@@ -81,8 +75,8 @@ class FlatReference(ClosedReference):
 
     The force that moves it, F = m p̈_d − known forces, must be along that axis: this decides the
     attitude, with a heading in space, and its rates. Known forces are those of `model`; they must
-    not depend on the attitude, but for drag that is linear along the body's own axes, in air that
-    is still or has a constant wind.
+    not depend on the attitude, but for drag that is linear along the body's own axes (with
+    `heading: free` the same along the two across the push), in air at rest or a constant wind.
 
     Attributes
     ----------
@@ -309,24 +303,20 @@ class FlatReference(ClosedReference):
         if problems:
             return self
         direction, even = motions.unit_vector(along), self.heading == FREE
-        parts = [force.apart(G, direction, even) for force in plant.forces]
-        for force, found in zip(plant.forces, parts, strict=True):
+        split = [force.apart(G, direction, even) for force in plant.forces]
+        for force, found in zip(plant.forces, split, strict=True):
             if found is None:
                 problems.add(
                     f"needs known forces that do not depend on the attitude, and {force.name} "
-                    f"does; drag may if {OWN_DRAG}",
+                    "does; only drag may, if linear along the body's axes in a constant wind",
                     Remedy("move it from model.forces to plant.forces"),
                 )
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[-1, -1])
-        known = with_fields(
-            self,
-            mass=mass,
-            free=tuple(free for free, _ in parts),
-            across=tuple(drag for _, drag in parts if drag is not None),
-            direction=direction,
-        )
+        forces = [tuple(each for each in pair if each) for pair in zip(*split, strict=True)]
+        parts = dict(zip(("free", "across"), forces, strict=False))
+        known = with_fields(self, mass=mass, direction=direction, **parts)
         known._check_horizon(G, plant.horizon, problems)
         return known
 

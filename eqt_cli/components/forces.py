@@ -74,9 +74,6 @@ class Force(vehicle_parts.VehiclePart):
         The time is a series, too, see `eqt_cli.numbers.jets`.
         """
         assert G.translation is not None
-        if self.frame == "spatial":
-            wrench = self.acting(G, t, moving.pose, moving.twist_in_space)
-            return wrench[..., G.translation.axes]
         force: Any = self.in_body(G, t, moving.pose, moving.twist)[..., G.translation.axes]
         return (G.rotation(moving.pose) @ force[..., None])[..., 0]
 
@@ -88,8 +85,7 @@ class Force(vehicle_parts.VehiclePart):
         for R in (np.eye(G.space)[None], turned):
             wrench = self.in_space(G, Jet.time(0.0, 0), RigidMotion(G, R, turns, moves, moves))
             values.append(wrench.value if isinstance(wrench, Jet) else wrench)
-        at_rest, other = values
-        return bool(np.abs(other - at_rest).max() > 1e-9 * np.abs(at_rest).max())
+        return bool(np.ptp(values, axis=0).max() > 1e-9 * np.abs(values[0]).max())
 
     def apart(self, G: EuclideanGroup, along: Any, even: bool) -> Any:
         """Return a force that does not turn with the body, and a drag across its axis `along`.
@@ -97,11 +93,7 @@ class Force(vehicle_parts.VehiclePart):
         Their sum is the force; None where there is no such sum, and for the drag where it is 0. One
         that is `even` is the same along both axes across.
         """
-        return None if self.turns_with_body(G) else (self, None)
-
-    def instants(self, G: MatrixLieGroup, until: float) -> Array:
-        """Return the times, s, at which the force switches to another expression, in order."""
-        return np.empty(0)
+        return None if self.frame == "spatial" or self.turns_with_body(G) else (self, None)
 
     def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
         """Yield remarks for the user with their options, where `inertia` is the plant's."""

@@ -420,15 +420,6 @@ class RigidMotion:
         turning = [self.turning[..., k] for k in range(self.group.rotations)]
         return stack([*turning, *(velocity[..., k] for k in range(self.group.space))])
 
-    @cached_property
-    def twist_in_space(self) -> Any:
-        """Ad_Q V as a series: RΩ and ṗ − (RΩ) × p; in the plane Ω is the same in space."""
-        R, spin = self._rotation, self.group.rotation_group.hat(self.turning)
-        carried = (R @ spin @ R.swapaxes(-1, -2) @ self.position[..., None])[..., 0]
-        turns = (R @ self.turning[..., None])[..., 0] if self.group.space == 3 else self.turning
-        parts = (turns, self.velocity - carried)
-        return stack([each[..., k] for each in parts for k in range(each.shape[-1])])
-
 
 class Attitude(NamedTuple):
     """An attitude and its rates.
@@ -447,11 +438,7 @@ class Attitude(NamedTuple):
 
 
 def attitude(
-    force: Jet,
-    along: tuple[float, ...],
-    heading: Jet | None,
-    R: Array | None = None,
-    side: Jet | None = None,
+    force: Jet, along: tuple[float, ...], heading: Jet | None, R: Any = None, side: Any = None
 ) -> Attitude:
     """Return the attitude whose body axis `along` has the direction n of a force F ≠ 0 in space.
 

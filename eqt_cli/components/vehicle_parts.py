@@ -318,6 +318,10 @@ class VehiclePart(Component):
             return np.array(entries, dtype=float)
         return value
 
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times, s, at which it switches to another expression, in order."""
+        return np.empty(0)
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid numbers, and a number of entries that does not fit the coordinates."""
         m = G.dimension

@@ -228,8 +228,8 @@ OWN = "linear: [0, 0, 0, 0.1, 0.2, 0.3]"
             False,
         ),
         ("constant, force: [0, 0, 0, 1, 0, 0]", "0", False),
-        ("constant, force: [0, 0, 0, 1, 0, 0], frame: spatial", "0", True),
-        ("expression, force: [0, 0, 0, sin(t), 0, 0], frame: spatial", "0", True),
+        ("constant, force: [0, 0, 0, 1, 0, 0], frame: spatial", "0", False),
+        ("expression, force: [0, 0, 0, sin(t), 0, 0], frame: spatial", "0", False),
     ],
 )
 def test_known_forces_turn_with_the_body_as_drag_of_its_own_axes_only(
@@ -243,10 +243,9 @@ def test_known_forces_turn_with_the_body_as_drag_of_its_own_axes_only(
         return
     name = force.partition(",")[0]
     assert (
-        f"needs known forces that do not depend on the attitude, and {name} does; drag may if it "
-        "is linear, along the axes that the body is pushed along and those across, in still air or "
-        "a constant wind; with heading: free, the same along both axes across; move it from "
-        "model.forces to plant.forces"
+        f"needs known forces that do not depend on the attitude, and {name} does; only drag may, "
+        "if linear along the body's axes in a constant wind; move it from model.forces to "
+        "plant.forces"
     ) in refusal(EqtError, experiment, **sections)
 
 

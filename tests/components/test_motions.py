@@ -16,7 +16,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.motions import RigidMotion, spline
+from eqt_cli.components.motions import spline
 from eqt_cli.components.references import (
     ConstantReference,
     PathFactor,
@@ -29,7 +29,6 @@ from eqt_cli.components.references import (
 from eqt_cli.components.waypoints import Waypoint, WaypointsReference
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.numbers.jets import Jet
 
 GROUPS = ("SO3", "SE3", "SE23", "SE2", "SE3*SO2")
 KINDS = ("path", "slew", "waypoints", "rates")
@@ -440,23 +439,3 @@ def test_a_constant_reference_takes_the_change_of_a_varying_inertia_as_well():
     change = np.array([[2 * t, 0, 0], [0, 0, 1], [0, 1, 0]])
     found = reference.desired(group_named("SO3"), law.at(t), t, None, None).tau
     assert found == pytest.approx(change @ w + np.cross(w, matrix @ w), rel=1e-12)
-
-
-@pytest.mark.parametrize("name", ["SE2", "SE3"])
-def test_a_twist_in_space_is_that_of_the_body_carried_there(name):
-    G, random = group_named(name), np.random.default_rng(4)
-    Q = G.exp(random.normal(size=(5, G.dimension)))
-    V, a = random.normal(size=(5, G.dimension)), random.normal(size=(5, G.space))
-    R, turning = G.rotation(Q), V[:, : G.rotations]
-    velocity = (R @ V[:, G.rotations :, None])[..., 0]
-    series = Jet.of([Q[:, : G.space, -1], velocity]), Jet.of([velocity, a])
-    moving = RigidMotion(G, R, turning, *series)
-    np.testing.assert_allclose(moving.twist_in_space.value, G.Ad(Q, V), atol=1e-14)
-    h, ends = 1e-6, []
-    for step in (-h, h):
-        R_then = R @ G.rotation_group.exp(step * turning)
-        v = np.swapaxes(R_then, 1, 2) @ (velocity + step * a)[..., None]
-        Q_then = G.assemble(R_then, (series[0].value + step * velocity)[..., None])
-        ends.append(G.Ad(Q_then, np.concatenate([turning, v[..., 0]], axis=1)))
-    slope = (ends[1] - ends[0]) / (2 * h)
-    np.testing.assert_allclose(moving.twist_in_space.derivative(1), slope, atol=1e-8)
