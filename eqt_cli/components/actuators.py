@@ -7,12 +7,30 @@ from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, absolute, clip, less, norm, outside, where
+from eqt_cli.base.arrays import (
+    Array,
+    absolute,
+    apply_matrix,
+    clip,
+    cross,
+    less,
+    norm,
+    outside,
+    where,
+)
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_limits, drawn
+from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.vehicle_parts import (
+    Numbers,
+    VehiclePart,
+    check_limits,
+    check_numbers,
+    drawn,
+)
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # The base class of actuators; it knows no law, plant or engine ------------------------------------
@@ -62,23 +80,20 @@ class Actuator(VehiclePart):
         """Whether its states at the start of a run follow from the first command, and are not 0."""
         return False
 
-    @property
-    def changes(self) -> bool:
-        """Whether it is another one over time, see `at`."""
-        return False
+    takes_rates: ClassVar[bool] = False
+    """Whether its command is an angular velocity in place of a torque."""
+
+    changes: ClassVar[bool] = False
+    """Whether it is another one at each time or state, see `at`."""
 
     @property
     def nominal(self) -> "Actuator":
         """The actuator that does not change over time, which laws know."""
         return self
 
-    def at(self, t: Any) -> Self:
-        """Return the actuator at a time."""
+    def at(self, s: Tracking) -> Self:
+        """Return the actuator at a time and a state of the body."""
         return self
-
-    def instants(self, G: MatrixLieGroup, until: float) -> Array:
-        """Return the times, s, at which it changes at once, in order."""
-        return np.empty(0)
 
     @property
     def sampled(self) -> bool:
@@ -307,6 +322,62 @@ class Lag(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (command − x) / T."""
         return (command - x) / self.time_constant
+
+
+# The rate loop of an autopilot, whose command is an angular velocity ------------------------------
+
+
+@dataclass(frozen=True)
+class RateLoop(Actuator):
+    """The rate loop of an autopilot: it makes a torque of the command ω_c, and passes a force f.
+
+    τ = 𝕁 b (ω_c − ω) + ω × 𝕁ω with a bandwidth b and the inertia 𝕁 of laws, or K (ω_c − ω), from
+    the true ω at all times; SO3 and SE3. Put limits and thrusters after it.
+
+    Attributes
+    ----------
+    bandwidth
+        b, rad/s, about each axis, or a list of 3: ω follows ω_c with a lag of 1/b.
+    gains
+        K instead, N m s (per rad), likewise: for a 𝕁 that laws do not know right.
+    """
+
+    name: ClassVar[str] = "rate_loop"
+    departs: ClassVar[str] = "rate loop"
+    positive: ClassVar[tuple[str, ...]] = ("bandwidth", "gains")
+    changes: ClassVar[bool] = True
+    takes_rates: ClassVar[bool] = True
+
+    bandwidth: Annotated[Numbers | None, Scale("bandwidth of the rate loop", "rad/s")] = None
+    gains: Annotated[Numbers | None, Scale("gains of the rate loop", "N m s")] = None
+    state: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
+
+    def at(self, s: Tracking) -> Self:
+        """Return the loop at the angular velocity of a state."""
+        return with_fields(self, state=s)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return τ and f; without a state, of a body at rest."""
+        s: Any = self.state
+        torque: Any = command[..., :3] if s is None else command[..., :3] - s.V[..., :3]
+        if self.bandwidth is None:
+            torque = self.gains * torque
+        else:
+            J, omega = s.inertia.matrix[..., :3, :3], s.V[..., :3]
+            torque = apply_matrix(J, self.bandwidth * torque) + cross(omega, apply_matrix(J, omega))
+        return np.concatenate([torque, command[..., 3:]], axis=-1)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups without one attitude in space, and numbers that are missing or too many."""
+        if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
+            problems.add(f"rate_loop needs group SO3 or SE3, got {G.name}")
+        given = {name: getattr(self, name) for name in self.positive}
+        if sum(each is not None for each in given.values()) != 1:
+            problems.add("expected either bandwidth or gains; for example bandwidth: 40")
+        for name, value in given.items():
+            check_numbers([] if value is None else value, problems.at(name), positive=True)
+            if isinstance(value, list) and len(value) != 3:
+                problems.at(name).add(f"expected a number, or 3 of them, got {len(value)}")
 
 
 # A hard limit of the torque -----------------------------------------------------------------------

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 import numpy as np
 from pydantic import AfterValidator
 
-from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, where
+from eqt_cli.base.arrays import (
+    Array,
+    apply_matrix,
+    dot,
+    exp,
+    frobenius,
+    less,
+    sqrt,
+    stack,
+    transpose,
+    where,
+)
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale, check_period
 from eqt_cli.components.groups import MatrixLieGroup
@@ -208,7 +219,8 @@ class Cascade(Controller):
 
         attitude_group = self.gains_group(G)
         law = Kind(controllers).checked(self.attitude, problems.at("attitude"), attitude_group)
-        if law is not None and ("track" not in law.tasks or law.pieces):
+        tracks = law is None or "track" in law.tasks or law.commands_rates
+        if law is not None and (not tracks or law.pieces):
             problems.at("attitude").add(
                 f"expected a law of {attitude_group.name} that tracks with given gains, such as "
                 f"lee2010, got {law.name}"
@@ -235,6 +247,11 @@ class Cascade(Controller):
     def inside_reads_gains(self) -> bool:  # type: ignore[override]  # a constant of most laws
         """Whether the attitude law does; laws of plugins may have all their gains as options."""
         return self.inner is None or bool(self.inner.reads_gains)
+
+    @property
+    def commands_rates(self) -> bool:  # type: ignore[override]  # a constant of most laws
+        """Whether the attitude law does."""
+        return self.inner is not None and bool(self.inner.commands_rates)
 
     def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
         """Return the group of rotations."""
@@ -276,14 +293,10 @@ class Cascade(Controller):
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
         parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
-        return with_fields(
-            self,
-            known=tuple(force for force, _ in parts),
-            across=tuple(drag for _, drag in parts if drag is not None),
-            position=self.position.of_mass(mass),
-            direction=b,
-            exact=plant.exact,
-        )
+        forces: Any = [tuple(each for each in pair if each) for pair in zip(*parts, strict=True)]
+        known = dict(zip(("known", "across"), forces, strict=False))
+        known["position"] = self.position.of_mass(mass)
+        return with_fields(self, **known, direction=b, exact=plant.exact)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return no time that is left at the first instant, and some at the others."""
@@ -428,10 +441,10 @@ class Cascade(Controller):
         return dot(acceleration, b)
 
     def wrench(self, s: Tracking, torque: Array) -> Array:
-        """Return the command for a torque of the attitude law: torque and push, body frame."""
+        """Return the command for that of the attitude law, torque or rate; with the push, body."""
         G, axis = rigid(s.G), np.array(self.direction)
         for force in self.known:
-            if force.turns:
+            if force.turns and not self.commands_rates:
                 torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
         b = G.rotation(s.Q) @ axis
         push = _mass(s) * self.push(self.commanded(s).acceleration, b)[..., None] * axis
@@ -524,6 +537,51 @@ class Cascade(Controller):
             later[FILTERED] = inside.acceleration + decay * (behind + period * slope)
             later[FILTERED_RATE] = decay * (rate - w * period * slope)
         return self.wrench(s, torque), later
+
+
+@dataclass(frozen=True)
+class Rate(Controller):
+    """An attitude law that commands a rate, ω_c = ξ + k_p e, to a `rate_loop`; SO3.
+
+    ξ is the desired velocity in the body. With E = QᵀQ_d, q_0 and q its unit quaternion, `full` has
+    e = 2 sgn(q_0) q (Brescianini, Hehn and D'Andrea, Nonlinear Quadrocopter Attitude Control,
+    2013). `reduced` turns the third axis first, by 2 sgn(q_0) q of the shortest turn to where it is
+    to point, and the rest about it (Faessler, Fontana, Forster and Scaramuzza, 2015). It is not
+    defined at half turns.
+
+    Attributes
+    ----------
+    kp
+        k_p, 1/s: a number, or one about each axis.
+    error
+        `full` or `reduced`.
+    """
+
+    name: ClassVar[str] = "rate"
+    tasks: ClassVar[tuple[str, ...]] = ()
+    theorem: ClassVar[str] = ""
+    reads_gains: ClassVar[bool] = False
+    commands_rates: ClassVar[bool] = True
+
+    kp: Annotated[EachAxis, Scale("k_p", "1/s", is_symbol=True)]
+    error: Literal["full", "reduced"] = "full"
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note groups other than SO3, and gains that are not for each axis."""
+        if not (G.compact and G.dimension == G.size == 3):
+            problems.add(f"rate is a law for SO3, got {G.name}; on SE3, use it inside a cascade")
+        if np.ndim(self.kp) and np.size(self.kp) != 3:
+            problems.at("kp").add(f"expected a number, or 3 of them, got {np.size(self.kp)}")
+
+    def torque(self, s: Tracking) -> Array:
+        """ω_c, body frame."""
+        r = s.relative
+        E = transpose(r.Q)
+        e = r.G.vee(E - r.Q) / sqrt(1.0 + E[..., 0, 0] + E[..., 1, 1] + E[..., 2, 2])[..., None]
+        if self.error == "reduced":
+            c = sqrt(2.0 / (1.0 + E[..., 2, 2]))
+            e = stack([-c * E[..., 1, 2], c * E[..., 0, 2], c * e[..., 2]])
+        return s.V - r.V_tilde + self.kp * e
 
 
 def check_flat_output(plant: PlantModel, problems: Problems) -> None:

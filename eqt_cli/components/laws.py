@@ -139,6 +139,8 @@ class Controller(TimeVarying, Component):
         Whether it commands an attitude R_c, to which an attitude law turns the body.
     direction
         The body axis along which it pushes a rigid body, if there is only one.
+    commands_rates
+        Whether it commands an angular velocity in place of a torque, which a `rate_loop` takes.
     undefined
         Where it has no command, and the remedy, in words; "" where it always has one.
     reads_gains
@@ -157,6 +159,7 @@ class Controller(TimeVarying, Component):
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
     commands_attitude: ClassVar[bool] = False
+    commands_rates: ClassVar[bool] = False
     direction: ClassVar[Any] = ()
     undefined: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = True

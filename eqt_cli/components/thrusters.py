@@ -326,7 +326,7 @@ class Thrusters(Actuator):
     # What changes over time.
 
     @property
-    def changes(self) -> bool:
+    def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
         """Whether a thruster fails, or the battery sags."""
         return bool(self.over_time) or self.fails is not None or self.sag is not None
 
@@ -354,11 +354,11 @@ class Thrusters(Actuator):
         """Return the time of the failure, and those at which the expression changes its piece."""
         return instants_of(self.over_time, until)
 
-    def at(self, t: Any) -> Self:
-        """Return the thrusters with the shares, and the allocation, at time t."""
+    def at(self, s: Any) -> Self:
+        """Return the thrusters with the shares, and the allocation, at a time."""
         if not self.over_time:
             return self
-        sag, failed = (stack([each.evaluate({"t": t})]) for each in self.over_time)
+        sag, failed = (stack([each.evaluate({"t": s.t})]) for each in self.over_time)
         share, inverse = sag * (1.0 + failed * self.lost), self.inverse
         if self.told:
             inverse = (inverse + failed[..., None] * self.turned) / sag[..., None]
@@ -489,7 +489,6 @@ class Thrusters(Actuator):
             return
         self._check_rotors(problems)
         self._check_changes(problems)
-        self._check_inertia(problems)
         for name in ("low", "high", *SPEEDS, *self.positive):
             here, value = problems.at(name), getattr(self, name)
             if value is not None:
@@ -533,7 +532,13 @@ class Thrusters(Actuator):
             problems.add(f"lacks {', '.join(left)}; name each direction in which thrusters push")
 
     def _check_changes(self, problems: Problems) -> None:
-        """Note a thruster that is none, shares beyond 0 and 1, and an allocation told in vain."""
+        """Note unknown spins, thrusters and shares, and an allocation that is told in vain."""
+        spins = self.runs and all(each.turns for each in self.thrusters or [Thruster([], [])])
+        if self.rotor_inertia is not None and not spins:
+            problems.at("rotor_inertia").add(
+                "needs thrusters with places, with turns, which say how each spins, with "
+                "thrust_constant and with time_constant"
+            )
         if self.fails is not None:
             here, to = problems.at("fails"), self.fails.to
             if self._number(self.fails.rotor) < 0:
@@ -548,19 +553,8 @@ class Thrusters(Actuator):
                 if not 0 < now <= 1:
                     got = f"expected a share of the thrust, above 0 and up to 1, got {now:g} at 0 s"
                     raise InputError(got, Remedy("for example 1 - 0.02*t"))
-        if self.told and not self.changes:
-            problems.at("told").add("belongs to fails or sag; give one of them")
-        elif self.told and self.sampled:
+        if self.told and self.sampled:
             problems.at("told").add("needs allocation: pseudo_inverse; no other is told of changes")
-
-    def _check_inertia(self, problems: Problems) -> None:
-        """Note rotors whose speed, or the side to which they turn, is not known."""
-        if self.rotor_inertia is not None:
-            here = problems.at("rotor_inertia")
-            if not all(each.turns for each in self.thrusters or [Thruster([], [])]):
-                here.add("needs thrusters with places, and turns of each, which say how it spins")
-            if not self.runs:
-                here.add("needs speeds that lag; give thrust_constant and time_constant")
 
     def _check_rotors(self, problems: Problems) -> None:
         """Note keys of rotors without a thrust constant, and rotors that could push backwards."""

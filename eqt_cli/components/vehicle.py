@@ -154,11 +154,11 @@ class Vehicle:
         )
         return dataclasses.replace(self, actuators=linear, estimator=None)
 
-    def at(self, t: Any) -> Self:
-        """Return the vehicle with the actuators at a time."""
+    def at(self, s: Tracking) -> Self:
+        """Return the vehicle with the actuators at a time and a state."""
         if not any(actuator.changes for actuator in self.actuators):
             return self
-        return with_fields(self, actuators=tuple(actuator.at(t) for actuator in self.actuators))
+        return with_fields(self, actuators=tuple(actuator.at(s) for actuator in self.actuators))
 
     def pushes(self, G: MatrixLieGroup) -> Array | None:
         """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
@@ -454,8 +454,12 @@ class Vehicle:
 
         The first command has then been given before, too.
         """
-        parts = self._chain()
-        running = {place: part.running(G, command) for place, part in parts if part.runs}
+        running, passed = {}, command
+        for place, part in self._chain():
+            if part.takes_rates:
+                passed = part.output(G, passed, passed[..., :0])
+            elif part.runs:
+                running[place] = part.running(G, passed)
         if self.control is None:
             return running
         before = np.concatenate([command] * (self.control.delay + 1), axis=-1)

@@ -341,6 +341,12 @@ class Start:
     files: dict[str, str] = field(default_factory=dict)
 
 
+MISMATCH = (
+    "commands rates; put {kind: rate_loop, bandwidth: 40} into actuators",
+    "commands torques, and rate_loop takes rates; use attitude: {kind: rate, kp: 8}",
+)
+"""What is wrong with a law of rates without a rate loop, and with another law that has one."""
+
 OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
 
@@ -564,8 +570,11 @@ class _Sections:
         exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
         period = vehicle.control.period if vehicle.control else None
         plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period)
+        takes = any(actuator.takes_rates for actuator in vehicle.actuators)
         for label, entry in laws.items():
             laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))
+            if entry.law.commands_rates != takes and entry.law.code is None:
+                self._at(entry).add(MISMATCH[takes])
         if self.problems:
             return desired
         said: list[Any] = [entry.law.direction for entry in laws.values()]

@@ -145,13 +145,13 @@ class ClosedLoop:
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque τ of the actuators, body frame, ``(..., m)``."""
-        return self.vehicle.at(s.t).passed(self.group, self.command(s), s.vehicle)[0]
+        return self.vehicle.at(s).passed(self.group, self.command(s), s.vehicle)[0]
 
     def at_limit(self, s: Tracking) -> Array:
         """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
         if not self.vehicle.limits:
             return np.zeros(s.P.shape[:-1])
-        return self.vehicle.at(s.t).at_limit(self.group, self.command(s), s.vehicle)
+        return self.vehicle.at(s).at_limit(self.group, self.command(s), s.vehicle)
 
     def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
         """Return the force that moves the law's model as the true plant, and actuator rates.
@@ -159,7 +159,7 @@ class ClosedLoop:
         The force, ``(..., m)`` in the body frame, is τ if nothing else acts and the law knows the
         inertia. The rates are those of the states of actuators and sensors.
         """
-        torque, rates = self.vehicle.at(s.t).passed(self.group, self.command(s), s.vehicle)
+        torque, rates = self.vehicle.at(s).passed(self.group, self.command(s), s.vehicle)
         for place, force, more in self.vehicle.reactions(self.group, s.V, s.vehicle):
             torque = torque + force
             rates |= {place: rates[place] + more} if place in rates else {}
@@ -298,8 +298,8 @@ class ClosedLoop:
             stretches |= _named(MEMORY, memory)
             state = self.layout.join(stretches, state)
         if self.vehicle.runs:
-            command = self.controller.torque(self.tracking(t, state))
-            running = self.vehicle.at(t).running(self.group, command)
+            s = self.tracking(t, state)
+            running = self.vehicle.at(s).running(self.group, self.controller.torque(s))
             state = self.layout.join(stretches | _named(VEHICLE, running), state)
         return state
 

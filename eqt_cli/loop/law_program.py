@@ -167,7 +167,10 @@ def law_program(loop: ClosedLoop, adapter: Any = None) -> LawProgram:
     left = tuple((group, size) for group, size in groups.items() if group not in unused)
     trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
     words = adapter.output.words if adapter else str
-    torque = Entry(TORQUE, (G.dimension,), TORQUE, words(by_part(G, "force_unit")))
+    turns, unit = G.parts[0], by_part(G, "force_unit")
+    if loop.controller.commands_rates:
+        unit = unit.replace(turns.force_unit, turns.velocity_unit, 1)
+    torque = Entry(TORQUE, (G.dimension,), TORQUE, words(unit))
     return LawProgram(reads, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
 
 

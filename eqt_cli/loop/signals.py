@@ -49,7 +49,7 @@ class LoopState(NamedTuple):
         if attitude is None:
             with np.errstate(invalid="ignore"):  # symbols compare NaN
                 attitude = s.P[..., 0] * 0.0 + np.nan
-        now, at_limit = vehicle.at(s.t), loop.at_limit(s)
+        now, at_limit = vehicle.at(s), loop.at_limit(s)
         cut, thrust = (of(s.G, command, s.vehicle) for of in (now.cut, now.thrust))
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
         return cls(s, command, torque, attitude, at_limit, cut, thrust, *wheels, loop.lyapunov(s))

@@ -9,6 +9,7 @@ import yaml
 from case_tables import cases, refusal, slow
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.analysis.identities import CommandedRates
@@ -138,7 +139,7 @@ def by_hand(x, v, R, W, xd, heading, d=None):
     carried, carried_rate = ((transpose(E) @ w[..., None])[..., 0] for w in (Wc, Wc_rate))
     M = -KR / 2.0 * eR - KW * (W - carried) + cross(W, J * W)
     M = M - J * (cross(W, carried) - carried_rate)
-    return np.concatenate([M, 0.0 * f, 0.0 * f, -f], axis=-1), Wc, Wc_rate
+    return np.concatenate([M, 0.0 * f, 0.0 * f, -f], axis=-1), Wc, Wc_rate, Rc
 
 
 def helix(t):
@@ -179,7 +180,7 @@ def test_the_law_and_its_rates_are_those_written_by_hand():
     loop, times = loop_of(reference=HELIX), np.linspace(0.0, 3.0, 1000)
     x, v, R, W = states_near(times)
     s = loop.tracking(times, flat_states(loop, x, v, R, W, times))
-    wrench, Wc, Wc_rate = by_hand(x, v, R, W, *helix(times))
+    wrench, Wc, Wc_rate, _ = by_hand(x, v, R, W, *helix(times))
     inner = loop.controller.commanded(s).tracking
     np.testing.assert_allclose(inner.Vd, Wc, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(inner.Vd_dot, Wc_rate, rtol=1e-10, atol=1e-9)  # up to 300 rad/s²
@@ -207,12 +208,14 @@ def test_derived_rates_cost_little_more_than_those_by_hand():
     assert derived <= 1.4 * hand
 
 
-def plain(times, R0, desired, d=None):
+def plain(times, R0, desired, d=None, torque=None):
     """Lee's closed loop from rest at 0, by SciPy: x and Ω at the times."""
 
     def field(t, y):
         x, v, R, W = y[None, :3], y[None, 3:6], y[None, 6:15].reshape(1, 3, 3), y[None, 15:]
-        wrench = by_hand(x, v, R, W, *desired(t), d)[0]
+        wrench, Wc, _, Rc = by_hand(x, v, R, W, *desired(t), d)
+        if torque is not None:
+            wrench[0, :3] = torque(R[0], W[0], Rc[0], Wc[0])
         W_rate = (wrench[0, :3] - np.cross(W[0], J * W[0])) / J
         W_hat = np.array([[0, -W[0, 2], W[0, 1]], [W[0, 2], 0, -W[0, 0]], [-W[0, 1], W[0, 0], 0]])
         v_rate = np.array([0, 0, G]) + wrench[0, 5] * R[0, :, 2] / MASS
@@ -425,7 +428,7 @@ def test_the_law_with_drag_is_that_of_a_plain_program():
     loop, times = loop_of(reference=HELIX, **with_drag(DRAG.tolist())), np.linspace(0, 3, 1000)
     x, v, R, W = states_near(times)
     s = loop.tracking(times, flat_states(loop, x, v, R, W, times))
-    wrench, Wc, Wc_rate = by_hand(x, v, R, W, *helix(times), DRAG)
+    wrench, Wc, Wc_rate, _ = by_hand(x, v, R, W, *helix(times), DRAG)
     inner = loop.controller.commanded(s).tracking
     np.testing.assert_allclose(inner.Vd, Wc, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(inner.Vd_dot, Wc_rate, rtol=1e-9, atol=1e-8)
@@ -817,3 +820,23 @@ def test_a_cascade_is_exported_with_position_and_heading(tmp_path):
 def test_a_direction_of_any_size_is_a_direction(size):
     assert unit_vector([0, 0, -size]) == (0.0, 0.0, -1.0)
     assert unit_vector([3 * size, 4 * size]) == pytest.approx((0.6, 0.8), rel=1e-15)
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_a_cascade_by_rates_is_that_of_a_plain_program(engine):
+    """ω_c from the quaternion of R and R_c, and a rate loop 30 times as fast as Ω."""
+    kp, b, times = np.array([7.0, 6.0, 3.0]), 30.0, np.linspace(0.0, 0.1, 6)
+
+    def torque(R, W, Rc, Wc):
+        q = Rotation.from_matrix(R.T @ Rc).as_quat()
+        asked = R.T @ Rc @ Wc + 2 * kp * np.sign(q[3]) * q[:3]
+        return J * b * (asked - W) + np.cross(W, J * W)
+
+    given = {"reference": HELIX, "actuators": [{"kind": "rate_loop", "bandwidth": b}]}
+    given["solver"] = {"engine": engine, "rtol": 1e-12, "atol": 1e-14}
+    law = {"attitude": {"kind": "rate", "kp": kp.tolist()}, "gains": {}}
+    loop, _, s = flown(times, np.eye(3), law=law, **given)
+    x, W = plain(times, np.eye(3), helix, torque=torque)
+    np.testing.assert_allclose(s.Q[:, :3, 3], x, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[:, :3], W, rtol=0, atol=1e-9)
+    assert loop.controller.commands_rates

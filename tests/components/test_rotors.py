@@ -1,6 +1,7 @@
 """Rotors: thrusts by the square of a speed that lags, and their drag."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import plain
@@ -313,7 +314,7 @@ def six(**options):
 def test_an_allocation_that_is_told_gives_the_command_without_the_rotor_that_failed():
     fails, command = Failure("thruster 5", 1.0), np.array([0.3, -0.2, 0.02, 0.0, 0.0, 12.0])
     for told, t in ((True, 0.5), (True, 1.0), (False, 0.5), (False, 1.0)):
-        rotors = six(fails=fails, sag="1 - 0.1*t", told=told).at(t)
+        rotors = six(fails=fails, sag="1 - 0.1*t", told=told).at(SimpleNamespace(t=t))
         thrusts = rotors.thrust(SE3, command, np.empty(0))
         found = rotors.output(SE3, command, np.empty(0))
         assert (thrusts[4] == 0.0) == (t == 1.0)
@@ -328,7 +329,7 @@ def test_an_allocation_that_is_told_gives_the_command_without_the_rotor_that_fai
 def test_times_of_failures_and_of_sags_are_instants():
     rotors = six(fails=Failure(1, 1.5), sag="1 - 0.1*step(t, 0.7)")
     assert rotors.instants(SE3, 2.0).tolist() == [0.7, 1.5]
-    assert six().at(1.0).share is None
+    assert six().at(SimpleNamespace(t=1.0)).share is None
 
 
 def test_a_regulator_does_not_know_what_fails(experiment_of):
@@ -355,12 +356,11 @@ WRONG = """
     1 - 0.02*t
 {sag: 1 - x}
     sag: '1 - x':
-{told: true}
-    told: belongs to fails or sag; give one of them
 {sag: 0.9, told: true, allocation: bounded}
     told: needs allocation: pseudo_inverse; no other is told of changes
 {rotor_inertia: 1.0e-5}
-    rotor_inertia: needs speeds that lag; give thrust_constant and time_constant
+    rotor_inertia: needs thrusters with places, with turns, which say how each spins, with
+    thrust_constant and with time_constant
 {rotor_inertia: 0, time_constant: 0.01}
     rotor_inertia: expected a number greater than 0, got 0
 """
@@ -376,5 +376,5 @@ def test_rotors_without_a_side_have_no_known_spin(experiment_of):
     config = yaml.safe_load(rotors_text("native", **HEAVY))
     config["actuators"][0]["thrusters"][1]["turns"] = 0
     assert (
-        "rotor_inertia: needs thrusters with places, and turns of each, which say how it spins"
+        "rotor_inertia: needs thrusters with places, with turns, which say how each spins, with "
     ) in refusal(EqtError, experiment_of, yaml.safe_dump(config))

@@ -554,8 +554,9 @@ class ExportedLaw:
 
     @cached_property
     def allocation(self) -> Allocation | None:
-        """The allocation behind the law, where it is a fixed matrix or a program; else None."""
-        for actuator in () if self.adapter else self.loop.vehicle.actuators:
+        """The allocation of a torque behind the law, by a matrix or a program; else None."""
+        other = self.adapter or self.loop.controller.commands_rates
+        for actuator in () if other else self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
                 what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"

@@ -1,0 +1,232 @@
+"""Laws that command rates, and the rate loop: against quaternions and plain programs."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import yaml
+from case_tables import cases, refusal
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.components.cascade import Rate
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.mechanics import Gains, LawInput
+from eqt_cli.engines.engine import Problem
+from eqt_cli.loop.law_program import law_program
+
+SO3 = group_named("SO3")
+J, TURN, KP = np.array([0.02, 0.021, 0.04]), np.array([0.3, -0.2, 0.7]), [8.0, 7.0, 3.0]
+TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
+
+
+def positive(q):
+    """The unit quaternion x, y, z, w of the shorter turn."""
+    q = q.as_quat()
+    return q if q[3] >= 0 else -q
+
+
+def error_by_quaternions(E, kind):
+    """2 sgn(q_0) q of the turn E; with `reduced` of the shortest turn of e_3, then about it."""
+    if kind == "full":
+        return 2 * positive(Rotation.from_matrix(E))[:3]
+    axis = np.cross([0, 0, 1], E[:, 2])
+    size = np.linalg.norm(axis)
+    tilt = Rotation.from_rotvec(axis / size * np.arctan2(size, E[2, 2]))
+    about = positive(tilt.inv() * Rotation.from_matrix(E))
+    assert np.abs(about[:2]).max() < 1e-6  # of a matrix that is integrated
+    return 2 * np.array([*positive(tilt)[:2], about[2]])
+
+
+@pytest.mark.parametrize("kind", ["full", "reduced"])
+def test_the_rate_is_that_of_quaternions(kind):
+    random, law = np.random.default_rng(1), Rate(np.array(KP), error=kind)
+    for _ in range(50):
+        Q, Qd = SO3.exp(random.normal(size=(2, 3)))
+        V, Vd = random.normal(size=(2, 3))
+        given = LawInput(0.0, Q[None], V[None], Qd[None], Vd[None], 0.0 * Vd[None])
+        unit = Inertia(np.diag(J), np.diag(1 / J))
+        found = law.torque(given.tracking(SO3, unit, Gains(np.eye(3), np.eye(3)), {}))[0]
+        expected = Q.T @ Qd @ Vd + KP * error_by_quaternions(Q.T @ Qd, kind)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+def text(engine="native", control=None, error="full", **loop):
+    config = {
+        "group": "SO3",
+        "inertia": J.tolist(),
+        "reference": {"kind": "path", "factors": [{"axis": TURN.tolist(), "by": "t"}]},
+        "controllers": [{"kind": "rate", "kp": KP, "error": error}],
+        "actuators": [{"kind": "rate_loop", **loop}],
+        "initial": {
+            "pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.5, -0.8, 1.0]},
+            "velocity": {"kind": "fixed", "coordinates": [0.5, -0.3, 0.8]},
+        },
+        "time": {"duration": 0.1, "samples": 3},
+        "solver": {"engine": engine, "rtol": 1e-12, "atol": 1e-14},
+    }
+    return yaml.safe_dump(config | ({"control": control} if control else {}))
+
+
+def flown(times, kind, bandwidth=None, gains=None, period=None):
+    """Attitude and rate, by SciPy: continuous, or with a command that is held for a period."""
+
+    def asked(t, y):
+        E = y[:9].reshape(3, 3).T @ expm(np.cross(np.eye(3), TURN) * t)
+        return E @ TURN + KP * error_by_quaternions(E, kind)
+
+    def field(t, y, held):
+        R, omega = y[:9].reshape(3, 3), y[9:]
+        off = (asked(t, y) if held is None else held) - omega
+        if gains is None:
+            torque = J * (bandwidth * off) + np.cross(omega, J * omega)
+        else:
+            torque = np.array(gains) * off
+        turned = R @ np.cross(np.eye(3), omega)
+        return np.concatenate([turned.ravel(), (torque - np.cross(omega, J * omega)) / J])
+
+    R = expm(np.cross(np.eye(3), [0.5, -0.8, 1.0]))
+    y, states = np.concatenate([R.ravel(), TURN + np.array([0.5, -0.3, 0.8])]), []
+    ticks = times if period is None else np.arange(0, times[-1], period).round(12)
+    ends = np.unique([*times.round(12), *ticks.round(12)])
+    for start, end in pairwise(ends):
+        states += [y] * (start in times.round(12))
+        if period and start in ticks:
+            held = asked(start, y)
+        y = solve_ivp(field, (start, end), y, args=(held if period else None,), **TIGHT).y[:, -1]
+    return np.array([*states, y])
+
+
+@pytest.mark.parametrize(
+    ("engine", "control", "error", "loop"),
+    [
+        ("native", None, "full", {"bandwidth": 30.0}),
+        ("solve_ivp", None, "reduced", {"bandwidth": 30.0}),
+        ("native", None, "reduced", {"gains": [0.5, 0.6, 0.7]}),
+        ("native", {"period": 0.02}, "full", {"bandwidth": [30.0, 40.0, 20.0]}),
+        ("solve_ivp", {"period": 0.02}, "full", {"bandwidth": [30.0, 40.0, 20.0]}),
+    ],
+)
+def test_runs_by_rates_are_those_of_a_plain_program(solved, engine, control, error, loop):
+    problem, solution = solved(text(engine, control, error, **loop), "rate")
+    loop = {name: np.array(value) for name, value in loop.items()}
+    states = flown(problem.times, error, period=control and control["period"], **loop)
+    s = problem.loop.tracking(problem.times, solution.states)
+    np.testing.assert_allclose(s.Q[0].reshape(3, 9), states[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], states[:, 9:], rtol=0, atol=1e-9)
+
+
+QUADROTOR = {
+    "group": "SE3",
+    "inertia": [*J.tolist(), 1, 1, 1],
+    "model": {"forces": [{"kind": "restoring", "weight": 9.81}]},
+    "reference": {"kind": "flat", "position": ["sin(2*t)", "cos(2*t)", 1], "heading": "0.5*t"},
+    "initial": {"pose": "fixed", "velocity": "fixed"},
+    "time": {"duration": 2, "samples": 21},
+    "solver": {"engine": "native", "rtol": 1e-11, "atol": 1e-13},
+}
+LAW = {"kind": "cascade", "position": {"kx": 4, "kv": 3}, "along": [0, 0, 1]}
+BY_RATES = {**LAW, "attitude": {"kind": "rate", "kp": 8.0}}
+
+
+def poses(experiment_of, law, actuators=()):
+    """Poses of a run that starts off its reference."""
+    config = QUADROTOR | {"controllers": [law], "actuators": list(actuators)}
+    one, times = experiment_of(yaml.safe_dump(config)), np.linspace(0.0, 2.0, 21)
+    (loop,) = one.loops.values()
+    Q, V, _ = loop.reference.motion(loop.group, 0.0)
+    Q = Q[None] @ loop.group.exp(np.array([[0.3, -0.2, 0.4, 0.1, 0.2, 0.3]]))
+    states = loop.initial_state(Q, V[None], Q, V[None])
+    return loop.tracking(times, one.engine.solve(Problem(loop, states, times)).states).Q[0]
+
+
+def test_a_cascade_by_rates_becomes_that_by_torques_as_the_bandwidth_grows(experiment_of):
+    """With k_R = 𝕁 b k_p and k_Ω = 𝕁 b, they differ by the feedforward of Ω̇_c alone."""
+    bandwidths, apart = [80.0, 160.0, 320.0], []
+    for b in bandwidths:
+        H = J * b * 8.0  # the Hessian tr(K) I − K of the stiffness K
+        gains = {"kp": np.diag(H.sum() / 2 - H).tolist(), "kd": (J * b).tolist()}
+        torques = poses(experiment_of, LAW | {"attitude": "quaternion", "gains": gains})
+        rates = poses(experiment_of, BY_RATES, [{"kind": "rate_loop", "bandwidth": b}])
+        apart.append(np.linalg.norm((torques - rates)[:, :3, 3], axis=1).max())
+    slope = np.polyfit(np.log(bandwidths), np.log(apart), 1)[0]
+    print(f"apart {apart} m, slope {slope:.4f}")
+    assert slope == pytest.approx(-1.0, abs=0.01)
+
+
+ROTORS = {
+    "kind": "thrusters",
+    "thrusters": [
+        {"at": [x, y, 0], "along": [0, 0, 1], "turns": 0.02 * x * y / 0.01}
+        for x, y in ((0.1, 0.1), (0.1, -0.1), (-0.1, -0.1), (-0.1, 0.1))
+    ],
+    "thrust_constant": 1e-5,
+    "low_speed": 0,
+    "high_speed": 2000,
+    "time_constant": 0.02,
+}
+
+
+def test_rotors_behind_a_rate_loop_run_at_the_start(experiment_of):
+    actuators = [{"kind": "rate_loop", "bandwidth": 20}, ROTORS]
+    config = QUADROTOR | {"controllers": [BY_RATES], "actuators": actuators}
+    (loop,) = experiment_of(yaml.safe_dump(config)).loops.values()
+    Q, V, _ = loop.reference.motion(loop.group, 0.0)
+    Q = Q[None] @ loop.group.exp(np.array([[0.02, -0.02, 0.01, 0.1, 0.0, 0.0]]))
+    s = loop.tracking(0.0, loop.initial_state(Q, V[None], Q, V[None]))
+    _, rates = loop.acting_and_rates(s)
+    assert np.abs(rates["actuators_1"]).max() < 1e-9
+    assert loop.vehicle.at(s).thrust(s.G, loop.command(s), s.vehicle).min() > 1.0
+
+
+def test_what_is_exported_is_a_rate_and_a_force(experiment_of):
+    config = QUADROTOR | {"controllers": [BY_RATES]}
+    config["actuators"] = [{"kind": "rate_loop", "bandwidth": 20}]
+    (loop,) = experiment_of(yaml.safe_dump(config)).loops.values()
+    program = law_program(loop)
+    assert program.torque.unit == "rad/s (rotation), N (translation)"
+    assert "bandwidth" not in [each.name for each in program.numbers]  # it is the autopilot's
+
+
+WRONG = """
+{actuators: []}
+    controllers[0]: commands rates; put {kind: rate_loop, bandwidth: 40} into actuators
+{controllers: [eqt], gains: {kp: 1, kd: 1}, actuators: [{kind: rate_loop, bandwidth: 5}]}
+    controllers[0]: commands torques, and rate_loop takes rates; use attitude: {kind: rate, kp: 8}
+{actuators: [{kind: rate_loop}]}
+    actuators[0]: expected either bandwidth or gains; for example bandwidth: 40
+{actuators: [{kind: rate_loop, bandwidth: 5, gains: 1}]}
+    actuators[0]: expected either bandwidth or gains; for example bandwidth: 40
+{actuators: [{kind: rate_loop, bandwidth: [5, 6]}]}
+    actuators[0].bandwidth: expected a number, or 3 of them, got 2
+{actuators: [{kind: rate_loop, gains: -1}]}
+    actuators[0].gains: expected a number greater than 0, got -1
+{controllers: [{kind: rate, kp: 5}]}
+    controllers[0]: rate is a law for SO3, got SE3; on SE3, use it inside a cascade
+{controllers: [{kind: cascade, attitude: {kind: rate, kp: [1, 2]}, position: {kx: 1, kv: 1}}]}
+    controllers[0].attitude.kp: expected a number, or 3 of them, got 2
+{control: {period: 0.01}, actuators: [{kind: rate_loop, bandwidth: 5}, {kind: deadband, width: 1}]}
+    actuators[1]: deadband acts on a held command; put it before rate_loop
+"""
+
+
+@pytest.mark.parametrize(("changes", "said"), cases(WRONG))
+def test_what_no_rate_loop_takes_is_refused(experiment_of, changes, said):
+    config = QUADROTOR | {"controllers": [BY_RATES]}
+    config["actuators"] = [{"kind": "rate_loop", "bandwidth": 20}]
+    assert said in refusal(
+        EqtError, experiment_of, yaml.safe_dump(config | yaml.safe_load(changes))
+    )
+
+
+def test_a_rate_loop_needs_an_attitude_in_space(experiment_of):
+    config = {"group": "SE2", "inertia": [1, 1, 1], "gains": {"kp": 1, "kd": 1}}
+    config |= {"controllers": ["eqt"], "reference": {"kind": "constant"}}
+    config |= {"initial": {"pose": "haar"}, "time": {"duration": 1, "samples": 3}}
+    config["actuators"] = [{"kind": "rate_loop", "bandwidth": 20}]
+    assert "actuators[0]: rate_loop needs group SO3 or SE3, got SE2" in refusal(
+        EqtError, experiment_of, yaml.safe_dump(config)
+    )
