@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.api.loading import ResultPath, experiment_at, open_at
+from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, Remedy, suggestion
 from eqt_cli.base.files import FIGURES, REPORT, YAML, check_targets, write_all
 from eqt_cli.base.registry import of_extension
@@ -359,6 +360,7 @@ def _load_plugins(result: Result) -> None:
     from eqt_cli.config.source import load_stored_plugins
 
     load_stored_plugins(result)
+    result.loops_of = partial(loops_of, trust_plugins=True)
 
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:

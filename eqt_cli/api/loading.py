@@ -136,7 +136,7 @@ def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
     Points of equal shape have it in no file: the configuration of the sweep gives it.
     """
     result = results.open_result(path, point, _attributes_at)
-    result.loops_of = _loops_of
+    result.loops_of = loops_of
     return result
 
 
@@ -146,12 +146,12 @@ def _attributes_at(result: Result, point: int) -> dict[str, str]:
     return attributes_at(result, point)
 
 
-def _loops_of(result: KnownResult) -> Mapping[str, ClosedLoop]:
-    """Build the loops of a result again, by label; its plugins are loaded before, if trusted."""
+def loops_of(result: KnownResult, trust_plugins: bool = False) -> Mapping[str, ClosedLoop]:
+    """Build the loops of a result again, by label."""
     from eqt_cli.config.experiment import build
     from eqt_cli.config.source import source_of
 
-    return build(source_of(result)).loops
+    return build(source_of(result), trust_plugins=trust_plugins).loops
 
 
 # A result as one object ---------------------------------------------------------------------------

@@ -68,7 +68,7 @@ def proposed_smoothing(G: MatrixLieGroup, times: Array, poses: Array) -> str:
     """Return the option `smoothing` that the noise of a recording asks for; "" if it is small."""
     first = max(0, (len(times) - MOST_ROWS) // 2)
     times, poses = (each[first : first + MOST_ROWS] for each in (times, poses))
-    with suppress(InputError):
+    with suppress(InputError, np.linalg.LinAlgError):  # times far apart, or nearly equal
         sizes = smoothed(G, times, poses, [None] * len(G.parts)).residuals
         if max(sizes) > NOISE * np.median(np.diff(times)) ** 2:
             each = zip(G.parts, sizes, strict=True)

@@ -487,13 +487,16 @@ def trusted_text(source: ConfigSource, path: object, trusted: bool, subject: str
     if source.stored_plugins is None:
         relative = f"{subject} paths are relative to the configuration's folder"
         file = source.folder / path
-        if source.of_folder and not trusted:
+        text = text_of(file, relative, ComponentError, f"{subject} {file}")
+        if not source.of_folder:
+            _remember(text)
+        elif not (trusted or _is_known(text)):
             raise ComponentError(
                 f"the result folder contains {file}, which eqt executes only on request",
                 Remedy("read this file, then add {}", "trust_plugins"),
             )
-        return text_of(file, relative, ComponentError, f"{subject} {file}")
-    if not trusted:
+        return text
+    if not (trusted or _is_known(source.stored_plugins.get(path, ""))):
         raise ComponentError(
             f"the result contains the source of {path}, which eqt executes only on request",
             Remedy("read it with `eqt show --plugins`, then add {}", "trust_plugins"),
@@ -502,6 +505,27 @@ def trusted_text(source: ConfigSource, path: object, trusted: bool, subject: str
         raise ComponentError(f"the result does not contain the source of {path}")
     return source.stored_plugins[path]
 
+
+def _remember(text: str) -> None:
+    """Keep in the user's own cache that a configuration of theirs has executed this code."""
+    from eqt_cli.engines.compiler import digest, user_cache  # slow to import
+
+    cache = user_cache()
+    with suppress(OSError):
+        if cache is not None and not cache.find(digest(text), EXECUTED):
+            cache.keep(digest(text), EXECUTED, b"executed")
+
+
+def _is_known(text: str) -> bool:
+    """Return whether this user has executed this code before; nothing near a result says so."""
+    from eqt_cli.engines.compiler import digest, user_cache
+
+    cache = user_cache()
+    return cache is not None and cache.find(digest(text), EXECUTED) is not None
+
+
+EXECUTED = ".txt"
+"""Ending of the files in the cache that stand for executed code."""
 
 P = TypeVar("P", bound=TimeVarying)
 

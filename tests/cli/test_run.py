@@ -226,8 +226,9 @@ def test_wrong_arguments(refused, arguments, said):
 
 
 @pytest.mark.slow("computes an experiment several times")
-def test_a_result_with_plugins_must_be_trusted(eqt, refused, plugins):
+def test_a_result_with_plugins_must_be_trusted(eqt, refused, plugins, forget_plugins):
     eqt("run", "c.yaml", *FAILING)
+    forget_plugins()
     assert refused("run", "results/c", "--out", "again").endswith(
         "read it with `eqt show --plugins`, then add --trust-plugins\n"
     )

@@ -113,9 +113,12 @@ def test_what_is_not_claimed_is_named_in_one_line(eqt):
 
 
 @pytest.mark.usefixtures("plugins")
-def test_plugins_of_a_result_are_executed_on_request_and_quiet_prints_only_what_fails(eqt, refused):
+def test_plugins_of_a_result_are_executed_on_request_and_quiet_prints_only_what_fails(
+    eqt, refused, forget_plugins
+):
     assert (done := eqt("verify", "c.yaml", "--quiet")).out + done.err == ""
     eqt("run", "c.yaml", "--quiet", *AWAY)
+    forget_plugins()
     assert "add --trust-plugins" in refused("verify", "results/c")
     done = eqt("verify", "results/c", "--trust-plugins", "--quiet")
     assert (done.code, done.out) == (4, "")

@@ -4,6 +4,7 @@ import pickle
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -194,8 +195,20 @@ def test_a_sweep_takes_the_source_to_other_processes(run, law, folder, monkeypat
     assert pickle.loads(sent).experiment(1).config.gains.kp == 2
 
 
-def test_a_result_executes_no_plugin_unasked(run, law):
+def test_code_that_its_user_has_executed_needs_no_trust(run, law):
+    """A configuration of one's own has named it; its copy beside a result is no reason."""
     run(**PUSH)
+    assert build(read_config(Path("out"))).loops
+    law.write_text(LAW.replace("-self.gain", "-2 * self.gain"), encoding="utf-8")
+    stored = {"law.py": law.read_text(encoding="utf-8")}
+    hostile = replace(read_config(Path("out")), stored_plugins=stored)
+    with pytest.raises(EqtError, match="executes only on request"):
+        build(hostile)
+
+
+def test_a_result_executes_no_plugin_unasked(run, law, forget_plugins):
+    run(**PUSH)
+    forget_plugins()
     source = read_config(Path("out"))
     with pytest.raises(EqtError) as caught:
         build(source)

@@ -218,7 +218,11 @@ def called(arguments):
     out, before, code = io.StringIO(), sys.argv, 0
     sys.argv = ["eqt", *arguments]
     try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out), without_plugins():
+        with (
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(out),
+            without_plugins(stranger=False),
+        ):
             main()
     except SystemExit as end:
         code = end.code or 0
@@ -228,10 +232,10 @@ def called(arguments):
 
 
 @contextlib.contextmanager
-def without_plugins():
+def without_plugins(*, stranger=True):
     """As a process that has loaded none; those that are loaded here are forgotten afterwards."""
     with pytest.MonkeyPatch.context() as patch:
-        forget_plugins(patch)
+        forget_plugins(patch, stranger=stranger)
         yield
 
 

@@ -1,13 +1,17 @@
 """Components of a user's own, as the text of a plugin, and how plugins are forgotten."""
 
 import re
+from uuid import uuid4
 
 from eqt_cli.base import registry as registries
 from eqt_cli.base.registry import KINDS, registry
+from eqt_cli.config import source
 
 
-def forget_plugins(monkeypatch):
-    """As in a process that has loaded none."""
+def forget_plugins(monkeypatch, *, stranger=True):
+    """As in a process that has loaded none, of a stranger, who has never executed one."""
+    if stranger:
+        monkeypatch.setattr(source, "EXECUTED", f".{uuid4().hex}")
     monkeypatch.setattr(registries, "_loaded_plugins", {})
     for kind in KINDS:
         monkeypatch.setattr(registry(kind), "_plugins", {})

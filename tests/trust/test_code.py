@@ -339,7 +339,7 @@ def test_pack_executes_no_plugin_unasked(shards, witness, eqt, refused, forget_p
     forget_plugins()
     assert refused("pack", "shards") == (
         "1 error in shards/config.yaml\n"
-        "shards/config.yaml:45:11: plugins[0]: the result folder contains "
+        "shards/config.yaml:46:11: plugins[0]: the result folder contains "
         "shards/stored_plugins/0-law.py, which eqt executes only on request; read this file, then "
         "add --trust-plugins\n"
     )
