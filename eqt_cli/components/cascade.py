@@ -476,6 +476,12 @@ class Cascade(Controller):
 
     # Its memory.
 
+    output_units: ClassVar[Mapping[str, str]] = {
+        "integral": "m s",
+        FILTERED: "m/s^2",
+        FILTERED_RATE: "m/s^3",
+    }
+
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of the integral, of the filter, and of the attitude law's memory."""
         inner, n = self.inner.memory(self.gains_group(G)).items(), rigid(G).space

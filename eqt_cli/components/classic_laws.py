@@ -384,6 +384,8 @@ class Goodarzi2013(Controller):
         """k_I = 0.1 min H: a fixed one would be too strong for a light body."""
         return {"ki": 0.1 * float(np.linalg.eigvalsh(hessian_at_identity(G, gains.K)).min())}
 
+    output_units: ClassVar[Mapping[str, str]] = {"integral": "rad"}
+
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the length of the integral e_I."""
         return {"integral": G.dimension}

@@ -344,6 +344,20 @@ class Controller(TimeVarying, Component):
         """Return the time derivatives of all states, which are in `s.memory`."""
         return {}
 
+    def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of the numbers of the law that a result stores, by name: its memory.
+
+        A law may add others, such as a sliding variable, whose values `output` gives.
+        """
+        return self.memory(G)
+
+    output_units: ClassVar[Mapping[str, str]] = {}
+    """Units of these numbers by their name, where they have one."""
+
+    def output(self, s: Tracking) -> Mapping[str, Array]:
+        """Return the numbers that a result stores, ``(..., length)`` each."""
+        return s.memory
+
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return the states that count control instants, at each instant of the law's cycle."""
         return [{}]

@@ -292,11 +292,14 @@ class StoreSection(Section):
         Keep every n-th sample of the trajectories; metrics use all.
     compression
         gzip saves little on smooth signals and costs ten times the writing time.
+    memory
+        The memory and other numbers of the laws over time; `auto`: where they are at most 32.
     """
 
     trajectories: Literal["all", "none"] | Annotated[int, Field(ge=0)] = "all"
     decimate: Count = 1
     compression: Literal["none", "gzip"] = "none"
+    memory: Literal["auto"] | bool = "auto"
 
 
 Formula = str | float

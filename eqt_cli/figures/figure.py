@@ -37,7 +37,7 @@ from eqt_cli.figures.shown import (
     names,
 )
 from eqt_cli.figures.style import HOUSE, WIDTHS, Style, Width, house_style
-from eqt_cli.loop.signals import MIXED
+from eqt_cli.loop.signals import LAW_OUTPUT, MIXED, OUTPUT
 from eqt_cli.results.result import Result
 
 # Trajectories of the runs of one or several results -----------------------------------------------
@@ -46,8 +46,8 @@ from eqt_cli.results.result import Result
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
 
-MEMBERS = {"thrust": "thruster", "wheel_momentum": "wheel"}
-"""Dimensions of signals that have a row for each thruster or wheel."""
+MEMBERS = {"thrust": "thruster", "wheel_momentum": "wheel", LAW_OUTPUT: OUTPUT}
+"""Dimensions of signals that have a row for each thruster, wheel, or number of a law."""
 
 
 _IN_SPACE = {"pose_error_rotation": "attitude_angle", "pose_error_translation": "position_error"}
@@ -277,7 +277,7 @@ class ShownRuns(ShownControllers):
         return list(zip(axes, units, strict=True))
 
     def members(self, signal: str) -> list[str]:
-        """Return the names of the thrusters, or of the wheels, that have the signal.
+        """Return the names of the thrusters, wheels, or numbers of laws that have the signal.
 
         Raises
         ------
@@ -288,6 +288,8 @@ class ShownRuns(ShownControllers):
         for one in self.results:
             if not one.has(signal):
                 message = f"finds no {member}s on this vehicle; leave out the option '{member}s'"
+                if member == OUTPUT:
+                    message = "finds no numbers of laws; leave out the option 'law_outputs'"
                 raise error_of(one, self.figure, message)
         names = [[str(name) for name in one.coordinate(member)] for one in self.results]
         if any(each != names[0] for each in names):
@@ -304,6 +306,7 @@ class ShownRuns(ShownControllers):
         random_of = partial(generator_at, result.described.seed, Stream.VEHICLE, run)
         flying = loop.vehicle.of_run(loop.group, random_of)
         known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
+        known[LAW_OUTPUT] = None
         limits = known[signal] if signal in known else flying.torque_limits(loop.group)
         factor = ensemble.results.factor(signal)
         return limits and (limits[0] * factor, limits[1] * factor)

@@ -39,6 +39,7 @@ from eqt_cli.figures.labels import (
 from eqt_cli.figures.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.figures.shown import Ensemble, ShownReference, names
 from eqt_cli.figures.style import WIDTHS, Width, component_style, ink
+from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
 # Figure of the paper for any result: errors, torque norm and L over all runs ----------------------
 
@@ -320,6 +321,7 @@ _SEEN = 2.0
 Limits = tuple[Array, Array] | None
 
 _OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
+_OUTPUT[LAW_OUTPUT] = "number of the law"
 _STEP = 0.03
 """Least step of a curve that counts, as a share of its range."""
 _MOST_TURNS, _SHOWN_TURNS, _BINS = 200, 20, 150
@@ -349,6 +351,8 @@ class Commands(Panelled, OverTime):
         Show the thrust of each thruster instead, a row each.
     wheels
         Show the momentum of each wheel instead, a row each.
+    law_outputs
+        Show the memory and the other numbers of each law instead, a row each.
     """
 
     name: ClassVar[str] = "commands"
@@ -356,11 +360,14 @@ class Commands(Panelled, OverTime):
     run: CountOrNone = 0
     thrusters: bool = False
     wheels: bool = False
+    law_outputs: bool = False
 
     @property
     def _signal(self) -> str:
         """The signal whose rows are shown."""
-        return "thrust" if self.thrusters else "wheel_momentum" if self.wheels else "torque"
+        chosen = {"thrust": self.thrusters, "wheel_momentum": self.wheels}
+        chosen |= {LAW_OUTPUT: self.law_outputs}
+        return next((signal for signal, is_wanted in chosen.items() if is_wanted), "torque")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per axis, and a column per law."""
@@ -376,8 +383,16 @@ class Commands(Panelled, OverTime):
             if len(names) > _FEW and width == "column" and not self.controllers:
                 runs.ensembles = runs.shown[:1]
                 runs.remarks.append("Of the first law alone.")
-            unit = runs.unit(signal).replace(" ", "\u00a0")  # not broken there
-            axes = {name: free_text(f"{name} ({unit})", _MOST_NAME) for name in names}
+            units = [runs.unit(signal)] * len(names)
+            if signal == LAW_OUTPUT:
+                units = runs.results[0].units(OUTPUT).split("; ")
+                some = [
+                    e for e in runs.shown if np.isfinite(runs.of_run(signal, e, self.run)).any()
+                ]
+                runs.ensembles = some or runs.shown
+            units = [unit.replace(" ", "\u00a0") for unit in units]  # not broken there
+            pairs = zip(names, units, strict=True)
+            axes = {name: free_text(f"{name} ({unit})", _MOST_NAME) for name, unit in pairs}
         wanted = self.picked(list(axes))
         places = {name: list(axes).index(name) for name in wanted}
         span = runs.span
@@ -397,8 +412,8 @@ class Commands(Panelled, OverTime):
                 kinds |= self._fill(panel, runs, e, k, limits[e.label], within)
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
                 panel.set_xlim(within)
-        units = dict(runs.axes)
-        scale_rounding([(next(iter(rows[name].values())), units.get(name, "")) for name in wanted])
+        known = dict(runs.axes)
+        scale_rounding([(next(iter(rows[name].values())), known.get(name, "")) for name in wanted])
         self._add_legend(drawing, runs, kinds)
         runs.remarks += [each for each in sorted(kinds) if each.startswith("Limits")]
         runs.remarks.append(f"Run {self.run}.")

@@ -25,6 +25,18 @@ MIXED = "mixed"
 THRUSTER, WHEEL = "thruster", "wheel"
 """Names of the dimensions of thrusters and of wheels."""
 
+LAW_OUTPUT, OUTPUT = "law_output", "output"
+"""Name of the signal with the stored numbers of a law, and of their dimension."""
+
+
+def output_names(law: Controller, G: MatrixLieGroup) -> dict[str, str]:
+    """Return the units of the stored numbers of a law, by names such as ``integral_1``."""
+    return {
+        f"{name}_{k + 1}" if length > 1 else name: law.output_units.get(name, "1")
+        for name, length in law.outputs(G).items()
+        for k in range(length)
+    }
+
 
 class LoopState(NamedTuple):
     """What signals follow from: all that a law reads, and what the loop makes of it."""
@@ -39,6 +51,7 @@ class LoopState(NamedTuple):
     wheel_momentum: Array
     wheel_speed: Array
     lyapunov: Array
+    output: Array
 
     @classmethod
     def of(cls, loop: ClosedLoop, s: Tracking) -> Self:
@@ -52,7 +65,16 @@ class LoopState(NamedTuple):
         now, at_limit = vehicle.at(s), loop.at_limit(s)
         cut, thrust = (of(s.G, command, s.vehicle) for of in (now.cut, now.thrust))
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
-        return cls(s, command, torque, attitude, at_limit, cut, thrust, *wheels, loop.lyapunov(s))
+        acting = torque, attitude, at_limit, cut, thrust, *wheels
+        return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
+
+
+def _output(loop: ClosedLoop, s: Tracking) -> Array:
+    """Return the numbers of the law that are stored, in the order of `output_names`."""
+    law, empty = loop.controller, s.P[..., :0]
+    given = law.output(s) if law.outputs(loop.group) else {}
+    values = [given[name] + 0.0 * s.P[..., :1] for name in law.outputs(loop.group)]
+    return np.concatenate([empty, *values], axis=-1)
 
 
 Formula: TypeAlias = Callable[[LoopState], Array]
@@ -275,6 +297,12 @@ def wheel_speed(x: LoopState) -> Array:
     return x.wheel_speed
 
 
+@_signal("z", MIXED, (OUTPUT,))
+def law_output(x: LoopState) -> Array:
+    """numbers of the law itself: its memory, and what else it gives."""
+    return x.output
+
+
 # The estimate that a law reads, and its quality, at the last control instant ----------------------
 #
 # Every formula reads the estimator's states, which are among those of the vehicle, and returns NaN
@@ -484,7 +512,7 @@ def at_state(
         exist.
     """
     state = LoopState.of(loop, s)
-    members = loop.vehicle.members
+    members = loop.vehicle.members | {OUTPUT: loop.controller.outputs(loop.group)}
     for signal in SIGNALS:
         has_members = all(members.get(dim, True) for dim in signal.dims)
         if not (has_members and signal.exists_on(loop.group)):

@@ -24,7 +24,7 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Measured, Problem, Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
-from eqt_cli.loop.signals import at_state, holds, knows_energy, of_pose
+from eqt_cli.loop.signals import LAW_OUTPUT, at_state, holds, knows_energy, of_pose, output_names
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
@@ -39,7 +39,7 @@ from eqt_cli.runs.batches import (
     squares,
 )
 from eqt_cli.runs.executors import TaskContext
-from eqt_cli.runs.folder import Layout, measured_of
+from eqt_cli.runs.folder import Layout, measured_of, outputs_of_laws
 from eqt_cli.runs.lock import FinishedPart, PartFiles
 
 LEADING = {
@@ -160,7 +160,7 @@ class PartArrays:
             ValuePer.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
         }
         always = (ValuePer.RUN, ValuePer.TRAJECTORY)
-        layout = Layout(study)
+        layout, self.outputs = Layout(study), outputs_of_laws(base)
         self.quantities = [
             entry for entry in layout.quantities if counts[entry.per] or entry.per in always
         ]
@@ -208,11 +208,22 @@ class PartArrays:
             if quantity.per is ValuePer.RUN:
                 self.data[quantity.name][batch.rows] = values[quantity.name]
             elif quantity.per is ValuePer.TRAJECTORY and (stored >= 0).any():
-                signal = values[quantity.name][stored >= 0]
-                self.data[quantity.name][stored[stored >= 0]] = signal[:, self.samples]
+                self._keep(batch, quantity.name, stored, values)
         checked[solution.status != Status.OK] = -1
         if (checked >= 0).any():
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
+
+    def _keep(self, batch: Batch, name: str, stored: Array, values: Mapping[str, Array]) -> None:
+        """Store a signal of the runs with trajectories; of a law, the numbers that it has."""
+        kept, rows = self.data[name], stored[stored >= 0]
+        if name != LAW_OUTPUT:
+            kept[rows] = values[name][stored >= 0][:, self.samples]
+            return
+        loop = batch.problem.loop
+        for k, output in enumerate(output_names(loop.controller, loop.group)):
+            if output in self.outputs:
+                signal = values[name][stored >= 0][:, self.samples, k]
+                kept[rows, :, list(self.outputs).index(output)] = signal
 
     def table(self) -> Table:
         """Return the table of the part. The numbers per run are the rows of one array.

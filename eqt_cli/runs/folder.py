@@ -49,7 +49,7 @@ from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.schema import Config
 from eqt_cli.config.source import description
 from eqt_cli.config.study import Study, law_names, section_of
-from eqt_cli.loop.signals import MIXED, Signal, holds
+from eqt_cli.loop.signals import MIXED, OUTPUT, Signal, holds, output_names
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, SIGNAL
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.lock import LOCK, MANIFEST, PART_ENTRIES, PARTS, PartFiles
@@ -282,6 +282,9 @@ def _value_text(value: Any) -> str:
 # The result file: its dimensions, variables and groups --------------------------------------------
 
 
+MOST_OUTPUTS = 32
+"""Most numbers of laws that are stored over time where `store.memory` does not say."""
+
 TEXT_BYTES = 16
 """Size of a reference to a string in HDF5, bytes."""
 
@@ -336,6 +339,8 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         laws = [loop.controller for loop in experiment.loops.values()]
         if signal and not any(map(signal.exists_for, laws)):
             continue
+        if OUTPUT in quantity.dims and not outputs_of_laws(experiment):
+            continue
         units = quantity.unit(signal.units(group) if signal else "")
         quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
@@ -344,6 +349,14 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
                 for part in _separate_parts(quantity, signal, group)
             ]
     return quantities
+
+
+def outputs_of_laws(experiment: Experiment) -> dict[str, str]:
+    """Return the units of all numbers of the laws that the result stores, by name."""
+    wanted, units = experiment.config.store.memory, dict[str, str]()
+    for loop in experiment.loops.values():
+        units |= output_names(loop.controller, experiment.group)
+    return units if wanted is True or (wanted and len(units) <= MOST_OUTPUTS) else {}
 
 
 def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
@@ -385,8 +398,12 @@ def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
         along("col", np.arange(G.size), "column of a pose matrix", units="1"),
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
     ]
-    members = experiment.loop.vehicle.members.items()
+    members, outputs = experiment.loop.vehicle.members.items(), outputs_of_laws(experiment)
     variables += [along(dim, np.array(of, dtype=object), dim) for dim, of in members if of and most]
+    if outputs and most:
+        named = np.array(list(outputs), dtype=object)
+        units = "; ".join(outputs.values())
+        variables.append(along(OUTPUT, named, "number of a law, each with its unit", units=units))
     if 0 < most < runs:
         stored = np.arange(most)
         variables.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))

@@ -22,11 +22,12 @@ from eqt_cli.config.preflight import TOGETHER, check_steps, trial
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import parts_of
+from eqt_cli.loop.signals import OUTPUT
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches, by_kind
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
-from eqt_cli.runs.folder import Layout, quantities
+from eqt_cli.runs.folder import Layout, outputs_of_laws, quantities
 
 # Begins a study with two runs of every law --------------------------------------------------------
 
@@ -327,6 +328,7 @@ def _part_memory(study: Study) -> int:
     vehicle = base.loop.vehicle
     sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
     sizes |= {dim: len(names) for dim, names in vehicle.members.items()}
+    sizes |= {OUTPUT: len(outputs_of_laws(base))}
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)
         for entry in quantities(base, study.vehicles)
