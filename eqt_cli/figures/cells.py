@@ -18,7 +18,8 @@ from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
 from eqt_cli.base.reporting import NOTHING
 from eqt_cli.figures.labels import free_text, in_words
 from eqt_cli.figures.style import Width, ink
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.quantity import SweptKey
+from eqt_cli.results.result import Result
 
 Direction = Literal["x", "y"]
 

@@ -23,7 +23,8 @@ from eqt_cli.figures.layout import add_legend
 from eqt_cli.figures.shown import ALL, Chosen, error_of, looks, positions
 from eqt_cli.figures.style import WIDTHS, Look, Width, line_style
 from eqt_cli.results.origin import label_named, law_title
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.quantity import SweptKey
+from eqt_cli.results.result import Result
 
 # Figure of a search with two objectives: the front of each law, on held-out runs ------------------
 

@@ -17,7 +17,8 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.loop.signals import MIXED
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.quantity import SweptKey
+from eqt_cli.results.result import Result
 
 # The controllers of single experiments that a figure shows, and why some runs are left out --------
 

@@ -36,7 +36,8 @@ from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import add_legend, add_title, sheet_of_maps
 from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.quantity import SweptKey
+from eqt_cli.results.result import Result
 
 # Figure of a sweep: one metric over one key as curves, over two as a map per law ------------------
 

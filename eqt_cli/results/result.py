@@ -1,11 +1,9 @@
 """Results as all readers see them: labels, runs, points, quantities and units."""
 
 import copy
-import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -14,162 +12,25 @@ from typing import Any, Self
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError, ExpressionError, printable, suggestion
-from eqt_cli.base.expressions import constant
+from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.files import CASE, LAW, POINT
 from eqt_cli.base.reporting import significant
 from eqt_cli.base.store_writer import Attribute
-from eqt_cli.base.units import in_wished, offered, size_of, split
+from eqt_cli.base.units import in_wished, offered, size_of
 from eqt_cli.engines.engine import Status
 from eqt_cli.loop.signals import MIXED, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, quantity_of
 from eqt_cli.results.origin import KnownResult, check_status, law_title
-from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
-
-# Swept keys with their values as figures and tables show them -------------------------------------
-
-
-@dataclass(frozen=True)
-class SweptKey:
-    """A key that takes several values in a sweep.
-
-    Attributes
-    ----------
-    key
-        Key of the configuration.
-    values : (points,)
-        Values as numbers; texts and matrices are numbered.
-    texts
-        Texts to display for the numbers: the numbered values, or expressions such as π/2.
-    asks_log
-        Whether the range of the sweep is logarithmic.
-    unit
-        The unit with which all values are written; empty if the key has its own unit.
-    is_number
-        Whether the values are numbers; else they number texts or matrices.
-    label, unit_of_key
-        Name of the key on an axis, with ``$…$`` for symbols, and its own unit; may be empty.
-    """
-
-    key: str
-    values: Array
-    texts: dict[float, str]
-    asks_log: bool = False
-    unit: str = ""
-    is_number: bool = True
-    label: str = ""
-    unit_of_key: str = ""
-
-    @property
-    def levels(self) -> list[int]:
-        """Values numbered in the order of their first occurrence."""
-        numbers: dict[float, int] = {}
-        return [numbers.setdefault(value, len(numbers)) for value in self.values.tolist()]
-
-    @property
-    def logarithmic(self) -> bool:
-        """Whether the values are spread on a logarithmic scale rather than a linear one."""
-        levels = np.unique(self.values)
-        if self.asks_log:
-            return True
-        if not self.is_number or len(levels) < 3 or levels[0] <= 0:
-            return False
-        return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
-
-    @property
-    def in_degrees(self) -> "SweptKey":
-        """The key with angles in degrees, unless they are written in a unit or as expressions."""
-        if self.unit_of_key != "rad" or self.unit or self.texts:
-            return self
-        return replace(self, values=np.degrees(self.values), unit="deg")
-
-    def value(self, point: int) -> float | str:
-        """Return the value at a point as configured."""
-        value = float(self.values[point])
-        return f"{value:g} {self.unit}" if self.unit else self.texts.get(value, value)
-
-    @cached_property
-    def names(self) -> dict[float, str]:
-        """`texts` as figures and tables show them: what of mappings and lists differs, in words."""
-        if self.is_number:
-            return self.texts
-        return dict(zip(self.texts, briefly(list(self.texts.values())), strict=True))
-
-    def named(self, point: int) -> float | str:
-        """`value`, with what stands for a text in figures and tables."""
-        return self.names.get(float(self.values[point]), self.value(point))
-
-    def at(self, point: int) -> str:
-        """Return the value at a point as text."""
-        value = self.named(point)
-        return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
-
-
-def with_unit(text: str) -> tuple[float, str] | None:
-    """Return number and unit of ``90 deg``; None for other texts."""
-    if parts := split(text):
-        with suppress(ExpressionError):
-            return constant(parts[0]), parts[1]
-    return None
-
-
-def constant_of(text: str) -> tuple[float, str] | None:
-    """Return number and display of an expression such as ``"-pi/2"``; None for other texts."""
-    plain = text.strip('"')
-    with suppress(ExpressionError):
-        return constant(plain), plain.replace("*pi", "π").replace("pi", "π").replace("-", "−")
-    return None
-
-
-def briefly(texts: Sequence[str]) -> list[str]:
-    """JSON in as few words as tell the texts apart; ``lag, 0.05`` for a mapping.
-
-    Of mappings, what all have in common is left out.
-    """
-    values: list[Any] = []
-    for text in texts:
-        try:
-            values.append(json.loads(text))
-        except (ValueError, RecursionError):
-            values.append(text)
-    words = [_in_words(each) for each in _differing(values)]
-    return words if len(set(words)) == len(texts) else [_in_words(each) for each in values]
-
-
-def _differing(values: list[Any]) -> list[Any]:
-    """Mappings, or lists of one each, without the entries that all have in common."""
-    if all(isinstance(value, list) and len(value) == 1 for value in values):
-        return _differing([value[0] for value in values])
-    if len(values) < 2 or not all(isinstance(value, dict) for value in values):
-        return values
-    first, *others = values
-    same = {key for key in first if all(key in one and one[key] == first[key] for one in others)}
-    left = [{key: value[key] for key in value if key not in same} for value in values]
-    names = {key for value in left for key in value}
-    if len(names) == 1 and all(left):
-        return _differing([value[key] for value in left for key in value])
-    return left
-
-
-def _in_words(value: Any) -> str:
-    """Without quotes, and without the braces around a mapping."""
-    if isinstance(value, dict):
-        kinds = [str(value["kind"])] if "kind" in value else []
-        named = {key.replace("_", " "): each for key, each in value.items() if key != "kind"}
-        others = (f"{key} {_in_words(each)}" for key, each in named.items())
-        return ", ".join([*kinds, *others]) or "none"
-    if isinstance(value, list):
-        if len(value) == 1 and isinstance(value[0], dict):
-            return _in_words(value[0])
-        inner = (
-            f"{{{_in_words(one)}}}" if isinstance(one, dict) else _in_words(one) for one in value
-        )
-        return f"[{', '.join(inner)}]" if value else "none"
-    if isinstance(value, float | int) and not isinstance(value, bool):
-        return f"{value:g}".replace("-", "−")
-    return value if isinstance(value, str) else json.dumps(value)
-
+from eqt_cli.results.quantity import (
+    WHOLE,
+    Quantity,
+    SweptKey,
+    ValuePer,
+    Window,
+    constant_of,
+    with_unit,
+)
 
 # The class `Result`: reads the runs of a result and their numbers with their meaning --------------
 

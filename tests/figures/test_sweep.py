@@ -15,7 +15,7 @@ from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.shown import ShownSweep
 from eqt_cli.figures.sweep_figures import _PALE_TINT, Pareto, Rates, Settled, SweepFigure, Winners
-from eqt_cli.results.result import briefly
+from eqt_cli.results.quantity import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

@@ -5,7 +5,8 @@ import pytest
 from said import error_of
 
 from eqt_cli.engines.engine import Status
-from eqt_cli.results.result import SweptKey, constant_of, mean_over_runs, with_unit
+from eqt_cli.results.quantity import SweptKey, constant_of, with_unit
+from eqt_cli.results.result import mean_over_runs
 
 RUNS = 6
 NORMS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
