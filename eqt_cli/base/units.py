@@ -35,6 +35,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "deg": (_PI / 180, _ANGLE),
     "arcmin": (_PI / 10_800, _ANGLE),
     "arcsec": (_PI / 648_000, _ANGLE),
+    "Hz": (1.0, (0, 0, -1, 0)),
     "rpm": (_PI / 30, (0, 0, -1, 1)),
     **{f"{prefix}J": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     **{f"{prefix}N": (size, _FORCE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
@@ -61,7 +62,7 @@ _OFFERED: dict[str, tuple[str, ...]] = {
     "a stiffness": ("N/m",),
     "a torque per time": ("N m/s", "mN m/s"),
     "a force per time": ("N/s",),
-    "a rate": ("1/s",),
+    "a rate": ("1/s", "Hz"),
 }
 """Units that messages offer, the first one that of eqt, by the name of their dimension."""
 

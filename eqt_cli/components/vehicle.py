@@ -182,7 +182,7 @@ class Vehicle:
         """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""
         moving = enumerate(self.moving_sensors)
         chain = self._chain()
-        started = {place: x for place, part in chain if (x := part.started(G)) is not None}
+        started = {place: x for place, part in chain if (x := part.started(G, V)) is not None}
         started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
         return {**started, CLOCKS: self.ticks_left(0)} if self.clocks else started
 
@@ -449,15 +449,17 @@ class Vehicle:
             held[CLOCKS] = len(self.clocks)
         return {**commands, **held, **lengths, **measured, **self.estimator_lengths(G)}
 
-    def running(self, G: MatrixLieGroup, command: Array) -> dict[str, Array]:
-        """Return the states at the start of a run that are not 0, if anything `runs`.
+    def running(
+        self, G: MatrixLieGroup, command: Array, x: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """Return the states at the start of a run that are not 0, if anything `runs`, from those x.
 
         The first command has then been given before, too.
         """
         running, passed = {}, command
         for place, part in self._chain():
             if part.takes_rates:
-                passed = part.output(G, passed, passed[..., :0])
+                passed = part.output(G, passed, x.get(place, passed[..., :0]))
             elif part.runs:
                 running[place] = part.running(G, passed)
         if self.control is None:

@@ -202,7 +202,7 @@ class Wheels(Actuator):
         """Return the number of states: torques that are set at ticks, and momenta."""
         return (self.sampled + 1) * self.count * self.moves
 
-    def started(self, G: MatrixLieGroup) -> Array:
+    def started(self, G: MatrixLieGroup, V: Array) -> Array:
         """Return the states at t = 0."""
         start: Any = self.start
         return np.concatenate([0.0 * start, start], axis=-1) if self.sampled else start

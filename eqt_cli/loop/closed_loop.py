@@ -299,7 +299,7 @@ class ClosedLoop:
             state = self.layout.join(stretches, state)
         if self.vehicle.runs:
             s = self.tracking(t, state)
-            running = self.vehicle.at(s).running(self.group, self.controller.torque(s))
+            running = self.vehicle.at(s).running(self.group, self.controller.torque(s), s.vehicle)
             state = self.layout.join(stretches | _named(VEHICLE, running), state)
         return state
 

@@ -1,6 +1,7 @@
 """Laws that command rates, and the rate loop: against quaternions and plain programs."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ import yaml
 from case_tables import cases, refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.signal import butter, lfilter, lfilter_zi
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.components.actuators import RateLoop
 from eqt_cli.components.cascade import Rate
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
@@ -71,7 +74,25 @@ def text(engine="native", control=None, error="full", **loop):
     return yaml.safe_dump(config | ({"control": control} if control else {}))
 
 
-def flown(times, kind, bandwidth=None, gains=None, period=None):
+def pid(asked, omega, x, gains, cutoff, ki, kd, feedforward=(0, 0, 0), i_limit=None, d_cutoff=20.0):
+    """Torque, and rates of ω̂, ω̂', α and z, axis by axis, of PX4's rate loop."""
+    torque, rates = np.zeros(3), np.zeros((4, 3))
+    for k in range(3):
+        measured, slope, alpha, z = x.reshape(4, 3)[:, k]
+        error = asked[k] - measured
+        torque[k] = gains[k] * error + z - kd[k] * alpha + feedforward[k] * asked[k]
+        size, rate = abs(error) * 180 / np.pi / 400, 0.0
+        if size < 1:
+            rate = ki[k] * error * (1 - size**2)
+        if i_limit is not None and abs(z) >= i_limit[k] and np.sign(rate) == np.sign(z):
+            rate = 0.0
+        w = 2 * np.pi * cutoff
+        slopes = w * w * (omega[k] - measured) - 2 * np.sin(np.pi / 4) * w * slope
+        rates[:, k] = slope, slopes, 2 * np.pi * d_cutoff * (slope - alpha), rate
+    return torque, rates.ravel()
+
+
+def flown(times, kind, bandwidth=None, gains=None, period=None, **filtered):
     """Attitude and rate, by SciPy: continuous, or with a command that is held for a period."""
 
     def asked(t, y):
@@ -79,17 +100,21 @@ def flown(times, kind, bandwidth=None, gains=None, period=None):
         return E @ TURN + KP * error_by_quaternions(E, kind)
 
     def field(t, y, held):
-        R, omega = y[:9].reshape(3, 3), y[9:]
-        off = (asked(t, y) if held is None else held) - omega
-        if gains is None:
+        R, omega, rates = y[:9].reshape(3, 3), y[9:12], []
+        command = asked(t, y) if held is None else held
+        off = command - omega
+        if filtered:
+            torque, rates = pid(command, omega, y[12:], gains, **filtered)
+        elif gains is None:
             torque = J * (bandwidth * off) + np.cross(omega, J * omega)
         else:
             torque = np.array(gains) * off
         turned = R @ np.cross(np.eye(3), omega)
-        return np.concatenate([turned.ravel(), (torque - np.cross(omega, J * omega)) / J])
+        return np.concatenate([turned.ravel(), (torque - np.cross(omega, J * omega)) / J, rates])
 
     R = expm(np.cross(np.eye(3), [0.5, -0.8, 1.0]))
-    y, states = np.concatenate([R.ravel(), TURN + np.array([0.5, -0.3, 0.8])]), []
+    omega = TURN + np.array([0.5, -0.3, 0.8])
+    y, states = np.concatenate([R.ravel(), omega, [*omega, *np.zeros(9)] if filtered else []]), []
     ticks = times if period is None else np.arange(0, times[-1], period).round(12)
     ends = np.unique([*times.round(12), *ticks.round(12)])
     for start, end in pairwise(ends):
@@ -100,6 +125,16 @@ def flown(times, kind, bandwidth=None, gains=None, period=None):
     return np.array([*states, y])
 
 
+PID = {
+    "gains": [0.5, 0.6, 0.7],
+    "cutoff": 30.0,
+    "ki": [9.0, 7.0, 0.5],
+    "kd": [0.003, 0.002, 0.0],
+    "d_cutoff": 25.0,
+}
+LIMITED = {**PID, "feedforward": [0.01, 0.02, 0.0], "i_limit": [0.2, 0.2, 0.3]}
+
+
 @pytest.mark.parametrize(
     ("engine", "control", "error", "loop"),
     [
@@ -108,6 +143,11 @@ def flown(times, kind, bandwidth=None, gains=None, period=None):
         ("native", None, "reduced", {"gains": [0.5, 0.6, 0.7]}),
         ("native", {"period": 0.02}, "full", {"bandwidth": [30.0, 40.0, 20.0]}),
         ("solve_ivp", {"period": 0.02}, "full", {"bandwidth": [30.0, 40.0, 20.0]}),
+        ("native", None, "full", PID),
+        ("native", None, "reduced", LIMITED),
+        ("solve_ivp", None, "full", LIMITED),
+        ("native", {"period": 0.02}, "full", LIMITED),
+        ("solve_ivp", {"period": 0.02}, "full", LIMITED),
     ],
 )
 def test_runs_by_rates_are_those_of_a_plain_program(solved, engine, control, error, loop):
@@ -116,7 +156,73 @@ def test_runs_by_rates_are_those_of_a_plain_program(solved, engine, control, err
     states = flown(problem.times, error, period=control and control["period"], **loop)
     s = problem.loop.tracking(problem.times, solution.states)
     np.testing.assert_allclose(s.Q[0].reshape(3, 9), states[:, :9], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(s.V[0], states[:, 9:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], states[:, 9:12], rtol=0, atol=1e-9)
+    if "cutoff" in loop:
+        x = s.vehicle["actuators_0"][0]
+        np.testing.assert_allclose(x[:, :3], states[:, 12:15], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(x[:, 6:], states[:, 18:], rtol=1e-9, atol=1e-9)
+        most = np.abs(x[:, 9:]).max()  # its limit is reached, and left again
+        assert most == pytest.approx(0.2, abs=1e-9) if "i_limit" in loop else most > 0.5
+
+
+def a_loop(**options):
+    """A rate loop of one run."""
+    return RateLoop(**options).of_run(SO3, None)
+
+
+def test_torque_and_rates_of_the_pid_are_those_of_a_plain_program():
+    """At random states, errors beyond 400°/s and integrals beyond their limits among them."""
+    random, loop = np.random.default_rng(2), a_loop(**LIMITED)
+    beyond = []
+    for _ in range(200):
+        asked, omega = random.normal(size=(2, 3)) * 5
+        x = random.normal(size=(4, 3)) * [[5], [50], [50], [0.2]]
+        torque, rates = pid(asked, omega, x, **LIMITED)
+        here = loop.at(SimpleNamespace(V=omega))
+        found = here.state_rate(SO3, asked, x.ravel())
+        np.testing.assert_allclose(found, rates, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(here.output(SO3, asked, x.ravel()), torque, rtol=0, atol=1e-12)
+        beyond.append([np.abs(asked - x[0]).max() > np.radians(400), np.abs(x[3]).max() > 0.3])
+    assert np.mean(beyond, axis=0).min() > 0.2
+
+
+def sampled(omega, asked, rate, until, gains, cutoff, ki, kd, feedforward, i_limit, d_cutoff):
+    """The last torque of PX4's loop as its firmware computes it, at so many samples per second."""
+    dt = 1 / rate
+    b, a = butter(2, cutoff, fs=rate)
+    times = np.arange(1, round(until * rate) + 1) * dt
+    start = lfilter_zi(b, a)[:, None] * omega(0.0)
+    measured, _ = lfilter(b, a, np.array([omega(t) for t in times]), axis=0, zi=start)
+    alpha, z, before = np.zeros(3), np.zeros(3), omega(0.0)
+    for t, now in zip(times, measured, strict=True):
+        alpha += dt / (dt + 1 / (2 * np.pi * d_cutoff)) * ((now - before) / dt - alpha)
+        error, before = asked(t) - now, now
+        torque = gains * error + z - kd * alpha + feedforward * asked(t)
+        factor = np.maximum(0.0, 1 - (error / np.radians(400.0)) ** 2)
+        z = np.clip(z + factor * ki * error * dt, -i_limit, i_limit)
+    return torque
+
+
+def test_the_loop_is_that_of_the_firmware_as_its_sampling_becomes_fast():
+    def omega(t):
+        return np.array([0.5 + 2 * np.sin(20 * t), np.cos(9 * t), 3 * t - 2 * t * t])
+
+    def asked(t):
+        return np.array([2 + np.cos(11 * t), 8 * np.sin(5 * t), -1.0])
+
+    def field(t, x):
+        return loop.at(SimpleNamespace(V=omega(t))).state_rate(SO3, asked(t), x)
+
+    loop, options = a_loop(**LIMITED), {name: np.array(x) for name, x in LIMITED.items()}
+    x = solve_ivp(field, (0, 0.25), loop.started(SO3, omega(0.0)), max_step=1e-3, **TIGHT).y[:, -1]
+    torque = loop.output(SO3, asked(0.25), x)
+    apart = [np.abs(sampled(omega, asked, r, 0.25, **options) - torque) for r in (4000, 16000)]
+    print(f"apart {apart[0]} N m at 4 kHz, {apart[1]} at 16 kHz; of {torque}")
+    assert np.abs(x[9:11]).min() == pytest.approx(
+        0.2, abs=1e-9
+    )  # two integrals are at their limits
+    assert apart[1].max() < 1e-4 * np.abs(torque).max()
+    assert apart[0].max() / apart[1].max() == pytest.approx(4.0, rel=0.05)  # the first order of dt
 
 
 QUADROTOR = {
@@ -170,8 +276,9 @@ ROTORS = {
 }
 
 
-def test_rotors_behind_a_rate_loop_run_at_the_start(experiment_of):
-    actuators = [{"kind": "rate_loop", "bandwidth": 20}, ROTORS]
+@pytest.mark.parametrize("loop", [{"bandwidth": 20}, {"gains": 0.4, "cutoff": 30, "kd": 0.003}])
+def test_rotors_behind_a_rate_loop_run_at_the_start(experiment_of, loop):
+    actuators = [{"kind": "rate_loop", **loop}, ROTORS]
     config = QUADROTOR | {"controllers": [BY_RATES], "actuators": actuators}
     (loop,) = experiment_of(yaml.safe_dump(config)).loops.values()
     Q, V, _ = loop.reference.motion(loop.group, 0.0)
@@ -204,6 +311,18 @@ WRONG = """
     actuators[0].bandwidth: expected a number, or 3 of them, got 2
 {actuators: [{kind: rate_loop, gains: -1}]}
     actuators[0].gains: expected a number greater than 0, got -1
+{actuators: [{kind: rate_loop, bandwidth: 5, cutoff: 30 Hz}]}
+    actuators[0].cutoff: needs gains in place of bandwidth; for example gains: 0.15
+{actuators: [{kind: rate_loop, gains: 5, ki: [0, 0, 1]}]}
+    actuators[0].ki: needs cutoff, that of the gyro; for example cutoff: 30 Hz
+{actuators: [{kind: rate_loop, gains: 5, i_limit: 0.3}]}
+    actuators[0].i_limit: needs cutoff, that of the gyro; for example cutoff: 30 Hz
+{actuators: [{kind: rate_loop, gains: 5, cutoff: 30, kd: [0.1, -0.1, 0]}]}
+    actuators[0].kd: expected a number of at least 0, got -0.1
+{actuators: [{kind: rate_loop, gains: 5, cutoff: 30, feedforward: []}]}
+    actuators[0].feedforward: expected a number, or 3 of them, got 0
+{actuators: [{kind: rate_loop, gains: 5, cutoff: 0}]}
+    actuators[0].cutoff: expected a number greater than 0, got 0
 {controllers: [{kind: rate, kp: 5}]}
     controllers[0]: rate is a law for SO3, got SE3; on SE3, use it inside a cascade
 {controllers: [{kind: cascade, attitude: {kind: rate, kp: [1, 2]}, position: {kx: 1, kv: 1}}]}
