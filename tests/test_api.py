@@ -12,6 +12,7 @@ from pkgutil import iter_modules
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from said import error_of
 
 import eqt_cli
@@ -254,6 +255,75 @@ def test_arguments_of_another_kind(result, call, said):
 def test_what_to_do_is_said_in_python(result):
     assert error_of(eqt_cli.run, eqt_cli.load_experiment(result, {"gains.kp": 7}), result).endswith(
         "\nchoose another folder with out=…, or replace it with force=True"
+    )
+
+
+def test_a_figure_is_drawn_into_axes_of_ones_own(paper_result):
+    own = Figure(figsize=(7, 4), layout="constrained")
+    grid = own.subplots(2, 2)
+    assert eqt_cli.figure(paper_result, "paper", axes=grid) is own
+    stored = eqt_cli.open_result(paper_result)
+    for axes, signal in ((grid[1, 0], "torque_norm"), (grid[1, 1], "lyapunov")):
+        curves = {line.get_label(): line.get_ydata() for line in axes.lines}
+        assert [*curves] == ["eqt", "gt", "nog", "asym"]
+        for label, curve in curves.items():
+            middle = np.median(stored.read(signal, controller=label), axis=0)
+            np.testing.assert_allclose(curve, middle, rtol=1e-14)
+    assert [axes.get_xlabel()[:3] for axes in own.axes] == ["$t$"] * 4
+    legends = [axes.get_legend() for axes in own.axes]
+    assert [text.get_text() for text in legends[0].get_texts()] == ["EqT", "GT", "nog", "asym"]
+    assert legends[1:] == [None] * 3 and own.legends == []
+    assert [axes.get_title(loc="left") for axes in own.axes] == [""] * 4  # letters are the user's
+    own.draw_without_rendering()
+    (remark,) = grid[1, 1].texts
+    assert remark.get_text() == "Curves: median over 60 runs; bands: quartiles."
+    assert remark.get_window_extent().y1 < grid[1, 1].xaxis.label.get_window_extent().y0
+    assert remark.get_window_extent().y0 > 0
+
+
+def test_panels_go_to_axes_by_their_names(paper_result):
+    panels = Figure().subplot_mosaic([["torque_norm", "lyapunov"]])
+    options = {"panels": ["lyapunov", "torque_norm"]}
+    eqt_cli.figure(paper_result, "paper", options=options, axes=panels)
+    assert panels["torque_norm"].get_ylabel().endswith("m})$")
+    assert panels["lyapunov"].get_yscale() == "log"
+
+
+def test_scales_that_own_axes_share_stay_shared(paper_result):
+    grid = Figure().subplots(2, 4, sharey=True)
+    eqt_cli.figure(paper_result, "runs", axes=grid[0])
+    assert len({axes.get_ylim() for axes in grid[0]}) == 1
+    assert [len(axes.lines) for axes in grid[0]] == [61] * 4
+
+
+def test_a_map_is_drawn_into_axes_of_ones_own(swept_result):
+    own = Figure()
+    left, right = own.subplots(1, 2)
+    eqt_cli.figure(swept_result, "sweep", options={"controllers": ["gt"]}, axes=right)
+    stored = eqt_cli.open_result(swept_result)
+    means = stored.metric("mean_attitude_error")[:, stored.labels.index("gt")].mean(axis=-1)
+    np.testing.assert_allclose(np.sort(right.collections[0].get_array().ravel()), np.sort(means))
+    assert not left.collections and len(own.axes) == 3  # with the scale of colours
+    eqt_cli.figure(swept_result, "pareto", axes=left)
+    assert len(left.lines) == 4
+
+
+def test_axes_that_do_not_fit_are_refused(paper_result, swept_result):
+    def refused(axes, result=paper_result, name="paper", **options):
+        return error_of(partial(eqt_cli.figure, axes=axes, options=options), result, name)
+
+    panels = "pose_error, velocity_error, torque_norm, lyapunov"
+    advice = "; choose panels by options of the figure, or give as many"
+    for axes in (Figure().subplots(1, 3), Figure().subplots(1, 6)):
+        assert refused(axes).startswith(f"axes: expected 4 Axes, for {panels}; got {axes.size}: ")
+    named = Figure().subplot_mosaic([["mine", "lyapunov"]])
+    assert refused(named) == f"axes: expected 4 Axes, for {panels}; got 2: mine, lyapunov{advice}"
+    whole = Figure(figsize=(4, 3))
+    assert refused(whole, panels=["lyapunov"]) == (
+        f"axes: expected 1 Axes, for lyapunov; got 1: Figure(400x300){advice}"
+    )
+    assert refused(whole.subplots(), swept_result, "forest", controllers=["eqt", "gt"]) == (
+        "axes: figure 'forest' makes its own panels; leave out axes"
     )
 
 

@@ -232,6 +232,7 @@ def figure(
     point: int | Sequence[int] | None = None,
     units: Sequence[str] = (),
     trust_plugins: bool = False,
+    axes: Any = None,
 ) -> Drawing:
     """Draw a figure of one or several results to edit it; saving is yours.
 
@@ -241,11 +242,15 @@ def figure(
         As for `plot`.
     name
         Name of the figure, as ``eqt list figures`` shows it.
+    axes
+        Matplotlib axes of your own to draw into: one, an array in the order of the panels, or a
+        mapping from names of panels. Each has its labels, the first the legend, the last the
+        remarks below it; letters and layout are yours.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Its panels, ``figure.axes``, have names, ``axes.get_label()``.
+        Its panels, ``figure.axes``, have names, ``axes.get_label()``. With `axes`, their figure.
 
     Raises
     ------
@@ -264,7 +269,7 @@ def figure(
 
     wanted, of_width = figure_from(name, options or {}), one_of("width", width, list(WIDTHS))
     with _opened(result, point, units, titles or {}, trust_plugins=trust_plugins) as opened:
-        return wanted.draw(opened, of_width, style=Style(tuple(style), width=of_width))
+        return wanted.draw(opened, of_width, style=Style(tuple(style), width=of_width), axes=axes)
 
 
 def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) -> None:

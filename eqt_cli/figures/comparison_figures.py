@@ -26,7 +26,7 @@ from eqt_cli.figures.cells import even, scale_log, spans_decade
 from eqt_cli.figures.curves import BAND
 from eqt_cli.figures.figure import OfDifferences, OfMetrics
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import add_legend, blank_sheet, rows_of
+from eqt_cli.figures.layout import add_legend, blank_sheet, hide_inner_scales, rows_of
 from eqt_cli.figures.shown import MetricValues, ShownMetrics, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style
 from eqt_cli.results.result import Result
@@ -191,15 +191,15 @@ class Distributions(OfMetrics):
             else:
                 _fill_steps(axes, metrics, samples)
             self._scale(axes, metrics, samples, room)
-            axes.tick_params(labelleft=metric in [row[0] for row in places])
         if self.kind == "box":
             add_legend(drawing, *box_legend([int(e.good.sum()) for e in metrics.shown]))
         else:
-            for row in places:
-                panels[row[0]].set_ylabel("fraction of runs")
+            for axes in panels.values():
+                axes.set_ylabel("fraction of runs")
             names = [e.title for e in metrics.shown]
             whole = len(names) // len(metrics.results)
             add_legend(drawing, panels[metrics.metrics[0]].lines, names, whole)
+        hide_inner_scales(panels, places)
         metrics.remarks.append(f"Distributions over {metrics.count()}.")
         return drawing
 

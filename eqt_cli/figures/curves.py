@@ -161,7 +161,7 @@ def bound_below(axes: Axes, curves: Sequence[Array], error: float) -> None:
         floor = min(max(min(usual) / FAR, error), max(float(curve.max()) for curve in curves) / FAR)
         if floor > axes.get_ylim()[0]:
             shared = axes.get_shared_y_axes().get_siblings(axes)
-            top = max(float(each.dataLim.ymax) for each in shared)
+            top = max(float(each.dataLim.ymax) for each in shared if each.has_data())
             axes.set_ylim(floor, top * (top / floor) ** _MARGIN)
 
 

@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Annotated, ClassVar, Generic, Protocol, TypeVar, cast
+from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,7 +36,7 @@ from eqt_cli.figures.shown import (
     error_of,
     names,
 )
-from eqt_cli.figures.style import HOUSE, WIDTHS, Style, Width, house_style
+from eqt_cli.figures.style import HOUSE, WIDTHS, Style, Width, house_style, replaced
 from eqt_cli.loop.signals import LAW_OUTPUT, MIXED, OUTPUT
 from eqt_cli.results.result import Result
 
@@ -436,6 +436,7 @@ class Figure(Component, Generic[S]):
         measured: Recording | None = None,
         arranged: bool = True,
         captions: list[str] | None = None,
+        axes: Any = None,
     ) -> Drawing:
         """Draw the data that `subject` takes from results, with remarks on what it leaves out.
 
@@ -454,6 +455,8 @@ class Figure(Component, Generic[S]):
             takes half of the time.
         captions
             List that receives the remarks; they go below the panels if None.
+        axes
+            Axes of a user's own to draw into, in the user's layout.
 
         Raises
         ------
@@ -472,10 +475,14 @@ class Figure(Component, Generic[S]):
                     f"{one.path}: figure '{self.name}' shows results, and this is a "
                     f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
                 )
-        with house_style(replace(style or HOUSE, width=width)):
+        with house_style(replace(style or HOUSE, width=width)), replaced(layout, "own_axes", axes):
             shown = self.subject(cast(Sequence[Result], results), measured)
             with blamed():
                 drawing = self.compose(shown, width)
+            if isinstance(drawing, layout.OwnPage):
+                return drawing.finish(shown.notes())
+            if axes is not None:
+                raise EqtError(f"axes: figure '{self.name}' makes its own panels; leave out axes")
             add_letters(drawing)
             if captions is None:
                 add_remarks(drawing, shown.notes())

@@ -4,6 +4,8 @@ import re
 import textwrap
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from itertools import zip_longest
 from string import ascii_lowercase
 from typing import Any
 
@@ -63,10 +65,58 @@ _LETTER = 0.2
 Mosaic = list[list[str]]
 """Names of panels, row by row."""
 
+Page = tuple[Figure, dict[str, Axes]]
+"""A figure, and its panels by name."""
+
+own_axes: Any = None
+"""Axes of a user's own, or a mapping to them, that are drawn into instead of new panels."""
+
+
+class OwnPage(Figure):
+    """Stands for the figure of axes of a user's own, `panels`; its size means nothing."""
+
+    panels: dict[str, Axes]
+
+    def finish(self, remarks: Sequence[str]) -> Figure:
+        """Print remarks below the last of the axes; return the figure of these."""
+        last = [*self.panels.values()][-1]
+        name, size = last.xaxis.label, _SMALL * size_of_type("font.size")
+        most = _characters(last.get_window_extent().width / last.figure.dpi, size)
+        text = "\n".join(free_text(remark, most) for remark in remarks)
+        note = last.annotate(text, (0.5, 0), (0, -4), xycoords=name, textcoords="offset points")
+        note.set(fontproperties=name.get_fontproperties(), size=size, ha="center", va="top")
+        return last.figure.figure
+
+
+def _page(width: Width, height: float, mosaic: Mosaic, **more: Any) -> Page:
+    """Return a figure of so many inches, and its panels by name."""
+    if own_axes is None:
+        drawing = Figure(figsize=(WIDTHS[width], height))
+        FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
+        nested: Any = mosaic  # Matplotlib's type for it is a recursive one
+        return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY, **more)
+    names = list(dict.fromkeys(name for row in mosaic for name in row if name != EMPTY))
+    own = own_axes if isinstance(own_axes, Mapping) else np.ravel(own_axes)
+    given = dict(own if isinstance(own, Mapping) else zip_longest(names, own))
+    if {*given} != {*names} or not all(isinstance(one, Axes) for one in given.values()):
+        raise EqtError(
+            f"axes: expected {len(names)} Axes, for {', '.join(names)}; got {len(own)}: "
+            f"{', '.join(map(str, own))}; choose panels by options of the figure, or give as many"
+        )
+    page = OwnPage()
+    page.panels = {name: given[name] for name in names}
+    return page, page.panels
+
+
+def one_panel(width: Width, height: float) -> tuple[Figure, Axes]:
+    """Return a figure of so many inches, and its only panel."""
+    drawing, panels = _page(width, height, [["panel 1"]])
+    return drawing, panels["panel 1"]
+
 
 def sheet(
     width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str, tallest: float = np.inf
-) -> tuple[Figure, dict[str, Axes]]:
+) -> Page:
     """Return a figure of panels with a common time axis, and its panels by name.
 
     Parameters
@@ -81,20 +131,18 @@ def sheet(
     taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
     height = min(taller * _PANEL_HEIGHTS[width], tallest / len(mosaic))
     drawing, panels = blank_sheet(width, mosaic, height)
-    numbered = numbered_below(mosaic)
+    numbered = numbered_below(mosaic) if own_axes is None else panels
     ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
     for name, axes in panels.items():
         axes.set_xlim(*span)
         axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
         axes.tick_params(labelbottom=name in numbered)
-        if name in mosaic[-1]:
+        if name in mosaic[-1] or own_axes is not None:
             axes.set_xlabel(quantity("t", unit))
     return drawing, panels
 
 
-def blank_sheet(
-    width: Width, mosaic: Mosaic, height: float, **ratios: Any
-) -> tuple[Figure, dict[str, Axes]]:
+def blank_sheet(width: Width, mosaic: Mosaic, height: float, **ratios: Any) -> Page:
     """Return a figure of independent panels, and its panels by name.
 
     Parameters
@@ -108,22 +156,16 @@ def blank_sheet(
     """
     rows = len(mosaic)
     height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
-    drawing = Figure(figsize=(WIDTHS[width], height * rows))
-    FigureCanvasAgg(drawing)  # without one, Matplotlib makes a new one for every text it measures
-    nested: Any = mosaic  # Matplotlib's type for it is a recursive one
-    return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY, **ratios)
+    return _page(width, height * rows, mosaic, **ratios)
 
 
 def sheet_of_maps(
     count: int, columns: int, width: Width, height: float
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of maps with common scales, each `height` inches high, and its panels."""
-    rows = -(-count // columns)
-    drawing = Figure(figsize=(WIDTHS[width], height * rows))
-    grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for spare in grid[count:]:
-        spare.remove()
-    return drawing, list(grid[:count])
+    mosaic = rows_of([f"panel {number}" for number in range(1, count + 1)], columns)
+    drawing, panels = _page(width, height * len(mosaic), mosaic, sharex=True, sharey=True)
+    return drawing, list(panels.values())
 
 
 def rows_of(names: Sequence[str], columns: int) -> Mosaic:
@@ -177,7 +219,8 @@ def share_scale(panels: Iterable[Axes]) -> None:
     """Give panels one vertical scale; call it before anything is drawn."""
     first, *others = panels
     for axes in others:
-        axes.sharey(first)
+        with suppress(ValueError):  # axes of a user's own may share a scale already
+            axes.sharey(first)
 
 
 def name_scale(axes: Axes, text: str) -> None:
@@ -188,7 +231,7 @@ def name_scale(axes: Axes, text: str) -> None:
 
 def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
     """Name and number a vertical scale in the first panel of a row only."""
-    for name in (name for row in mosaic for name in row[1:] if name != EMPTY):
+    for name in (name for row in mosaic for name in row[1:] if name != EMPTY and own_axes is None):
         panels[name].tick_params(labelleft=False)
         panels[name].set_ylabel("")
 
@@ -223,7 +266,13 @@ def add_legend(
     """Name the curves above the panels, in as few rows as fit; the figure grows by them.
 
     The names are texts of a user, row by row; `whole` of them stay in one row, or start a new one.
+    With axes of a user's own, they stand in the first.
     """
+    if isinstance(figure, OwnPage):
+        first = next(iter(figure.panels.values()))
+        names, look = [free_text(name, 40) for name in names], first.xaxis.label
+        first.legend(handles, names, prop=look.get_fontproperties(), frameon=True)
+        return
     room = figure.get_figwidth() - 0.5  # beside the handle
     whole = whole if whole < len(names) else 1
     characters = _characters(room, size_of_type("legend.fontsize"))

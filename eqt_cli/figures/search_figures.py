@@ -122,8 +122,7 @@ class Fronts(Figure[ShownFronts]):
 
     def compose(self, shown: ShownFronts, width: Width) -> Drawing:
         """Draw one panel; laws have the colours and markers of all other figures."""
-        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
-        panel = drawing.add_subplot()
+        drawing, panel = layout.one_panel(width, _HEIGHTS[width])
         lines, seen = [], []
         for front, of in zip(shown.fronts, shown.looks, strict=True):
             look = line_style(of)
@@ -314,8 +313,8 @@ class WorstFigure(Figure[ShownWorst]):
         seen = np.concatenate([line.worst for line in shown.lines])
         scale(panels[mosaic[0][0]], "y", seen, log=self.log)
         label = f"worst {metric_label(shown.results, shown.objective, 30)}"
-        for row in mosaic:
-            panels[row[0]].set_ylabel(label)
+        for panel in panels.values():
+            panel.set_ylabel(label)
         layout.hide_inner_scales(panels, mosaic)
         layout.add_legend(drawing, list(titles.values()), list(titles))
         return drawing

@@ -33,7 +33,7 @@ from eqt_cli.figures.cells import (
 from eqt_cli.figures.curves import BAND, RESAMPLING, beside, draw_points
 from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import add_legend, add_title, sheet_of_maps
+from eqt_cli.figures.layout import add_legend, add_title, one_panel, sheet_of_maps
 from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.results.quantity import SweptKey
@@ -92,8 +92,8 @@ class SweepFigure(OfOneMetric):
         if len(axes) == 1:
             looks = "bands" if axes[0].is_number else "bars"
             swept.remarks.append(f"{remark}; {looks}: 10–90 % of runs.")
-            drawing = _draw_curves(swept, axes[0], means, bands, label, width)
-            scale(drawing.axes[0], "y", means, log=self.log)
+            drawing, panel = _draw_curves(swept, axes[0], means, bands, label, width)
+            scale(panel, "y", means, log=self.log)
             return drawing
         swept.remarks.append(f"{remark}.")
         return self._maps(swept, axes, means, label, width)
@@ -136,10 +136,9 @@ class SweepFigure(OfOneMetric):
 
 def _draw_curves(
     swept: ShownSweep, axis: SweptKey, means: Array, bands: Array, label: str, width: Width
-) -> Drawing:
+) -> tuple[Drawing, Axes]:
     """Draw means ``(points, laws)`` and bands ``(2, points, laws)`` over a key."""
-    drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
-    panel = drawing.add_subplot()
+    drawing, panel = one_panel(width, _HEIGHTS[width])
     order = np.argsort(axis.values, kind="stable")
     lines = []
     for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
@@ -151,7 +150,7 @@ def _draw_curves(
     scale_along(panel, swept.results, axis, WIDTHS[width])
     panel.set_ylabel(label)
     add_legend(drawing, lines, swept.titles)
-    return drawing
+    return drawing, panel
 
 
 def _draw_maps(
@@ -180,7 +179,7 @@ def _draw_maps(
         edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
         below = cells.scales(panel, swept.results, room[0], **edges)
     drawing.set_figheight(drawing.get_figheight() + below)
-    bar = drawing.colorbar(image, ax=panels, label=label)
+    bar = panels[0].figure.colorbar(image, ax=panels, label=label)
     if isinstance(image.norm, LogNorm):
         scale_log(bar.ax, "y", np.array([image.norm.vmin, image.norm.vmax]))
     return drawing
@@ -249,8 +248,7 @@ class Winners(OfDifferences):
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
-        drawing = Drawing(figsize=(WIDTHS[width], height))
-        panel = drawing.add_subplot()
+        drawing, panel = one_panel(width, height)
         laws = [look.colour for look in swept.looks]
         # Cells have no dashes: a colour that the style gives to several laws is paler for each.
         colours = [
@@ -374,9 +372,9 @@ class Settled(OfSweep):
         swept.remarks += self._proved(swept) if self.certified else ()
         if len(axes) == 1:
             swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
-            drawing = _draw_curves(swept, axes[0], share, np.array([low, high]), label, width)
-            drawing.axes[0].set_ylim(-3, 103)
-            return drawing
+            page, panel = _draw_curves(swept, axes[0], share, np.array([low, high]), label, width)
+            panel.set_ylim(-3, 103)
+            return page
         cells, written = Cells(*axes), list[bool]()
         height = min(max(_LEAST_SETTLED, _ROW * cells.shape[0] + _AROUND), _MOST_SETTLED)
         look: dict[str, Any] = {"vmin": 0, "vmax": 100, "edgecolors": ink(0), "linewidth": 0.4}
@@ -470,8 +468,7 @@ class Pareto(OfSweep):
         cost_name = self.cost or swept.of_one_unit("effort")
         error_name = self.error or swept.error_metric
         cost, error = swept.means(cost_name), swept.means(error_name)
-        drawing = Drawing(figsize=(WIDTHS[width], _PARETO_HEIGHTS[width]))
-        panel = drawing.add_subplot()
+        drawing, panel = one_panel(width, _PARETO_HEIGHTS[width])
         lines = []
         for k, (of, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
             look = line_style(of) | {"marker": of.marker, "label": title}
@@ -528,8 +525,7 @@ class Rates(Figure[ShownControllers]):
         axes = len(result.coordinate("axis"))
         boxes = [[(-Fraction(v), Fraction(v))] * axes for v in grid.tolist()]
         laws = [(e, rates_of(e.label, result.loops[e.law], boxes)) for e in shown.shown]
-        drawing, known = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width])), []
-        panel = drawing.add_subplot()
+        (drawing, panel), known = one_panel(width, _HEIGHTS[width]), []
         for law, found in laws:
             if found.refused:
                 shown.remarks.append(f"{law.title} {found.refused}.")
