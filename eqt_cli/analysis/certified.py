@@ -43,7 +43,7 @@ def affine(loop: ClosedLoop) -> Array:
     InputError
         If there is no such A; the message goes on from the name of the law.
     """
-    loop = replace(loop, vehicle=loop.vehicle.linear_part)
+    loop = loop.off_limits
     G, law, vehicle = loop.group, loop.controller, loop.vehicle
     if vehicle.control is not None or vehicle.states(G) or law.reads_flat_output:
         raise InputError("is sampled, acts through actuators that lag, or is a cascade")

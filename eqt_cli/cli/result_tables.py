@@ -189,18 +189,15 @@ def _shares(result: Result) -> Iterator[str]:
 
 def _cut(result: Result) -> Iterator[str]:
     """Yield the directions in which limits change the commands, and their shares of the time."""
-    names = [name for name in result.metrics if name.startswith("cut_share_")]
-    words = []
+    of, words = "cut_share_", []
     for c, label in enumerate(result.labels):
-        good = result.good[..., c, :]
-        means = [(name, result.metric(name, c)[good]) for name in names if good.any()]
-        shares = [
-            f"{name.removeprefix('cut_share_').replace('_', ' ')} {values.mean():.2%}"
-            for name, values in means
-            if values.any()
-        ]
-        if shares:
-            words.append(f"{result.title_of[label]} {listed(shares)}")
+        good, metrics = result.good[..., c, :], [n for n in result.metrics if n.startswith(of)]
+        means = {name: result.metric(name, c)[good].sum() / max(1, good.sum()) for name in metrics}
+        cut = {
+            name.removeprefix(of).replace("_", " "): mean for name, mean in means.items() if mean
+        }
+        shares = [f"{direction} {mean:.2%}" for direction, mean in cut.items()]
+        words += [f"{result.title_of[label]} {listed(shares)}"] if shares else []
     if words:
         yield f"commands cut by limits: {'; '.join(words)}"
 

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Self, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -174,6 +174,11 @@ class Actuator(VehiclePart):
         """Return what the limits leave of a command, before any lag."""
         return self.output(G, command, x) if self.limits else command
 
+    def allowed(self, G: MatrixLieGroup, command: Array) -> Array | None:
+        """Return what the limits leave of a command; None if that depends on more, or on none."""
+        stateless = self.limits and not self.states(G)
+        return self.within(G, command, command[..., :0]) if stateless else None
+
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a command is beyond the limit, else 0, ``(...)``; None without a limit.
 
@@ -216,6 +221,72 @@ def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
     """Return the options that are given, of these names, with a number for each of k members."""
     options = {name: getattr(part, name) for name in names}
     return {name: np.full(count, x, dtype=float) for name, x in options.items() if x is not None}
+
+
+# What a law with an integral is told of limits ----------------------------------------------------
+
+
+EXCESS = "excess"
+"""What limits take from the command of a law, as it is told them; of a state, computed once."""
+
+
+TINY = 1e-13
+"""Less than any excess but 0. Compared with 0 itself, an excess of 0 would be on either side."""
+
+
+@dataclass(frozen=True)
+class BackCalculation:
+    """An integral is taken back where limits cut the command, `{back_calculation: 1 s}`.
+
+    Attributes
+    ----------
+    back_calculation
+        T, the time constant by which what is cut falls, s.
+    """
+
+    # Not strict, for the reason given in `Distribution`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    back_calculation: Annotated[Positive, Scale("time constant of the anti-windup", "s")]
+
+
+AntiWindup: TypeAlias = Literal["none", "clamp"] | BackCalculation
+"""What an integral does where limits cut the command."""
+
+
+def told(kind: AntiWindup, G: MatrixLieGroup, plant: Any, problems: Problems) -> tuple[Any, ...]:
+    """Return the actuators of a `PlantModel` whose limits an anti-windup reads; note if none."""
+    known = () if any(part.takes_rates for part in plant.actuators) else plant.actuators
+    parts = [part for part in known if part.allowed(G, np.zeros(G.dimension)) is not None]
+    if kind != "none" and not parts:
+        problems.add(
+            "needs limits that follow from the command alone: of limit, of the torque of wheels, "
+            "or of thrusters without allocation: bounded; give some, or remove this key"
+        )
+    return tuple(parts) if kind != "none" else ()
+
+
+def excess(G: MatrixLieGroup, parts: Iterable[Actuator], command: Array) -> Array:
+    """Return what limits take from a command, ``(..., m)``; 0 if it is of the size of rounding."""
+    left: Any = command
+    for part in parts:
+        left = part.allowed(G, left)
+    apart = command - left
+    return where(less(1e-12 * (1 + absolute(command)), absolute(apart)), apart, 0.0 * apart)
+
+
+def unwound(kind: AntiWindup, rate: Array, excess: Array, ki: Any) -> Array:
+    """Return İ of an integral I in a command −k_i I, of which limits take an excess x.
+
+    `clamp`: 0 where x k_i İ < 0, along each axis, as I would go further beyond the limit;
+    `{back_calculation: T}`: İ + x/(k_i T), so that x falls with the time constant T.
+    """
+    if isinstance(kind, BackCalculation):
+        return rate + excess / (ki * kind.back_calculation)
+    pulled, rest = ki * rate, 0.0 * rate
+    above = where(less(pulled, 0.0), rest, rate)
+    below = where(less(0.0, pulled), rest, rate)
+    return where(less(TINY, excess), above, where(less(excess, -TINY), below, rate))
 
 
 class PassThrough(Actuator):

@@ -23,6 +23,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale, check_period
+from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, told, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import Controller
@@ -88,6 +89,10 @@ class PositionGains:
     period
         Of the position loop, s: a whole number of control periods. Between its instants, F and its
         derivatives are held. If left out, F is computed whenever the law is.
+    anti_windup
+        Where limits of the actuators, as the law is told them, cut the push: `clamp` stops the
+        integral along it if it would go further beyond the limit, and `{back_calculation: 1 s}`
+        takes it back, with this time constant. Default: `none`. An attitude law has its own.
     k_x, k_v
         Instead of `kx` and `kv`, the gains of the force of Lee, Leok and McClamroch (2010), which
         are m times as large, N/m and N s/m.
@@ -104,6 +109,7 @@ class PositionGains:
     c1: Annotated[Positive | None, Scale("c_1", "1/s", is_symbol=True)] = None
     limit: Annotated[Positive | None, Scale("limit of the feedback", "m/s^2")] = None
     period: Annotated[Positive | None, Scale("period of the position loop", "s")] = None
+    anti_windup: AntiWindup = "none"
     k_x: Annotated[EachAxis | None, Scale("k_x", "N/m", is_symbol=True)] = None
     k_v: Annotated[EachAxis | None, Scale("k_v", "N s/m", is_symbol=True)] = None
 
@@ -120,6 +126,8 @@ class PositionGains:
                     problems.at(each).add(expected)
         if self.c1 is not None and self.ki is None:
             problems.at("c1").add("belongs to the integral; give ki, too")
+        if self.anti_windup != "none" and self.ki is None:
+            problems.at("anti_windup").add("belongs to the integral; give ki, too")
 
     def of_mass(self, mass: float) -> PositionGains:
         """Return the gains with those of the force divided by the mass."""
@@ -199,6 +207,7 @@ class Cascade(Controller):
     bandwidth: Annotated[Positive | None, Scale("bandwidth", "rad/s")] = None
     along: list[Real] | None = None
     inner: Any = field(default=None, init=False, repr=False)  # Controller
+    acting: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
     across: Any = field(default=(), init=False, repr=False)  # tuple of drags
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
@@ -291,11 +300,13 @@ class Cascade(Controller):
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
+        kinds = {"position": self.position.anti_windup, "attitude": self.inner.anti_windup}
+        acting = [told(k, G, plant, problems.at(at, "anti_windup")) for at, k in kinds.items()]
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
         parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
         forces: Any = [tuple(each for each in pair if each) for pair in zip(*parts, strict=True)]
         known = dict(zip(("known", "across"), forces, strict=False))
-        known["position"] = self.position.of_mass(mass)
+        known |= {"position": self.position.of_mass(mass), "acting": max(acting, key=len)}
         return with_fields(self, **known, direction=b, exact=plant.exact)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
@@ -465,7 +476,7 @@ class Cascade(Controller):
         """Return that of the attitude law; None where R_c turns otherwise than by the model."""
         position = self.position
         assumes = not self.exact or self.rates != "model" or position.c1 is not None
-        if assumes or position.period is not None:
+        if assumes or position.period is not None or self.acting:
             return None
         return self.inner.dissipation(self.commanded(s).tracking)
 
@@ -503,16 +514,31 @@ class Cascade(Controller):
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
         """ė_I = e, the filter's rates, and those of the attitude law."""
-        inside = self.commanded(s)
+        inside, integrand = self.commanded(s), self._integrand(s)
         inner = self.inner.memory_rate(inside.tracking).items()
         rates = {name: 0.0 * s.memory[name] for name in (HELD, LEFT) if name in s.memory}
         rates |= {ATTITUDE + name: rate for name, rate in inner}
         if self.position.ki is not None:
-            rates["integral"] = inside.integrand
+            rates["integral"] = integrand
         if self.rates == "filter":
             rates[FILTERED] = s.memory[FILTERED_RATE]
             rates[FILTERED_RATE] = self._filter_rate(s, inside.acceleration)
         return rates
+
+    def _integrand(self, s: Tracking) -> Array:
+        """Return the rate of the integral after an anti-windup; the attitude law is told, too."""
+        inside, turns = self.commanded(s), rigid(s.G).rotations
+        if not self.acting:
+            return inside.integrand
+        x = excess(s.G, self.acting, self.wrench(s, self.inner.torque(inside.tracking)))
+        inside.tracking.once(EXCESS, lambda _: x[..., :turns])
+        if self.position.anti_windup == "none":
+            return inside.integrand
+        axis, ki = np.array(self.direction), self.position.ki
+        b = rigid(s.G).rotation(s.Q) @ axis
+        along, cut = dot(inside.integrand, b)[..., None], dot(x[..., turns:], axis)[..., None]
+        new = unwound(self.position.anti_windup, along, cut / _mass(s), ki)
+        return inside.integrand + (new - along) * b
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
         """Return ∂L/∂z of the attitude law; None where R_c has a memory, too."""
@@ -531,11 +557,11 @@ class Cascade(Controller):
             later[LEFT] = left + step - period
             later[HELD] = where(is_due, self._renewed(s), s.memory[HELD])
             s = replace(s, memory={**s.memory, **later})
-        inside = self.commanded(s)
+        inside, integrand = self.commanded(s), self._integrand(s)
         torque, inner = self.inner.answer(inside.tracking, period)
         later |= {ATTITUDE + name: z for name, z in inner.items()}
         if self.position.ki is not None:
-            later["integral"] = s.memory["integral"] + step * inside.integrand
+            later["integral"] = s.memory["integral"] + step * integrand
         if self.rates == "filter":
             w: Any = self.bandwidth
             behind, rate = s.memory[FILTERED] - inside.acceleration, s.memory[FILTERED_RATE]

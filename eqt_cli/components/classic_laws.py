@@ -4,13 +4,14 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, dot, exp, log, stack, tanh
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
+from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
@@ -360,6 +361,10 @@ class Goodarzi2013(Controller):
         c₂, 1/s.
     bound
         b, the bound of the integral in the torque, rad. Default: none.
+    anti_windup
+        Where limits of the actuators, as the law is told them, cut the torque: `clamp` stops the
+        integral along each axis where it would go further beyond the limit, and
+        `{back_calculation: 1 s}` takes it back, with this time constant. Default: `none`.
     """
 
     name: ClassVar[str] = "goodarzi2013"
@@ -379,6 +384,9 @@ class Goodarzi2013(Controller):
     ki: Annotated[Positive, Unit(STIFFNESS)] = 0.2
     c2: Annotated[Real, Unit("1/s")] = 0.5
     bound: Annotated[Positive | None, Unit(POSE)] = None
+    anti_windup: AntiWindup = "none"  # type: ignore[misc]
+    # Of most laws, a constant of the class: mypy refuses a field in its place.
+    acting: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
         """k_I = 0.1 min H: a fixed one would be too strong for a light body."""
@@ -391,9 +399,12 @@ class Goodarzi2013(Controller):
         return {"integral": G.dimension}
 
     def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
-        """ė_I = e + c₂ e_R."""
-        r = s.relative
-        return {"integral": r.V_tilde + self.c2 * self._e_R(r)}
+        """ė_I = e + c₂ e_R, and what an anti-windup makes of it."""
+        rate = self.velocity_error(s)
+        if self.anti_windup == "none":
+            return {"integral": rate}
+        x = s.once(EXCESS, lambda s: excess(s.G, self.acting, self.torque(s)))
+        return {"integral": unwound(self.anti_windup, rate, x, self.ki)}
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
@@ -419,7 +430,11 @@ class Goodarzi2013(Controller):
         force = G.ad_star(r.V, r.P) + self.torque(s) - G.ad_star(r.Vd, r.Pd) - r.tau_d
         without_integral = force + self.ki * self._bounded(s)
         moved = dot(self.c2 * without_integral, self._e_R(r))
-        return dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
+        mixed = dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
+        if self.anti_windup == "none":
+            return mixed
+        changed = self.memory_rate(s)["integral"] - self.velocity_error(s)
+        return mixed - dot(self.ki * self._bounded(s), changed)
 
     def memory_gradient(self, s: Tracking) -> Mapping[str, Array]:
         """∂L/∂e_I, k_I times the bounded integral."""

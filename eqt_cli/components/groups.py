@@ -101,10 +101,8 @@ class MatrixLieGroup(ABC):
     @property
     def directions(self) -> tuple[str, ...]:
         """Names of the coordinates of a command: torque x, force z; torque in the plane."""
-        words = [""] * self.dimension
-        for part in self.parts:
-            for k in range(self.dimension)[part.axes]:
-                words[k] = "torque" if part.force_unit == "N m" else "force"
+        units = {k: p.force_unit for p in self.parts for k in range(self.dimension)[p.axes]}
+        words = ["torque" if units[k] == "N m" else "force" for k in range(self.dimension)]
         axes = [normalize("NFKC", name) for name in self.axis_names]  # digits for subscripts
         names = ([f"{a} {b[k:]}".strip() for a, b in zip(words, axes, strict=True)] for k in (1, 0))
         return next(tuple(each) for each in names if len({*each}) == len(each))

@@ -13,6 +13,7 @@ from eqt_cli.base.arrays import Array, dot
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, Scale
 from eqt_cli.base.registry import Component, Registry
+from eqt_cli.components.actuators import told
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import InertiaLaw
 from eqt_cli.components.mechanics import Gains, TimeVarying, Tracking
@@ -141,6 +142,8 @@ class Controller(TimeVarying, Component):
         The body axis along which it pushes a rigid body, if there is only one.
     commands_rates
         Whether it commands an angular velocity in place of a torque, which a `rate_loop` takes.
+    acting, anti_windup
+        The actuators whose limits an anti-windup reads, and which it is.
     undefined
         Where it has no command, and the remedy, in words; "" where it always has one.
     reads_gains
@@ -161,6 +164,8 @@ class Controller(TimeVarying, Component):
     commands_attitude: ClassVar[bool] = False
     commands_rates: ClassVar[bool] = False
     direction: ClassVar[Any] = ()
+    acting: ClassVar[Any] = ()
+    anti_windup: ClassVar[Any] = "none"
     undefined: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = True
     inside_reads_gains: ClassVar[bool] = False
@@ -213,7 +218,8 @@ class Controller(TimeVarying, Component):
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""
-        return self
+        acting = told(self.anti_windup, G, plant, problems.at("anti_windup"))
+        return with_fields(self, acting=acting) if acting else self
 
     def with_held(self, held: Any) -> Self:
         """Return the law with the numbers that it `held` from one instant to the next."""

@@ -367,6 +367,8 @@ class PlantModel(NamedTuple):
         The body axis along which a rigid body is pushed; None if nothing says it.
     period
         Control period, s; None for laws that act continuously.
+    actuators
+        The actuators with their mean numbers, which neither fail nor empty a battery.
     """
 
     inertia: InertiaLaw
@@ -377,6 +379,7 @@ class PlantModel(NamedTuple):
     flat: FlatOutput | None = None
     along: Any = None
     period: float | None = None
+    actuators: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from eqt_cli.base.arrays import (
     clip,
     less,
     maximum,
-    minimum,
     outside,
     sqrt,
     stack,
@@ -216,9 +215,7 @@ class Thrusters(Actuator):
     lost: Any = field(default=None, init=False, repr=False)
     turned: Any = field(default=None, init=False, repr=False)
     share: Any = field(default=None, init=False, repr=False)
-    groups: tuple[tuple[int, ...], ...] = field(
-        default=(), init=False, repr=False, metadata=STRUCTURE
-    )
+    groups: Any = field(default=(), init=False, repr=False, metadata=STRUCTURE)
     faces: Any = field(default=(), init=False, repr=False)
     scale: Any = field(default=None, init=False, repr=False)
     passed: Any = field(default=None, init=False, repr=False)
@@ -396,6 +393,11 @@ class Thrusters(Actuator):
             return apply_matrix(B, thrusts)
         return command + apply_matrix(B, thrusts - apply_matrix(self.inverse, command))
 
+    def allowed(self, G: MatrixLieGroup, command: Array) -> Array | None:
+        """Return what the limits leave of a command; None if code outside finds the thrusts."""
+        x = self.solution(G, command) if self.groups else command
+        return self.within(G, command, x) if self.limits and not self.solves else None
+
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
@@ -500,8 +502,7 @@ class Thrusters(Actuator):
             low, high = names = SPEEDS if fast else ("low", "high")
             check_limits(getattr(self, low), getattr(self, high), problems, names)
         if self.sampled and not self.limits and not problems:
-            kind = self.acting_at_instants.split()[-1]
-            problems.at("allocation").add(f"{kind} needs limits; give low and high")
+            problems.add(f"{self.acting_at_instants} needs limits; give low and high")
         if not problems:
             self._check_order(G, problems.at("allocation", "order"))
 
@@ -527,8 +528,7 @@ class Thrusters(Actuator):
                 elif not pushes(axis):
                     here.add(f"nothing pushes along {names[axis]} alone; remove it")
                 named.append(axis)
-        left = [name for axis, name in enumerate(names) if not problems and pushes(axis)]
-        if left:
+        if left := [name for axis, name in enumerate(names) if not problems and pushes(axis)]:
             problems.add(f"lacks {', '.join(left)}; name each direction in which thrusters push")
 
     def _check_changes(self, problems: Problems) -> None:
@@ -784,7 +784,7 @@ def _by_priority(command: Array, groups: Sequence[Sequence[int]], faces: Sequenc
             room = where(less(0.0, slope), high - c[..., r, None], c[..., r, None] - low)
             counts = less(NEAR * size, absolute(slope))
             shares = where(counts, room / where(counts, absolute(slope), 1.0), 1.0)
-            share = minimum(share, maximum(_least(shares), 0.0))
+            share = clip(_least(shares), 0.0, share)
         y = c + share * move
     return y
 
@@ -803,6 +803,6 @@ def _product(w: Array, y: Array) -> Array:
 def _least(x: Array) -> Array:
     """Return the least number along the last axis, ``(..., 1)``."""
     while (n := x.shape[-1]) > 1:
-        pairs = minimum(x[..., : n // 2], x[..., n // 2 : n // 2 * 2])
-        x = np.concatenate([pairs, x[..., n // 2 * 2 :]], axis=-1)
+        a, b = x[..., : n // 2], x[..., n // 2 : n // 2 * 2]
+        x = np.concatenate([where(less(a, b), a, b), x[..., n // 2 * 2 :]], axis=-1)
     return x

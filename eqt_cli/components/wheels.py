@@ -262,6 +262,13 @@ class Wheels(Actuator):
         A: Any = self.matrix
         return apply_matrix(A, self.torques(command, x))
 
+    def allowed(self, G: MatrixLieGroup, command: Array) -> Array | None:
+        """Return what the limit of torques leaves of a command, without a bias and momenta."""
+        if self.limit is None:
+            return None
+        A, u = self.matrix, self.allocated(command)
+        return command + apply_matrix(A, clip(u, -self.limit, self.limit) - u)
+
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return ḣ = −u, without friction."""
         u = self.torques(command, x)

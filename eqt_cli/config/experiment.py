@@ -569,7 +569,9 @@ class _Sections:
         acting = acts is not None and acts.forces and not (model and model.forces == "plant")
         exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
         period = vehicle.control.period if vehicle.control else None
-        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period)
+        acting = () if self.problems else (vehicle.configured or vehicle).actuators
+        known = tuple(part.nominal.of_run(G, None) for part in acting)
+        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period, known)
         takes = any(actuator.takes_rates for actuator in vehicle.actuators)
         for label, entry in laws.items():
             laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))

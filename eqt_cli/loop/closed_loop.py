@@ -23,7 +23,7 @@ from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
-from eqt_cli.numbers.leaves import STRUCTURE, leaves
+from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
 
 # The layout of a flat state: named stretches of numbers, one after the other ----------------------
 
@@ -136,6 +136,13 @@ class ClosedLoop:
         return 0.0 if self.vehicle.control is None else self.vehicle.control.period
 
     # Quantities for certificates, metrics and figures.
+
+    @property
+    def off_limits(self) -> Self:
+        """The loop where no limit is reached, without an estimator."""
+        law = self.controller
+        law = with_fields(law, acting=()) if law.acting else law
+        return dataclasses.replace(self, controller=law, vehicle=self.vehicle.linear_part)
 
     def command(self, s: Tracking) -> Array:
         """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""

@@ -275,7 +275,7 @@ def linearised(
         to which it settles there: to first order, errors do not change it.
     """
     estimator = loop.vehicle.estimator if with_estimator else None
-    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
+    loop = loop.off_limits
     about = _About.reference(loop, times, poses, velocities)
     if about.dimension > MOST_STATES:
         raise InputError(
@@ -307,7 +307,7 @@ def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Arr
 
     ``(times, n, n)``; NaN where there is no derivative.
     """
-    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
+    loop = loop.off_limits
     return _About.reference(loop, times, poses, velocities).flow
 
 
@@ -828,6 +828,8 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
             what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
             # At a limit no loop is pushed harder: what grows from small errors, grows.
             yield LeftOut(f"{ACTUATORS}[{index}] ({what}{actuator.departs})", not actuator.limits)
+    if loop.controller.acting:
+        yield LeftOut("the anti-windup (the loop is that off its limits)", stabilises=False)
     for place, sensor in vehicle.sensors().items():
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []
         if sensor.states(loop.group) and not loses:

@@ -340,13 +340,11 @@ METRICS = (
         of=time_mean,
         stored_of=attrgetter("limits"),
     ),
-    _less_is_better(
+    _mean(
         "cut_share",
-        "share of the time at which limits change the command",
-        units="1",
-        signals=("cut",),
+        "cut",
+        "1 where limits change the command, else 0,",
         label="share of time that limits change the command",
-        of=time_mean,
         stored_of=attrgetter("limits"),
     ),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),

@@ -366,9 +366,8 @@ def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
 
 def _separate_parts(quantity: Quantity, signal: Signal, group: MatrixLieGroup) -> tuple[Part, ...]:
     """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
-    mixes = signal.units(group) == MIXED or signal.norm == "each"
-    mixes = mixes or quantity.per is ValuePer.TRAJECTORY
-    return signal.parts(group) if mixes else ()
+    alone = quantity.per is ValuePer.TRAJECTORY or signal.norm == "each"
+    return signal.parts(group) if alone or signal.units(group) == MIXED else ()
 
 
 def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:

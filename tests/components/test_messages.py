@@ -21,6 +21,13 @@ actuators: [{kind: limit, limit: -1}]
 actuators: [{kind: limit, limit: true}]
     actuators[0].limit: expected a number, {uniform: [least, greatest]} or {normal: [mean, std]},
     got true
+controllers: [{kind: goodarzi2013, anti_windup: clamp}]
+    controllers[0].anti_windup: needs limits that follow from the command alone: of limit, of the
+    torque of wheels, or of thrusters without allocation: bounded; give some, or remove this key
+controllers: [{kind: goodarzi2013, anti_windup: clamps}]
+    controllers[0].anti_windup: expected 'none', 'clamp' or a mapping, got 'clamps'
+controllers: [{kind: goodarzi2013, anti_windup: {back_calculation: 0}}]
+    controllers[0].anti_windup.back_calculation: expected a number greater than 0, got 0
 actuators: [{kind: lag, time_constant: [1, 2]}]
     actuators[0].time_constant: expected 3 entries for SO3, got 2
 actuators: [{kind: limiter}]
@@ -135,7 +142,7 @@ actuators: [{kind: thrusters, matrix: [[1], [0], [1]], time_constant: 0}]
     actuators[0].time_constant: expected a number greater than 0, got 0
 control: {period: 0.1}
 actuators: [{kind: thrusters, matrix: [[1], [0], [1]], allocation: bounded}]
-    actuators[0].allocation: bounded needs limits; give low and high
+    actuators[0]: allocation: bounded needs limits; give low and high
 actuators: [{kind: thrusters, matrix: [[1], [0], [1]], low: -1, high: 1, allocation: bounded}]
     actuators[0]: allocation: bounded acts at control instants; set control.period
 actuators: [{kind: thrusters, matrix: [[1, -1], [2, 2], [0, 0]], low: -1, high: 1,

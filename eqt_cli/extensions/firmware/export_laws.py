@@ -513,13 +513,14 @@ class ExportedLaw:
             each.name
             for each in of_law
             for field in fields(self.owner(each))
-            if field.name == each.source.rpartition(".")[2] and not field.init
+            if field.name == each.source.rpartition(".")[2].partition("[")[0]
+            and not (field.init and ".acting" not in each.source)
         )
 
     def owner(self, number: Entry) -> Any:
         """Return the part of the loop that has a number: the law, or a part of it."""
         part: Any = self.loop
-        for name in re.findall(r"\w+", number.source)[:-1]:
+        for name in re.findall(r"\w+", number.source.rpartition(".")[0]):
             part = part[int(name)] if name.isdigit() else getattr(part, name)
         return part
 
@@ -572,13 +573,11 @@ class ExportedLaw:
         return None
 
     def _by_program(self, actuator: Any) -> Allocation:
-        G, torque = self.loop.group, self.judged[TORQUE]
-
-        def thrusts(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
-            return {"found": actuator.solution(G, inputs["torque"])}
-
-        program, apart = traced(thrusts, {"torque": G.dimension}), ~self.singular
-        inputs, errors = {"torque": torque.values[apart]}, {"torque": torque.errors[apart]}
+        """Return an allocation that is no matrix, as a program with bounds at the states."""
+        G, torque, apart = self.loop.group, self.judged[TORQUE], ~self.singular
+        inputs, sizes = {"torque": torque.values[apart]}, {"torque": G.dimension}
+        program = traced(lambda x: {"found": actuator.solution(G, x["torque"])}, sizes)
+        errors = {"torque": torque.errors[apart]}
         rounding, both = (
             float(bounded(program, inputs, self.by, each)["found"].errors.max(initial=0.0))
             for each in ({}, errors)
