@@ -268,6 +268,23 @@ def test_an_exported_allocation_by_priority_is_that_of_the_actuator(tmp_path):
     assert 5 < at_limits < 40
 
 
+@pytest.mark.slow("exports and compiles a law with an anti-windup")
+def test_an_exported_anti_windup_is_told_of_the_limits(tmp_path):
+    """Its own check passes, whose states are partly beyond the limits, and so does eqt's law."""
+    if compiler.missing():
+        pytest.skip("no C compiler")
+    law = {"kind": "goodarzi2013", "ki": 0.01, "anti_windup": {"back_calculation": 0.5}}
+    limits = {"actuators": [{"kind": "limit", "limit": 1e-3}], "control": {"period": 0.1}}
+    eqt_cli.export({**CONFIG, "controllers": [law], **limits}, tmp_path)
+    sources = [str(tmp_path / f"goodarzi2013{end}.c") for end in ("_check", "")]
+    check = tmp_path / "check"
+    subprocess.run([*compilers()[0], *FLAGS, *sources, "-o", str(check), "-lm"], check=True)
+    said = subprocess.run([str(check)], check=True, capture_output=True, text=True).stdout
+    assert "states pass" in said
+    header = (tmp_path / "goodarzi2013.h").read_text(encoding="utf-8")
+    assert re.search(r"acting_0_high\[3\];\s+/\* .*fixed by the law; leave it", header)
+
+
 def part_torques(part):
     """The torques of wheels, called as the thrusts of thrusters."""
     return lambda G, torque, x: part.torques(torque, x)
