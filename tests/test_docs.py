@@ -62,6 +62,45 @@ def test_commands_and_snippets(page, folder, monkeypatch):
         docs_runner.carry_out(_text(page))
 
 
+NOTEBOOKS = re.findall(
+    r"^```\{literalinclude\} \.\./\.\./(examples/notebooks/\w+\.py)\n.*?^```output\n(.*?)^```$",
+    (DOCS / "howto" / "notebooks.md").read_text(encoding="utf-8"),
+    re.MULTILINE | re.DOTALL,
+)
+WRITTEN = {"sweep": ["gains.pdf"], "tuned": ["tuned.md", "tuned.tex"]}
+
+
+def test_the_page_shows_every_notebook():
+    files = {path.relative_to(ROOT).as_posix() for path in ROOT.glob("examples/notebooks/*.py")}
+    assert {file for file, _ in NOTEBOOKS} == files
+    assert {*WRITTEN} == {Path(file).stem for file in files}
+
+
+@pytest.mark.parametrize(("file", "_"), NOTEBOOKS)
+def test_a_notebook_uses_the_public_interface_only(file, _):
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree).split("\n\n")[1].startswith("At the end you have ")
+    nodes = list(ast.walk(tree))
+    modules = [node.module for node in nodes if isinstance(node, ast.ImportFrom)]
+    modules += [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+    assert [module for module in modules if module.startswith("eqt_cli")] == ["eqt_cli"]
+    attributes = [node for node in nodes if isinstance(node, ast.Attribute)]
+    assert not [node.attr for node in attributes if node.attr.startswith("_")]
+
+
+@pytest.mark.slow("runs a notebook as it stands")
+@pytest.mark.skipif(not all(map(docs_runner.installed, ("xarray", "h5netcdf"))), reason="xarray")
+@pytest.mark.parametrize(("file", "shown"), NOTEBOOKS)
+def test_a_notebook_prints_what_the_page_shows(file, shown, folder, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    command = [sys.executable, "-W", "error", file]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert docs_runner.matches(shown, done.stdout), done.stdout
+    written = sorted(path.name for path in folder.iterdir() if path.is_file())
+    assert written == WRITTEN[Path(file).stem]
+
+
 @pytest.mark.slow("computes the 800 runs of the paper")
 @pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 def test_table_of_the_first_tutorial(folder):
