@@ -11,7 +11,14 @@ import numpy as np
 
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.analysis.search_record import TUNE
-from eqt_cli.api.loading import Configuration, ResultPath, experiment_at, open_at, path_from
+from eqt_cli.api.loading import (
+    Configuration,
+    ResultPath,
+    experiment_at,
+    open_at,
+    path_from,
+    require_list,
+)
 from eqt_cli.base.errors import EqtError
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
@@ -85,8 +92,7 @@ def compare(
     from eqt_cli.analysis.compare import compare as compare_results
     from eqt_cli.analysis.compare import compare_two
 
-    if isinstance(metrics, str):
-        raise EqtError(f"metrics: expected a list of names, as [{metrics!r}], got {metrics!r}")
+    require_list("metrics", metrics)
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
@@ -145,6 +151,7 @@ def chosen_labels(
     EqtError
         If there is no such controller, or no start to leave out.
     """
+    require_list("controllers", controllers)
     wanted = [result.labels[result.position_of(name)] for name in controllers]
     starts = []
     if without_start:

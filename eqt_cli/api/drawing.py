@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at
+from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at, require_list
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, Remedy, suggestion
 from eqt_cli.base.files import FIGURES, REPORT, YAML, check_targets, write_all
 from eqt_cli.base.registry import of_extension
@@ -196,6 +196,7 @@ def plot(
             home, folder = first.path.parent, first.path.parent / within
         else:
             home = folder = Path(FIGURES, first.name)
+        require_list("formats", formats)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
         targets += [folder / caption_name(name) for name in wanted if caption]
         check_targets(targets, home)

@@ -48,6 +48,12 @@ def path_from(name: str, value: Any, expected: str = "a path") -> Path:
         raise EqtError(f"{name}: expected {expected}, got {value!r}") from None
 
 
+def require_list(name: str, value: Any) -> None:
+    """Raise an `EqtError` for a single text where a list of them is expected."""
+    if isinstance(value, str):
+        raise EqtError(f"{name}: expected a list of names, as [{value!r}], got {value!r}")
+
+
 Configuration = str | os.PathLike[str] | Mapping[str, Any]
 """A YAML file, a result whose stored configuration is used, or the configuration as a mapping."""
 
@@ -313,6 +319,7 @@ class StoredResult(InNotebook, os.PathLike[str]):
         """
         from eqt_cli.results.dataset import frame
 
+        require_list("names", names)
         return frame(self.opened, names)
 
     def to_xarray(self, angles: str = "") -> xarray.Dataset:

@@ -289,7 +289,7 @@ class ShownRuns(ShownControllers):
             if not one.has(signal):
                 message = f"finds no {member}s on this vehicle; leave out the option '{member}s'"
                 if member == OUTPUT:
-                    message = "finds no numbers of laws; leave out the option 'law_outputs'"
+                    message = "finds no numbers of laws: none has memory, or store.memory is off"
                 raise error_of(one, self.figure, message)
         names = [[str(name) for name in one.coordinate(member)] for one in self.results]
         if any(each != names[0] for each in names):
@@ -301,12 +301,13 @@ class ShownRuns(ShownControllers):
 
         None if the vehicle has no such limits.
         """
+        if signal == LAW_OUTPUT:
+            return None
         result = ensemble.results
         loop = result.loops[ensemble.law]
         random_of = partial(generator_at, result.described.seed, Stream.VEHICLE, run)
         flying = loop.vehicle.of_run(loop.group, random_of)
         known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
-        known[LAW_OUTPUT] = None
         limits = known[signal] if signal in known else flying.torque_limits(loop.group)
         factor = ensemble.results.factor(signal)
         return limits and (limits[0] * factor, limits[1] * factor)

@@ -1,7 +1,8 @@
 """Figures over time: the paper's, torque, commands and the reference."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any, ClassVar, Literal
 
@@ -27,7 +28,7 @@ from eqt_cli.figures.curves import (
     of_bands,
     open_frame,
 )
-from eqt_cli.figures.figure import OfReference, OverTime, Panelled, ShownRuns, law_columns
+from eqt_cli.figures.figure import LawRow, OfReference, OverTime, Panelled, ShownRuns, law_columns
 from eqt_cli.figures.labels import (
     axis_labels,
     force_component,
@@ -379,35 +380,22 @@ class Commands(Panelled, OverTime):
             )
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if signal != "torque":
-            names = runs.members(signal)
-            if len(names) > _FEW and width == "column" and not self.controllers:
-                runs.ensembles = runs.shown[:1]
-                runs.remarks.append("Of the first law alone.")
-            units = [runs.unit(signal)] * len(names)
-            if signal == LAW_OUTPUT:
-                units = runs.results[0].units(OUTPUT).split("; ")
-                some = [
-                    e for e in runs.shown if np.isfinite(runs.of_run(signal, e, self.run)).any()
-                ]
-                runs.ensembles = some or runs.shown
-            units = [unit.replace(" ", "\u00a0") for unit in units]  # not broken there
-            pairs = zip(names, units, strict=True)
-            axes = {name: free_text(f"{name} ({unit})", _MOST_NAME) for name, unit in pairs}
-        wanted = self.picked(list(axes))
-        places = {name: list(axes).index(name) for name in wanted}
+            axes = self._members(runs, width)
+        places = {name: list(axes).index(name) for name in self.picked(self._shown(runs, axes))}
+        wanted = list(places)
         span = runs.span
-        if closely := self._closely(runs, places):
+        if signal != LAW_OUTPUT and (closely := self._closely(runs, places)):
             fastest, span = closely
             places[_CLOSELY] = places[fastest]
             axes[_CLOSELY] = axes[fastest]
             runs.remarks.append("Last row: the fastest of them, closely.")
-        drawing, rows = law_columns(runs, width, list(places))
+        drawing, rows = self._panels(runs, width, places)
         kinds: set[str] = set()
         limits = {e.label: runs.limits(e, self.run, signal) for e in runs.shown}
         for name, k in places.items():
             name_scale(next(iter(rows[name].values())), axes[name])
             within = span if name == _CLOSELY else runs.span
-            for e in runs.shown:
+            for e in (e for e in runs.shown if e.label in rows[name]):
                 panel = rows[name][e.label]
                 kinds |= self._fill(panel, runs, e, k, limits[e.label], within)
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
@@ -418,6 +406,49 @@ class Commands(Panelled, OverTime):
         runs.remarks += [each for each in sorted(kinds) if each.startswith("Limits")]
         runs.remarks.append(f"Run {self.run}.")
         return drawing
+
+    def _members(self, runs: ShownRuns, width: Width) -> dict[str, str]:
+        """Return the labels of thrusters, wheels or numbers of laws; drop laws without any."""
+        names, signal = runs.members(self._signal), self._signal
+        units = [runs.unit(signal)] * len(names)
+        if signal == LAW_OUTPUT:
+            units = runs.results[0].units(OUTPUT).split("; ")
+            runs.ensembles = [e for e in runs.shown if any(map(partial(self._has, runs, e), names))]
+            if not runs.ensembles:
+                raise runs.error("finds no numbers of these laws, which have no memory")
+        elif len(names) > _FEW and width == "column" and not self.controllers:
+            runs.ensembles = runs.shown[:1]
+            runs.remarks.append("Of the first law alone.")
+        labels = dict[str, str]()
+        for name, unit in zip(names, units, strict=True):
+            behind = f" ({unit})".replace(" ", "\u00a0")[1:]  # not broken there
+            words = name.replace("_", " ") if signal == LAW_OUTPUT else name
+            labels[name] = free_text(f"{words} {behind}" if unit != "1" else words, _MOST_NAME)
+        return labels
+
+    def _has(self, runs: ShownRuns, ensemble: Ensemble, name: str) -> bool:
+        """Return whether a law has a number."""
+        k = runs.members(LAW_OUTPUT).index(name)
+        return bool(np.isfinite(runs.of_run(LAW_OUTPUT, ensemble, self.run)[:, k]).any())
+
+    def _shown(self, runs: ShownRuns, names: Iterable[str]) -> list[str]:
+        """Return the rows that a shown law has."""
+        if self._signal != LAW_OUTPUT:
+            return list(names)
+        return [name for name in names if any(self._has(runs, e, name) for e in runs.shown)]
+
+    def _panels(
+        self, runs: ShownRuns, width: Width, places: Iterable[str]
+    ) -> tuple[Drawing, dict[str, LawRow]]:
+        """Return the figure and its panels: a column per law, or one for numbers of laws."""
+        if self._signal != LAW_OUTPUT:
+            return law_columns(runs, width, list(places))
+        rows = [[name] for name in places]
+        drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
+        has = {name: [e for e in runs.shown if self._has(runs, e, name)] for name in panels}
+        return drawing, {
+            name: {e.label: panel for e in has[name]} for name, panel in panels.items()
+        }
 
     def _values(self, runs: ShownRuns, ensemble: Ensemble, k: int) -> tuple[Array, Array]:
         """Return what an axis, thruster or wheel gives, and what the law asks for."""
@@ -496,6 +527,8 @@ class Commands(Panelled, OverTime):
         alone = runs.shown[0].look.colour if len(runs.shown) == 1 else ink(_ANY)
         output = {**_OUTPUT, "torque": "given by the actuators"}[self._signal]
         handles: dict[str, Artist] = {output: Line2D([], [], color=alone)}
+        if self._signal == LAW_OUTPUT:
+            handles = {e.title: Line2D([], [], color=e.look.colour) for e in runs.shown}
         if self._signal == "torque":
             handles["asked by the law"] = Line2D([], [], color=ink(), **_COMMAND)
         if "range" in kinds:

@@ -280,7 +280,7 @@ METRICS = (
     _mean(
         "mean_attitude_error",
         "attitude_angle",
-        "the attitude error",
+        "attitude error",
         label="mean attitude error",
         compared=(WHOLE,),
     ),

@@ -220,6 +220,7 @@ def test_signals_are_the_norms_they_are_named_after(G):
     parts |= {f"cut_{name}".replace(" ", "_") for name in G.directions}
     # Of a vehicle that has thrusters or wheels.
     names = {signal.name for signal in here} - {"thrust", "wheel_momentum", "wheel_speed"}
+    names -= {"law_output"}  # of a law with memory
     assert set(found) == names | parts | {"energy_balance"}
     assert {values.shape[:2] for values in found.values()} == {(RUNS, len(TIMES))}
     tau = loop.controller.torque(s)
@@ -378,7 +379,7 @@ def test_what_is_stored_of_a_vehicle():
         for name, vehicle in vehicles.items()
     }
     kept = "pose velocity torque pose_error velocity_error torque_norm lyapunov position_error"
-    more_of_some = {"attitude_angle", "heading_error", "attitude_command_error"}
+    more_of_some = {"attitude_angle", "heading_error", "attitude_command_error", "law_output"}
     assert always == {*kept.split(), *more_of_some}
     assert more == {
         "ideal": set(),

@@ -100,5 +100,5 @@ def test_a_result_without_them_says_so(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     config = {**CONFIG, "controllers": ["eqt"], "plugins": []}
     eqt_cli.run(config, "out")
-    with pytest.raises(EqtError, match="finds no numbers of laws; leave out the option"):
+    with pytest.raises(EqtError, match="finds no numbers of laws: none has memory"):
         eqt_cli.plot("out", "commands", options={"law_outputs": True})
