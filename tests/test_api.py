@@ -306,6 +306,12 @@ def test_a_map_is_drawn_into_axes_of_ones_own(swept_result):
     assert not left.collections and len(own.axes) == 3  # with the scale of colours
     eqt_cli.figure(swept_result, "pareto", axes=left)
     assert len(left.lines) == 4
+    four = Figure().subplots(2, 2)
+    eqt_cli.figure(swept_result, "sweep", axes=four)
+    for panel in four.ravel():  # each by itself, wherever it stands
+        assert [text.get_text() for text in panel.get_xticklabels()] == ["0.5", "1", "2.5"]
+        assert [text.get_text() for text in panel.get_yticklabels()] == ["0.5", "1"]
+        assert panel.xaxis.label.get_visible() and panel.get_ylabel()
 
 
 def test_axes_that_do_not_fit_are_refused(paper_result, swept_result):

@@ -88,13 +88,12 @@ class OwnPage(Figure):
         return last.figure.figure
 
 
-def _page(width: Width, height: float, mosaic: Mosaic, **more: Any) -> Page:
+def _page(width: Width, height: float, mosaic: Any, **more: Any) -> Page:
     """Return a figure of so many inches, and its panels by name."""
     if own_axes is None:
         drawing = Figure(figsize=(WIDTHS[width], height))
         FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
-        nested: Any = mosaic  # Matplotlib's type for it is a recursive one
-        return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY, **more)
+        return drawing, drawing.subplot_mosaic(mosaic, empty_sentinel=EMPTY, **more)
     names = list(dict.fromkeys(name for row in mosaic for name in row if name != EMPTY))
     own = own_axes if isinstance(own_axes, Mapping) else np.ravel(own_axes)
     given = dict(own if isinstance(own, Mapping) else zip_longest(names, own))

@@ -33,7 +33,7 @@ from eqt_cli.figures.cells import (
 from eqt_cli.figures.curves import BAND, RESAMPLING, beside, draw_points
 from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import add_legend, add_title, one_panel, sheet_of_maps
+from eqt_cli.figures.layout import OwnPage, add_legend, add_title, one_panel, sheet_of_maps
 from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.results.quantity import SweptKey
@@ -172,11 +172,12 @@ def _draw_maps(
     """
     count, (width, height) = len(swept.titles), size
     drawing, panels = sheet_of_maps(count, columns, width, height)
+    own = isinstance(drawing, OwnPage)
     room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
     for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
         image = draw(panel, index, room)
         add_title(panel, title, WIDTHS[width] / columns)
-        edges = {"leftmost": index % columns == 0, "lowest": index + columns >= count}
+        edges = {"leftmost": own or index % columns == 0, "lowest": own or index + columns >= count}
         below = cells.scales(panel, swept.results, room[0], **edges)
     drawing.set_figheight(drawing.get_figheight() + below)
     bar = panels[0].figure.colorbar(image, ax=panels, label=label)
