@@ -384,7 +384,7 @@ class Goodarzi2013(Controller):
     ki: Annotated[Positive, Unit(STIFFNESS)] = 0.2
     c2: Annotated[Real, Unit("1/s")] = 0.5
     bound: Annotated[Positive | None, Unit(POSE)] = None
-    anti_windup: AntiWindup = "none"  # type: ignore[misc]
+    anti_windup: AntiWindup = field(default="none", kw_only=True)  # type: ignore[misc]
     # Of most laws, a constant of the class: mypy refuses a field in its place.
     acting: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
 
