@@ -397,8 +397,14 @@ class Searched(InNotebook):
         return lines
 
     def records(self) -> list[dict[str, Any]]:
-        """Return a record per winner, or per worst run: law, values by key, objectives."""
+        """Return a record per winner, or per worst run: law, values by key, objectives.
+
+        Objectives of a tuning are those of the runs that chose the values, which flatter them; its
+        folder holds others.
+        """
         names = self.record.get("objectives") or [self.record["objective"]]
+        if self.search.kind.command == "tune":
+            names = [f"{name}_in_search" for name in names]
         found = [one for law in self.record["laws"] for one in law.get("winners", [law])]
         return [
             {"law": each["label"], **each["values"]}

@@ -32,7 +32,7 @@ search = {
     },
 }
 tuned = eqt_cli.tune(search, "results/fair-tuned")
-print(tuned)  # the error is that of the runs on which the gains were chosen
+print(tuned)  # the error in the search is that of the runs on which the gains were chosen
 
 # %% The folder is the result of held-out runs, on which no gains were chosen: compare laws on it.
 # It also holds the gains at which the searches began, which are left out here.
