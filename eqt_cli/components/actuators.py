@@ -336,6 +336,8 @@ class Scaled(Actuator):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note shares of a curve that are not between 0 and 1."""
         super().check(G, problems)
+        if problems:  # a distribution without its two numbers has no mean
+            return
         shares = self.curve if isinstance(self.curve, list) else [self.curve]
         for share in (drawn(each, None) for each in shares if each is not None):
             if not 0 <= share <= 1:

@@ -524,7 +524,7 @@ def _is_known(text: str) -> bool:
     return cache is not None and cache.find(digest(text), EXECUTED) is not None
 
 
-EXECUTED = ".txt"
+EXECUTED = ".executed"  # no other kind of file in the cache ends so
 """Ending of the files in the cache that stand for executed code."""
 
 P = TypeVar("P", bound=TimeVarying)

@@ -262,6 +262,8 @@ def test_a_scaled_command_follows_the_thrust_curve(noted):
     found = part.of_run(SO3, None).output(SO3, np.array([[0.5, -0.5, -0.4]]), none)
     thrust = -30 * (0.75 * 0.4 + 0.25 * 0.4**2)
     np.testing.assert_allclose(found, [[1.0, -1.0, thrust]], rtol=2 * ROUNDING)
+    [(place, _)] = noted(Scaled(1.0, curve=Uniform([0.1])), SO3)
+    assert place == "curve.uniform"
     assert noted(Scaled(1.0, curve=[0, 1.5, 0]), SO3) == [
         ("curve", "expected a share from 0 to 1, got 1.5")
     ]
