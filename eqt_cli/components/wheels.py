@@ -13,6 +13,7 @@ from eqt_cli.base.arrays import (
     absolute,
     apply_matrix,
     clip,
+    exp,
     less,
     maximum,
     outside,
@@ -20,7 +21,7 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Angle, Positive, Real, Unit
+from eqt_cli.base.option_types import Angle, Positive, Real, Scale, Unit
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.thrusters import allocation, lost_directions
@@ -36,20 +37,29 @@ NEAR = 1e-9
 FLAT = 1e-9
 """Volume of three unit axes below which they lie in one plane."""
 
-OF_EACH = ("limit", "momentum", "inertia", "speed", "start")
+OF_EACH = ("limit", "momentum", "inertia", "speed", "start", "gain", "ki")
 """Options with a number for each wheel."""
 
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction of each wheel, against its speed relative to the body.
+    """Friction of each wheel, against its speed Ω relative to the body.
+
+    It is c Ω + T_c tanh(Ω/Ω_s), Ω_s = 1 rad/s. With `static`, it is Stribeck's curve as Basilisk's
+    reactionWheelStateEffector has it, c Ω + T_c tanh(10 x) + (T_s − T_c) x e^((1 − x²)/2) with
+    x = Ω/Ω_b: T_s + c Ω_b at Ω_b, and T_c + c Ω far beyond it. Both are smooth, so that engines
+    integrate them without events: a wheel creeps through 0, and never sticks.
 
     Attributes
     ----------
     viscous
-        Torque over speed, N m s (per rad).
+        c, torque over speed, N m s (per rad).
     coulomb
-        Torque of dry friction, N m.
+        T_c, torque of dry friction, N m.
+    static
+        T_s, the largest torque of friction near speed 0, N m; needs `breakaway`.
+    breakaway
+        Ω_b, the speed at which static friction breaks away, rad/s.
     """
 
     # Not strict, for the reason given in `Distribution`.
@@ -57,6 +67,19 @@ class Friction:
 
     viscous: Annotated[Real, Unit("N m s")] = 0.0
     coulomb: Annotated[Real, Unit("N m")] = 0.0
+    static: Annotated[Real | None, Unit("N m")] = None
+    breakaway: Annotated[Positive | None, Unit("rad/s")] = None
+
+    def check(self, problems: Problems) -> None:
+        """Note negative torques, and half of a curve."""
+        for name in ("viscous", "coulomb"):
+            if (value := getattr(self, name)) < 0:
+                problems.at(name).add(f"expected at least 0, got {value:g}")
+        if (self.static is None) != (self.breakaway is None):
+            problems.add("expected static and breakaway, or none of them; give both")
+        elif self.static is not None and self.static < self.coulomb:
+            least = f"expected at least coulomb, {self.coulomb:g} N m"
+            problems.at("static").add(f"{least}, got {self.static:g}")
 
 
 @dataclass(frozen=True)
@@ -87,6 +110,13 @@ class Wheels(Actuator):
     stored torque. With a momentum limit, the torques are set at the ticks, so that no momentum is
     beyond it at the next one.
 
+    With `command: speed`, u is what is wanted: the wheels are told speeds Ω_c, with J_w Ω̇_c = −u
+    from Ω at t = 0, and the speed loop of each drive gives the torque
+
+        −(g e + z) on the body, within `limit`,  ż = k_i e,  e = Ω_c − Ω,
+
+    which fights the friction of the wheel, too. A momentum limit then limits J_w Ω_c.
+
     Attributes
     ----------
     axes
@@ -105,7 +135,14 @@ class Wheels(Actuator):
     start
         Momentum of each at t = 0, N m s; 0 if left out.
     friction
-        `{viscous: …, coulomb: …}` of each wheel; needs `inertia`.
+        `{viscous: …, coulomb: …, static: …, breakaway: …}` of each wheel; needs `inertia`.
+    command
+        `torque`, or `speed` for wheels with drives that follow a speed; needs `inertia`, `gain`.
+    gain
+        g of the drives, N m s (per rad), of each, or a list of k: a speed is followed with a lag
+        of J_w/g.
+    ki
+        k_i of the drives, N m (per rad), likewise; none if left out.
     allocation
         `pseudo_inverse`: the torques of least sum of squares. `min_max`: those of which the largest
         is least.
@@ -130,12 +167,16 @@ class Wheels(Actuator):
     allocation: Literal["pseudo_inverse", "min_max"] = "pseudo_inverse"
     least: Annotated[float, Field(ge=0, lt=1)] = 0.05
     bias: Bias | None = None
+    command: Literal["torque", "speed"] = "torque"
+    gain: Annotated[Numbers | None, Scale("gain of the drives", "N m s")] = None
+    ki: Annotated[Numbers | None, Scale("integral gain of the drives", "N m")] = None
     moves: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
     matrix: Any = field(default=None, init=False, repr=False)
     inverse: Any = field(default=None, init=False, repr=False)
     faces: Any = field(default=(), init=False, repr=False)
     rubbing: Any = field(default=None, init=False, repr=False)
     pulled: Any = field(default=None, init=False, repr=False)
+    turning: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
 
     @property
     def limits(self) -> bool:
@@ -148,8 +189,17 @@ class Wheels(Actuator):
         return self.momentum is not None or self.speed is not None
 
     @property
+    def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
+        """Whether drives follow a speed relative to the body, which turns."""
+        return self.command == "speed"
+
+    def at(self, s: Any) -> Self:
+        """Return the wheels at the angular velocity of a state."""
+        return with_fields(self, turning=s.V) if self.changes else self
+
+    @property
     def linear_part(self) -> Actuator:
-        """The wheels with the momenta of the start, and without limits and friction."""
+        """The wheels with the momenta of the start and their drives, without limits, friction."""
         if not self.moves:
             return self
         none = dict.fromkeys(("limit", "momentum", "speed", "bias", "pulled"))
@@ -185,27 +235,35 @@ class Wheels(Actuator):
         if "speed" in each:
             each["momentum"] = each["inertia"] * each.pop("speed")
         inverse = allocation(A, part.least, np.ones(self.count))[0]
-        each["start"] = each.get("start", np.zeros(self.count))
-        if self.friction is not None:
-            each["rubbing"] = np.array([self.friction.viscous, self.friction.coulomb])
+        none = ["start", *["ki"] * self.changes]
+        each = {name: np.zeros(self.count) for name in none} | each
+        if (rub := self.friction) is not None:
+            curve = [] if rub.static is None else [rub.static - rub.coulomb, rub.breakaway]
+            each["rubbing"] = np.array([rub.viscous, rub.coulomb, *curve])
         if self.bias is not None:
             null = np.eye(self.count) - np.linalg.pinv(A, rcond=FLAT) @ A
             each["pulled"] = np.concatenate(
                 [null / self.bias.time_constant, np.array([self.bias.momentum])]
             )
         faces = tuple(_faces(A, turns)) if self.allocation == "min_max" else ()
-        none = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
-        fields = {**none, "matrix": A, "inverse": inverse, "faces": faces, **each}
+        gone = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
+        fields = {**gone, "matrix": A, "inverse": inverse, "faces": faces, **each}
         return with_fields(part, **fields)
 
     def states(self, G: MatrixLieGroup) -> int:
-        """Return the number of states: torques that are set at ticks, and momenta."""
-        return (self.sampled + 1) * self.count * self.moves
+        """Return the number of states.
+
+        They are torques that are set at ticks, J_w Ω_c − h and z of drives, and momenta h.
+        """
+        return (self.sampled + 2 * self.changes + self.moves) * self.count
 
     def started(self, G: MatrixLieGroup, V: Array) -> Array:
         """Return the states at t = 0."""
-        start: Any = self.start
-        return np.concatenate([0.0 * start, start], axis=-1) if self.sampled else start
+        part: Any = self
+        start = part.start + 0.0 * V[..., :1]
+        drives = [-part.inertia * self._along(V), 0.0 * start] if self.changes else []
+        states = [0.0 * start] * self.sampled + [*drives, start]
+        return np.concatenate(states, axis=-1)[..., : self.states(G)]
 
     def momenta(self, x: Array) -> Array:
         """Return h from the states."""
@@ -214,9 +272,21 @@ class Wheels(Actuator):
 
     def speeds(self, V: Array, x: Array) -> Array:
         """Return the speeds relative to the body."""
-        A: Any = self.matrix
-        speeds: Array = self.momenta(x) / self.inertia - apply_matrix(A.swapaxes(-1, -2), V)
+        speeds: Array = self.momenta(x) / self.inertia - self._along(V)
         return speeds
+
+    def _along(self, V: Array) -> Array:
+        """Return the rates of the body about the axes."""
+        A: Any = self.matrix
+        return apply_matrix(A.swapaxes(-1, -2), V)
+
+    def _drives(self, x: Array) -> tuple[Array, Array]:
+        """Return e and −(g e + z) of the drives."""
+        gain: Any = self.gain
+        k, first = self.count, self.count * self.sampled
+        ahead, z = x[..., first : first + k], x[..., first + k : first + 2 * k]
+        e = ahead / self.inertia + (0.0 if self.turning is None else self._along(self.turning))
+        return e, -(gain * e + z)
 
     @property
     def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
@@ -254,11 +324,23 @@ class Wheels(Actuator):
         return u if self.limit is None else clip(u, -self.limit, self.limit)
 
     def torques(self, command: Array, x: Array) -> Array:
-        """Return u, the torque of each wheel on the body."""
+        """Return the torque of each wheel on the body."""
+        if not self.changes:
+            return self._wanted(command, x)
+        u = self._drives(x)[1]
+        return u if self.limit is None else clip(u, -self.limit, self.limit)
+
+    def _wanted(self, command: Array, x: Array) -> Array:
+        """Return u."""
         return x[..., : self.count] if self.sampled else self._limited(command, x)
 
+    def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
+        """Return A u, before any drive."""
+        A: Any = self.matrix
+        return apply_matrix(A, self._wanted(command, x))
+
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return A u."""
+        """Return A times the torques of the wheels."""
         A: Any = self.matrix
         return apply_matrix(A, self.torques(command, x))
 
@@ -270,9 +352,13 @@ class Wheels(Actuator):
         return command + apply_matrix(A, clip(u, -self.limit, self.limit) - u)
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return ḣ = −u, without friction."""
+        """Return ḣ = −u, without friction, and the rates of drives."""
         u = self.torques(command, x)
-        return np.concatenate([0.0 * u, -u], axis=-1) if self.sampled else -u
+        rates = [0.0 * u] * self.sampled
+        if self.changes:
+            ki: Any = self.ki
+            rates += [u - self._wanted(command, x), ki * self._drives(x)[0]]
+        return np.concatenate([*rates, *[-u] * self.moves], axis=-1)
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array]:
         """Return (A h) × ω with the friction on the body, and the rates that friction causes."""
@@ -280,23 +366,34 @@ class Wheels(Actuator):
         force, rate = G.ad_star(V, apply_matrix(A, self.momenta(x))), 0.0 * x
         if self.rubbing is None or not self.moves:
             return force, rate
-        speed = self.speeds(V, x)
-        rubbing = self.rubbing[..., :1] * speed + self.rubbing[..., 1:] * tanh(speed / CREEP)
-        rate = np.concatenate([rate[..., : -self.count], -rubbing], axis=-1)
-        return force + apply_matrix(A, rubbing), rate
+        speed, curve = self.speeds(V, x), self.rubbing[..., 2:]
+        rubbing, slip = self.rubbing[..., :1] * speed, speed / CREEP
+        if curve.shape[-1]:
+            ratio = speed / curve[..., 1:]
+            slip = 10.0 * ratio
+            rubbing = rubbing + curve[..., :1] * ratio * exp(0.5 - 0.5 * ratio * ratio)
+        rubbing = rubbing + self.rubbing[..., 1:2] * tanh(slip)
+        drives = [rubbing, 0.0 * rubbing] * self.changes
+        held = [0.0 * rubbing] * self.sampled
+        return force + apply_matrix(A, rubbing), np.concatenate([*held, *drives, -rubbing], axis=-1)
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states with the torques until the next tick, if momenta have limits."""
         if not self.sampled:
             return x
-        h, most = self.momenta(x), self.momentum
+        h, most = self._told(x), self.momentum
         u = clip(self._limited(command, x), (h - most) / period, (h + most) / period)
-        return np.concatenate([u, h], axis=-1)
+        return np.concatenate([u, x[..., self.count :]], axis=-1)
+
+    def _told(self, x: Array) -> Array:
+        """Return the momenta that are limited: J_w Ω_c of drives, else h."""
+        return self.momenta(x) + (x[..., self.count : 2 * self.count] if self.changes else 0.0)
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a torque is beyond its limit, or a momentum at its own, else 0."""
         there: Any = np.zeros(command.shape[:-1])
-        pairs = (self.limit, self._commanded(command, x)), (self.momentum, self.momenta(x))
+        pairs = [(self.limit, self._commanded(command, x)), (self.momentum, self._told(x))]
+        pairs += [(self.limit, self._drives(x)[1])] if self.changes else []
         for limit, values in pairs:
             if limit is not None:
                 most = limit * (1 - NEAR)
@@ -344,6 +441,7 @@ class Wheels(Actuator):
                 "min_max needs axes of which no three lie in a plane; use pseudo_inverse"
             )
         self._check_others(problems)
+        (self.friction or Friction()).check(problems.at("friction"))
         for name in OF_EACH:
             here, value = problems.at(name), getattr(self, name)
             if value is not None:
@@ -354,12 +452,14 @@ class Wheels(Actuator):
     def _check_others(self, problems: Problems) -> None:
         if self.speed is not None and self.momentum is not None:
             problems.at("speed").add("give momentum or speed, not both")
-        for name in ("speed", "friction"):
+        for name in ("speed", "friction", *["command"] * self.changes):
             if getattr(self, name) is not None and self.inertia is None:
                 problems.at(name).add("needs inertia; give the inertia of a wheel about its axis")
-        for name in ("viscous", "coulomb"):
-            if self.friction is not None and (value := getattr(self.friction, name)) < 0:
-                problems.at("friction", name).add(f"expected at least 0, got {value:g}")
+        if self.changes and self.gain is None:
+            problems.add("command: speed needs gain, that of the drives; for example 1 mN m s")
+        for name in ("gain", "ki") if not self.changes else ():
+            if getattr(self, name) is not None:
+                problems.at(name).add("belongs to drives; give command: speed, too")
         if self.bias is not None and len(self.bias.momentum) != self.count:
             got = len(self.bias.momentum)
             problems.at("bias", "momentum").add(

@@ -111,6 +111,100 @@ def test_the_total_momentum_is_constant(solved, engine, sampled):
     assert np.abs(h - h[0]).max() > 1e-3
 
 
+DRIVEN = (
+    "{kind: wheels, pyramid: 54.7 deg, limit: 2 mN m, inertia: 2.0e-5, command: speed, gain: 2.0e-4"
+    ", ki: 1.0e-3, friction: {viscous: 5.0e-9, coulomb: 2.0e-5, static: 4.0e-5, breakaway: 20.0}, "
+    "start: [-0.4 mN m s, 0.3 mN m s, -0.4 mN m s, -0.1 mN m s]}"
+)
+
+
+def driven(held, speed_limit=None):
+    """States Q, V, h and Ω of wheels by speed, at every 0.1 s, by SciPy's DOP853 at 1e-12."""
+    A, start = pyramid(), np.array([-0.4e-3, 0.3e-3, -0.4e-3, -0.1e-3])
+
+    def wanted(Q, w, speeds):
+        error = 0.004 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
+        command = -error - 0.01 * w + np.cross(w, INERTIA @ w)
+        u = np.clip(np.linalg.pinv(A) @ command, -2e-3, 2e-3)
+        if speed_limit is None:
+            return u
+        ends = [SPIN * (speeds + sign * speed_limit) / 0.1 for sign in (-1, 1)]
+        return np.clip(u, *ends)
+
+    def rate(t, y, u=None):
+        Q, w, h, told, z = y[:9].reshape(3, 3), y[9:12], y[12:16], y[16:20], y[20:]
+        speed = h / SPIN - A.T @ w
+        u = wanted(Q, w, told) if u is None else u
+        motor = np.clip(2e-4 * (told - speed) + z, -2e-3, 2e-3)
+        drag = 5e-9 * speed + 2e-5 * np.tanh(speed / 2)
+        drag += np.sqrt(2 * np.e) * 2e-5 * np.exp(-((speed / 20) ** 2) / 2) * speed / (20 * 2**0.5)
+        turn = np.cross(INERTIA @ w + A @ h, w) + A @ (drag - motor)
+        slopes = [np.linalg.solve(INERTIA, turn), motor - drag, -u / SPIN, 1e-3 * (told - speed)]
+        return np.concatenate([(Q @ hat(w)).ravel(), *slopes])
+
+    Q, w = exp([0.9, -0.5, 0.7]), np.array([0.05, -0.04, 0.1])
+    y = np.concatenate([Q.ravel(), w, start, start / SPIN - A.T @ w, np.zeros(4)])
+    found, options = [y], {"method": "DOP853", "rtol": 1e-12, "atol": 1e-15}
+    for _ in range(60):
+        u = (wanted(y[:9].reshape(3, 3), y[9:12], y[16:20]),) if held else ()
+        y = solve_ivp(rate, (0, 0.1), y, args=u, **options).y[:, -1]
+        found.append(y)
+    return np.array(found)
+
+
+def exp(v):
+    angle = np.linalg.norm(v)
+    axis = hat(np.array(v) / angle)
+    return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis
+
+
+SLOW = pytest.mark.slow("the same by the other engine")
+
+
+@pytest.mark.parametrize(
+    ("engine", "held"),
+    [
+        ("native", True),
+        ("solve_ivp", False),
+        pytest.param("native", False, marks=SLOW),
+        pytest.param("solve_ivp", True, marks=SLOW),
+    ],
+)
+def test_wheels_by_speed_are_those_of_a_plain_program(solved, engine, held):
+    """With an integral, Stribeck's curve, limits of the torque and of the speed that is told."""
+    text = TEXT.replace(WHEELS, DRIVEN).replace("engine: native", f"engine: {engine}")
+    if held:
+        text = text.replace("limit: 2 mN m", "limit: 2 mN m, speed: 60")
+    else:
+        text = text.replace("control: {period: 0.1}\n", "")
+    s, h, speed = states_of(solved, text)
+    found = driven(held, 60.0 if held else None)
+    assert (speed[1:] * speed[:-1] < 0).any()  # a wheel goes through 0
+    if held:
+        assert np.isclose(np.abs(found[:, 16:20]), 60, rtol=1e-12).any()  # at the limit
+    np.testing.assert_allclose(s.Q[0].reshape(-1, 9), found[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], found[:, 9:12], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(h, found[:, 12:16], rtol=0, atol=1e-11)
+
+
+def test_margins_know_the_drives(experiment_of):
+    """About rest, with the gyroscopic torque of the start and without limits and friction."""
+    from eqt_cli.loop.linearised import linearised
+
+    text = TEXT.replace(WHEELS, DRIVEN).replace("control: {period: 0.1}\n", "")
+    experiment = experiment_of(text)
+    [loop] = experiment.loops.values()
+    found = linearised(loop, *along_reference(experiment, reference_over_horizon(experiment)))
+    A, H = pyramid(), pyramid() @ [-0.4e-3, 0.3e-3, -0.4e-3, -0.1e-3]
+    e = np.hstack([np.zeros((4, 3)), A.T, np.eye(4) / SPIN, np.zeros((4, 4))])
+    motor = -2e-4 * e - np.eye(4, 14, 10)  # on the body
+    command = np.hstack([-0.008 * np.eye(3), -0.01 * np.eye(3), np.zeros((3, 8))])
+    turn = np.linalg.solve(INERTIA, A @ motor + hat(H) @ np.eye(3, 14, 3))
+    ahead = motor - np.linalg.pinv(A) @ command
+    hand = np.vstack([np.eye(3, 14, 3), turn, ahead, 1e-3 * e])
+    np.testing.assert_allclose(found.closed[0], hand, rtol=1e-6, atol=1e-8)
+
+
 def test_min_max_is_the_least_largest_torque():
     """Against the linear programme: least t with A u = τ and |u_i| ≤ t, for five wheels."""
     random = np.random.default_rng(1)
@@ -185,6 +279,22 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
         (
             {"pyramid": 0.9, "momentum": 1.0, "bias": Bias([0.0, 1.1, 0.0, 0.0], 1.0)},
             "expected at most the limit of the momentum, 1 N m s, got 1.1 for wheel 2",
+        ),
+        ({"pyramid": 0.9, "command": "speed", "gain": 1.0}, "needs inertia; give the inertia"),
+        ({"pyramid": 0.9, "command": "speed", "inertia": 1.0}, "needs gain, that of the drives"),
+        ({"pyramid": 0.9, "gain": 1.0}, "belongs to drives; give command: speed, too"),
+        ({"pyramid": 0.9, "ki": 1.0}, "belongs to drives; give command: speed, too"),
+        (
+            {"pyramid": 0.9, "inertia": 1.0, "command": "speed", "gain": [1.0, -2.0, 1.0, 1.0]},
+            "expected a number greater than 0, got -2",
+        ),
+        (
+            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(static=1.0)},
+            "expected static and breakaway, or none of them; give both",
+        ),
+        (
+            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(0.0, 2.0, 1.0, 1.0)},
+            "expected at least coulomb, 2 N m, got 1",
         ),
         (
             {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(-1.0)},
