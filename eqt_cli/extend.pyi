@@ -205,8 +205,10 @@ from eqt_cli.figures.time_figures import Paper as Paper
 from eqt_cli.figures.time_figures import ReferenceOverTime as ReferenceOverTime
 from eqt_cli.figures.time_figures import Torque as Torque
 from eqt_cli.loop.closed_loop import ClosedLoop as ClosedLoop
+from eqt_cli.loop.signals import Metric as Metric
 from eqt_cli.numbers.jets import Jet as Jet
 from eqt_cli.numbers.jets import value_and_derivative as value_and_derivative
+from eqt_cli.numbers.running import SampledRuns as SampledRuns
 from eqt_cli.results.quantity import Window as Window
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.runs.executors import Auto as Auto

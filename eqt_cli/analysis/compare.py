@@ -577,7 +577,7 @@ def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
     early = result.quantity("early_torque").window
     return [
         (quantity, window)
-        for base in METRICS
+        for base in (*METRICS, *map(result.quantity, result.own_metrics))
         for quantity in result.by_parts(base.name)
         for window in (early if window == EARLY else window for window in base.compared)
         if result.covers(quantity, window) and _tells(result, quantity, window)

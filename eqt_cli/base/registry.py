@@ -14,7 +14,7 @@ import re
 import sys
 import traceback
 from abc import ABC
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -185,6 +185,11 @@ class Registry(Generic[T]):
         """Return every component, in the order of `names`."""
         return [self.get(name) for name in self.names()]
 
+    def defined_by(self, texts: Iterable[str]) -> list[str]:
+        """Return the names of the components that the texts of plugins define."""
+        modules = {_module_name(sha256(text.encode()).hexdigest()) for text in texts}
+        return [name for name, each in self._plugins.items() if each.__module__ in modules]
+
     def add_from(self, module: ModuleType, source: str) -> list[str]:
         """Register the components that a plugin module defines, and return their names."""
         added = []
@@ -269,8 +274,12 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
     return added
 
 
+def _module_name(digest: str) -> str:
+    return f"{_PLUGIN}{digest[:12]}"
+
+
 def _executed(path: Path, text: str, digest: str) -> ModuleType:
-    module = ModuleType(f"{_PLUGIN}{digest[:12]}")
+    module = ModuleType(_module_name(digest))
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look their module up there
     try:
@@ -393,6 +402,7 @@ KINDS = {
     "engines": "engines.engine",
     "poses": "components.initial_states",
     "velocities": "components.initial_states",
+    "metrics": "loop.signals",
     "designs": "config.designs",
     "executors": "runs.executors",
     "figures": "figures.figure",

@@ -126,7 +126,10 @@ def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
     blocks = [_counted(listed)] if len(listed) > 1 else []
     for kind, entries in listed.items():
         width = max((len(entry["name"]) for entry in entries), default=0)
-        lines = [kind]
+        base = f"eqt_cli.extend.{registry(kind).base.__name__}" if kind in KINDS else ""
+        lines = (
+            [kind] if entries or not base else [kind, f"  none; plugins derive them from {base}"]
+        )
         between = "  " if width <= MOST_BESIDE else "\n      "
         width = width if width <= MOST_BESIDE else 0
         for entry in entries:

@@ -114,7 +114,8 @@ def _headline(result: Result) -> Text:
     ends = list(dict.fromkeys(filter(None, parts))) or [""]
     columns = {end: _columns(result, end) for end in ends}
     shown = {heading: columns[end][heading] for end in ends for heading in columns[end]}
-    measures = sorted(shown, key=lambda each: HEADLINE.index(_base(shown[each])))
+    order = [*result.own_metrics, *HEADLINE]
+    measures = sorted(shown, key=lambda each: order.index(_base(shown[each])))
     blocks = [
         _block(result, end, [columns[end].get(each, "") for each in measures]) for end in ends
     ]
@@ -137,13 +138,13 @@ def _headline(result: Result) -> Text:
 
 
 def _base(name: str) -> str:
-    return next(base for base in HEADLINE if name.startswith(base))
+    return next((base for base in HEADLINE if name.startswith(base)), name)
 
 
 def _columns(result: Result, part: str) -> dict[str, str]:
     """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
     found, turns = dict[str, str](), part.startswith("_rotation")
-    for base in HEADLINE:
+    for base in (*result.own_metrics, *HEADLINE):
         name = base + part if base + part in result.headlines else base
         of_other = ("attitude" in base and not turns) or ("position" in base and turns)
         if name in result.headlines and not (part and of_other):

@@ -73,6 +73,7 @@ from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
 from eqt_cli.components.vehicle_parts import Number
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.engines.engine import engines
+from eqt_cli.loop.signals import Metric, metrics
 
 
 def _weight_kind(value: Any) -> str | None:
@@ -117,6 +118,7 @@ AnyActuator = Annotated[Actuator, Kind(actuators)]
 PoseSensor = Annotated[Sensor, Kind(sensors)]
 VelocitySensor = Annotated[Sensor, Kind(sensors, VELOCITY)]
 AnyEstimator = Annotated[Estimator | None, Kind(estimators)]
+AnyMetric = Annotated[Metric, Kind(metrics)]
 StartPose = Annotated[PoseDistribution, PoseKind(pose_distributions)]
 StartVelocity = Annotated[VelocityDistribution, Kind(velocity_distributions)]
 
@@ -724,6 +726,9 @@ class Config(Section):
     closing_window
         The share of the time at its end over which `closing_pose_error` and `closing_torque` are
         taken; default: 0.25.
+    metrics
+        Numbers of each run by formulas of your own (`eqt list metrics`); default: all metrics that
+        `plugins` define.
     plugins
         Python files with components of your own, relative to this file.
     """
@@ -760,6 +765,7 @@ class Config(Section):
     settling_threshold: Annotated[SettlingThreshold, ON_GROUP] = 0.05
     early_window: Annotated[Positive | None, Unit("s")] = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
+    metrics: Annotated[list[AnyMetric] | None, NotSwept("decides what a result contains")] = None
     plugins: Annotated[list[str], NotSwept("is loaded once")] = Field(default_factory=list)
 
 

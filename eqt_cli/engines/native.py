@@ -52,13 +52,10 @@ from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER, TORQUE, LawProgram, law_program
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import Chain, Program, traced
-from eqt_cli.numbers.running import Memory, Running
+from eqt_cli.numbers.running import MOST_RUNNING, Memory, Running
 
 # The programs of a loop: its field, its control instants, and what is measured --------------------
 
-
-MOST_RUNNING = 512
-"""Most numbers that a reduction may keep from sample to sample."""
 
 ROWS = "law_rows"
 """Output of a program: the input of the user's code as `LawInput.rows` gives it."""

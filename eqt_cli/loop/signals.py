@@ -1,15 +1,19 @@
-"""Signals over time, each with its symbol, its unit and its formula."""
+"""Signals over time, each with its symbol, unit and formula; and metrics of a user's own."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import accumulate
 from operator import attrgetter
-from typing import Any, Literal, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside, sqrt, stack, where
+from eqt_cli.base.errors import Problems, suggestion
+from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
@@ -17,6 +21,7 @@ from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, t
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.vehicle import Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.numbers.running import SampledRuns
 
 MIXED = "mixed"
 """The unit of a signal whose units differ between parts of the coordinates."""
@@ -512,17 +517,118 @@ def at_state(
         exist.
     """
     state = LoopState.of(loop, s)
-    members = loop.vehicle.members | {OUTPUT: loop.controller.outputs(loop.group)}
-    for signal in SIGNALS:
-        has_members = all(members.get(dim, True) for dim in signal.dims)
-        if not (has_members and signal.exists_on(loop.group)):
-            continue
+    for name, (signal, part) in existing(loop).items():
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
-        always = not signal.only_there or (exists and not names)
-        named = {f"{signal.name}_{part.name}": part for part in signal.parts(loop.group)}
-        for name, part in {signal.name: None, **named}.items():
-            if always or name in names:
-                value = signal.value(signal.formula(state), part)
-                # A compiled choice between numbers does not propagate NaN.
-                yield name, value if exists else value + np.nan
+        if not signal.only_there or (exists and not names) or name in names:
+            value = signal.value(signal.formula(state), part)
+            # A compiled choice between numbers does not propagate NaN.
+            yield name, value if exists else value + np.nan
     yield "energy_balance", state.lyapunov + work
+
+
+def existing(loop: ClosedLoop) -> dict[str, tuple[Signal, Part | None]]:
+    """Return the signals of a loop and those of their parts, by name."""
+    members = loop.vehicle.members | {OUTPUT: loop.controller.outputs(loop.group)}
+    return {
+        f"{signal.name}_{part.name}" if part else signal.name: (signal, part)
+        for signal in SIGNALS
+        if all(members.get(dim, True) for dim in signal.dims) and signal.exists_on(loop.group)
+        for part in (None, *signal.parts(loop.group))
+    }
+
+
+# Metrics of a user's own --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Metric(Component):
+    """A number of each run, from its signals; the first line of the docstring is its long name.
+
+    Attributes
+    ----------
+    signals
+        What `of` is given: signals by name, and numbers of the laws, such as their memory, which
+        are NaN for a law without them.
+    units
+        Its unit. ``{}`` stands for the unit of the first signal, as in ``({})^2 s``.
+    better
+        Which values are better: ``lower``, ``higher`` or ``neither``.
+    """
+
+    signals: ClassVar[tuple[str, ...]]
+    units: ClassVar[str]
+    better: ClassVar[Literal["lower", "higher", "neither"]]
+
+    @abstractmethod
+    def of(self, over: SampledRuns, *signals: Any) -> Any:
+        """Return the number of each run, ``(runs,)``.
+
+        It is compiled if it goes along the time by the functions of `over` alone; else it is
+        computed from stored samples.
+
+        Parameters
+        ----------
+        over
+            The samples, with `mean`, `integral`, `largest`, `smallest`, `initial`, `final`, …
+        signals : (runs, samples, …)
+            The values at the samples; a number of a law has no last axis if it is a single one.
+        """
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note problems of its options."""
+
+    def check_signals(self, loops: Collection[ClosedLoop], problems: Problems) -> None:
+        """Note signals that no loop has."""
+        known = {name for each in loops for name in (*existing(each), *outputs_of(each))}
+        for name in self.signals:
+            if name not in known:
+                hint = suggestion(name, sorted(known)) or (
+                    f"; there are: {', '.join(sorted(known))}; or leave it out of `metrics`, whose "
+                    "default is all metrics of the plugins"
+                )
+                problems.add(f"metric {self.name} reads '{name}', which no loop has{hint}")
+        if not self.signals:
+            problems.add(f"metric {self.name} reads no signal; name at least one in `signals`")
+
+    def signals_at(
+        self, loop: ClosedLoop, states: Array, times: Array, loops: Collection[ClosedLoop]
+    ) -> list[Array]:
+        """Return the values of its signals in states, as one of several loops makes them."""
+        s = loop.tracking(times, states)
+        found = dict(at_state(loop, s, loop.work(states), self.signals))
+        found |= outputs_at(loop, s, outputs_read([self], loops))
+        return [found[name] for name in self.signals]
+
+
+def outputs_read(own: Collection[Metric], loops: Collection[ClosedLoop]) -> dict[str, int]:
+    """Return the numbers of laws that metrics read, with their lengths."""
+    lengths = {name: length for loop in loops for name, length in outputs_of(loop).items()}
+    names = {name for each in own for name in each.signals}
+    signals = {name for loop in loops for name in existing(loop)}
+    return {name: lengths[name] for name in sorted(names - signals) if name in lengths}
+
+
+metrics = Registry("metric", "metrics", Metric, ("loop.signals",))
+
+
+def outputs_of(loop: ClosedLoop) -> Mapping[str, int]:
+    """Return the lengths of the numbers of a law, by name."""
+    return loop.controller.outputs(loop.group)
+
+
+def outputs_at(loop: ClosedLoop, s: Tracking, lengths: Mapping[str, int]) -> dict[str, Array]:
+    """Return numbers of a law by name, of floats or symbols; NaN where it has none of a name.
+
+    Parameters
+    ----------
+    lengths
+        The names, with the lengths that the numbers have in other laws.
+    """
+    ends = list(accumulate(outputs_of(loop).values()))[:-1]
+    known = dict(zip(outputs_of(loop), np.split(_output(loop, s), ends, axis=-1), strict=False))
+    nothing = np.nan * s.P[..., :1]
+    found = {
+        name: known[name] if name in known else np.concatenate([nothing] * length, axis=-1)
+        for name, length in lengths.items()
+    }
+    return {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in found.items()}

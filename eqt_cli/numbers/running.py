@@ -20,6 +20,9 @@ from eqt_cli.base.errors import TraceError
 ROUNDING = 1e-6
 """Share of a period by which an instant may differ from a sample that it equals."""
 
+MOST_RUNNING = 512
+"""Most numbers that a reduction may keep from sample to sample."""
+
 Cut = Callable[[Array, Array], tuple[Array, Array]]
 """Cuts times ``(samples,)`` and values ``(runs, samples, …)`` to a window."""
 
@@ -167,6 +170,33 @@ def simpson_weights(times: Array) -> Array:
             b * (2 * b + 3 * a) / (6 * (a + b)),
         ]
     return weights
+
+
+def goes_by_samples(of: Callable[..., Any], shapes: Mapping[str, tuple[int, ...]]) -> bool:
+    """Whether a formula gives the same sample by sample as of all samples, for random values.
+
+    Parameters
+    ----------
+    of
+        ``(over, signals) -> number``.
+    shapes
+        The shape of each signal at a sample.
+    """
+    random, times = np.random.default_rng(0), np.linspace(0.0, 1.0, 6)
+    signals = {name: random.normal(size=(1, len(times), *shapes[name])) for name in shapes}
+    whole = of(SampledRuns(times), signals)
+
+    def after(k: int, before: Array, columns: Array, ended: bool = False) -> tuple[Any, Memory]:
+        memory = Memory(before, columns, ended)
+        at_sample = {name: values[:, k] for name, values in signals.items()}
+        return of(Running(times, memory), at_sample), memory
+
+    _, memory = after(0, np.zeros(MOST_RUNNING), np.zeros(MOST_RUNNING))
+    columns, kept = np.reshape(memory.columns, (-1, len(times))), np.array(memory.starts)
+    for k in range(len(times)):
+        kept = np.array(after(k, kept, columns[:, k])[1].after)
+    number, _ = after(2, kept, columns[:, 2], ended=True)
+    return np.shape(number) == (1,) and bool(np.allclose(number, whole, rtol=1e-9, equal_nan=True))
 
 
 # Numbers of a run, computed by a program that takes its samples one after the other ---------------

@@ -1,18 +1,20 @@
 """The stored metrics, and the table of all quantities of a result."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from operator import attrgetter
-from typing import Any
+from types import MappingProxyType
+from typing import Any, get_args
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
+from eqt_cli.base.registry import summary
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import SIGNALS, signal_of
+from eqt_cli.loop.signals import SIGNALS, Metric, metrics, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
+from eqt_cli.results.quantity import WHOLE, Better, Quantity, ValuePer, Window
 
 # Metrics: numbers per run that follow from its signals, each with formula, names and unit ---------
 #
@@ -507,17 +509,35 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 """Stored quantities that are computed from the signals of a run."""
 
 
-def quantity_of(name: str, long_name: str = "") -> Quantity:
-    """Return the row of a variable by its name in a result file.
+def own_quantity(metric: type[Metric], name: str, **more: Any) -> Quantity:
+    """Return the row of a metric of the user's own, which is `better` in the file, too."""
+    words, better = summary(metric).removesuffix("."), metric.better
+    return _own(name, words, better, units=metric.units, signals=metric.signals, **more)
 
-    A part of a norm has the row of the norm with its own name. An unknown variable is a number per
-    run without a formula.
+
+def _own(name: str, words: str, better: Better, **more: Any) -> Quantity:
+    label, notes = name.replace("_", " "), {"better": better}
+    return Quantity(name, words, label=label, better=better, notes=notes, compared=(WHOLE,), **more)
+
+
+def quantity_of(
+    name: str, long_name: str = "", attributes: Mapping[str, Any] = MappingProxyType({})
+) -> Quantity:
+    """Return the row of a variable by its name in a result file, and its attributes there.
+
+    A part of a norm has the row of the norm with its own name. A metric of the user's own has the
+    row of its file, or of its plugin. An unknown variable is a number per run without a formula.
     """
     if name in QUANTITIES:
         return QUANTITIES[name]
+    for better in get_args(Better):
+        if attributes.get("better") == better:
+            return _own(name, long_name or name, better, units=str(attributes.get("units", "")))
     for row in MEASURED:
         if row.stored_by_part and name.startswith(f"{row.name}_"):
             return row.part(name.removeprefix(f"{row.name}_"))
+    if name in metrics.names():
+        return own_quantity(metrics.get(name), name)
     if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")

@@ -281,6 +281,11 @@ class Quantity:
         return self.of is not None and known and self.window == WHOLE and not self.settings
 
     @property
+    def is_own(self) -> bool:
+        """Whether it is a metric of the user's own; the file, too, then says which is better."""
+        return "better" in self.notes
+
+    @property
     def is_share(self) -> bool:
         """Whether it is a share of runs or of the time, so that differences are points of 100."""
         return self.counts or self.name.endswith("_share")
@@ -298,7 +303,7 @@ class Quantity:
 
     def hold(self, holds: Mapping[str, float]) -> float:
         """Return the time between two changes of its first signal, s; 0 if that is not held."""
-        signal = signal_of(self.signals[0])
+        signal = signal_of(self.signals[0]) if self.signals else None
         return holds.get(signal.name, 0.0) if signal else 0.0
 
     @property

@@ -551,7 +551,8 @@ class Result(StoredRuns):
         """Return the row of a variable in the table, with the attributes of the file."""
         if not self.has(name):
             return self._of_part(quantity_of(name))
-        found = quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
+        attributes = self.attributes_of(name)
+        found = quantity_of(name, self.long_name(name), attributes).with_choices(attributes)
         return self._of_part(found)
 
     def _of_part(self, quantity: Quantity) -> Quantity:
@@ -605,6 +606,11 @@ class Result(StoredRuns):
         return quantities
 
     @cached_property
+    def own_metrics(self) -> list[str]:
+        """The stored numbers by formulas of the user's own."""
+        return [name for name in self.metrics if self.quantity(name).is_own]
+
+    @cached_property
     def headlines(self) -> list[str]:
         """The names of the numbers of a summary that all runs have, those of parts if units differ.
 
@@ -613,7 +619,8 @@ class Result(StoredRuns):
         """
         without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}
         without |= {"final_pose_error"} if self.has("final_attitude_error") else set()
-        names = (each for name in HEADLINE if name not in without for each in self.in_parts(name))
+        listed = (*self.own_metrics, *HEADLINE)
+        names = (each for name in listed if name not in without for each in self.in_parts(name))
         return [each for each in names if each in self.metrics]
 
     @cached_property
@@ -629,7 +636,8 @@ class Result(StoredRuns):
             others = [name for name in self.in_parts("mean_pose_error") if name not in turns]
             errors += others if parts or not errors else []
         torque = "early_torque" if self._flies_papers_loop else "mean_torque"
-        return [each for each in (*errors, *self.in_parts(torque)) if each in self.metrics]
+        listed = (*errors, *self.in_parts(torque), *self.own_metrics)
+        return [each for each in listed if each in self.metrics]
 
     @property
     def _flies_papers_loop(self) -> bool:

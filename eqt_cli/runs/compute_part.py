@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, reduce
+from functools import cached_property, lru_cache, partial, reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, less, minimum, sqrt, where
-from eqt_cli.base.errors import ResultError
+from eqt_cli.base.errors import ResultError, TraceError
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import working_for
 from eqt_cli.base.store_reader import ResultFile, open_results
@@ -24,8 +24,17 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Measured, Problem, Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
-from eqt_cli.loop.signals import LAW_OUTPUT, at_state, holds, knows_energy, of_pose, output_names
-from eqt_cli.numbers.running import SampledRuns
+from eqt_cli.loop.signals import (
+    LAW_OUTPUT,
+    at_state,
+    holds,
+    knows_energy,
+    of_pose,
+    output_names,
+    outputs_at,
+    outputs_read,
+)
+from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.batches import (
@@ -351,7 +360,9 @@ def _in_rows(reference: Desired) -> Array:
 def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numbers]:
     """Return the functions that measure a batch: at every sample, and per run."""
     problem, config = batch.problem, batch.experiment.config
-    metrics = [row for row in measured_of(config, problem.loop.group) if row.name in names]
+    metrics = [row for row in measured_of(batch.experiment) if row.name in names]
+    own = [each for each in batch.experiment.metrics if each.name in names]
+    outputs = outputs_read(own, list(batch.experiment.loops.values()))
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
     values = {key: getattr(config, key) for key in sorted(keys)}
@@ -361,12 +372,13 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     control, times = problem.loop.vehicle.control, problem.times
     wait = 0.0 if control is None else (control.delay + 2) * control.period
     first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
-    known = (K.tobytes(), balanced, first, *held.items())
+    formulas = ((type(each).__module__, repr(each)) for each in own)
+    known = (K.tobytes(), balanced, first, *held.items(), *formulas)
     key = tuple(m.name for m in metrics), tuple(values.items()), known
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
-    return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
+    return SampledSignals(tuple(sorted(wanted)), thresholds, tuple(outputs.items())), numbers
 
 
 @dataclass(frozen=True)
@@ -379,10 +391,13 @@ class SampledSignals:
         Names of the required signals. Other names are ignored.
     thresholds
         Settling thresholds by part; empty if one threshold holds for the pose error.
+    outputs
+        Numbers of laws that metrics read, with their lengths.
     """
 
     names: tuple[str, ...]
     thresholds: tuple[tuple[str, float], ...] = ()
+    outputs: tuple[tuple[str, int], ...] = ()
 
     def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
         """Return the signals and the other inputs of metrics, by name.
@@ -394,7 +409,8 @@ class SampledSignals:
         """
         s, G = loop.tracking(t, states), loop.group
         signals = at_state(loop, s, loop.work(states), self.names)
-        sampled = {name: values for name, values in signals if name in self.names}
+        sampled = outputs_at(loop, s, dict(self.outputs))
+        sampled |= {name: values for name, values in signals if name in self.names}
         if SETTLING in self.names:
             sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
         if ESTIMATE_SETTLING in self.names:
@@ -448,6 +464,11 @@ class Numbers:
         signals, over.holds = dict(sampled), self.holds
         if not self.balanced:
             signals["energy_balance"] = np.nan * signals["energy_balance"]
+        for metric in self.metrics if isinstance(over, Running) else ():
+            shapes = {name: np.shape(signals[name])[1:] for name in metric.signals}
+            whole = partial(metric.measure, window=metric.window)
+            if metric.is_own and not goes_by_samples(whole, shapes):
+                raise TraceError(f"metric {metric.name} does not go from sample to sample")
         numbers = {
             metric.name: metric.measure(
                 over,

@@ -20,7 +20,15 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import OTHER_FOLDER, EqtError, FullDiskError, KeyPath, Remedy, dotted
+from eqt_cli.base.errors import (
+    OTHER_FOLDER,
+    ComponentError,
+    EqtError,
+    FullDiskError,
+    KeyPath,
+    Remedy,
+    dotted,
+)
 from eqt_cli.base.files import (
     FIGURES,
     FILE_NAME,
@@ -44,13 +52,21 @@ from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.laws import Controller
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.schema import Config
 from eqt_cli.config.source import description
 from eqt_cli.config.study import Study, law_names, section_of
-from eqt_cli.loop.signals import MIXED, OUTPUT, Signal, holds, output_names
-from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, SIGNAL
+from eqt_cli.loop.signals import MIXED, OUTPUT, Metric, Signal, holds, output_names, signal_of
+from eqt_cli.results.metrics import (
+    ESTIMATE_SETTLING,
+    MEASURED,
+    QUANTITIES,
+    SETTLING,
+    SIGNAL,
+    own_quantity,
+)
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.lock import LOCK, MANIFEST, PART_ENTRIES, PARTS, PartFiles
 
@@ -324,15 +340,24 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     vehicles
         Vehicles of all points of a sweep; a variable stored for one is stored for all. Default:
         the vehicle of the experiment.
+
+    Raises
+    ------
+    ComponentError
+        If a metric of the user's own has the name of another variable.
     """
-    quantities, group = [], experiment.group
+    quantities, group = list[Quantity](), experiment.group
     vehicle = experiment.loop.vehicle
     vehicles = vehicles or [vehicle]
-    for quantity in QUANTITIES.values():
+    for quantity in (*QUANTITIES.values(), *map(own_row, experiment.metrics)):
         # Points with and without thrusters or wheels have different shapes.
         of = [vehicle] if vehicle.members.keys() & set(quantity.dims) else vehicles
         if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
             continue
+        if quantity.is_own and quantity.name in {*QUANTITIES, *(each.name for each in quantities)}:
+            raise ComponentError(
+                f"metric '{quantity.name}': results have a number of this name; rename yours"
+            )
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         signal = SIGNAL.get(quantity.signals[0]) if quantity.signals else None
@@ -341,7 +366,9 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
             continue
         if OUTPUT in quantity.dims and not outputs_of_laws(experiment):
             continue
-        units = quantity.unit(signal.units(group) if signal else "")
+        units = quantity.unit(
+            _unit_of(quantity.signals[0], laws, group) if quantity.signals else ""
+        )
         quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
             quantities += [
@@ -349,6 +376,21 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
                 for part in _separate_parts(quantity, signal, group)
             ]
     return quantities
+
+
+def own_row(metric: Metric) -> Quantity:
+    """Return the row of a metric of the user's own, with its formula."""
+    return own_quantity(type(metric), metric.name, of=metric.of)
+
+
+def _unit_of(name: str, laws: Iterable[Controller], G: MatrixLieGroup) -> str:
+    """Return the unit of a signal, or of one in a part, or of a number of a law."""
+    if signal := SIGNAL.get(name):
+        return signal.units(G)
+    if signal := signal_of(name):
+        part = next(each for each in signal.parts(G) if name == f"{signal.name}_{each.name}")
+        return signal.unit_in(part)
+    return next((law.output_units[name] for law in laws if name in law.output_units), "1")
 
 
 def outputs_of_laws(experiment: Experiment) -> dict[str, str]:
@@ -370,13 +412,15 @@ def _separate_parts(quantity: Quantity, signal: Signal, group: MatrixLieGroup) -
     return signal.parts(group) if alone or signal.units(group) == MIXED else ()
 
 
-def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
-    """Return the quantities computed from signals on a group, including those of parts."""
+def measured_of(experiment: Experiment) -> list[Quantity]:
+    """Return the quantities computed from signals, including those of parts."""
+    config, group = experiment.config, experiment.group
     rows = [with_keys_of(config, quantity) for quantity in MEASURED if _exists(quantity, group)]
+    rows += map(own_row, experiment.metrics)
     return rows + [
         row.part(part.name)
         for row in rows
-        if row.stored_by_part
+        if row.stored_by_part and row.signals[0] in SIGNAL
         for part in _separate_parts(row, SIGNAL[row.signals[0]], group)
     ]
 
