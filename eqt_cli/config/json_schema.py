@@ -356,7 +356,7 @@ def value_of(entry: Schema, schema: Schema) -> str:
         words.pop("constant", None)
     if set(words) == {"number", "text"}:
         words = {"expression": None}
-    names = list(words) or ["anything"]
+    names = list(words) or ["name", "mapping"]  # of a kind that plugins alone have
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
 
 
@@ -385,4 +385,4 @@ _LISTS = {"number": "list", "list": "matrix", "list of expressions": "matrix of 
 
 
 def _plural(words: str) -> str:
-    return re.sub(r"(number|list|mapping|expression)\b", r"\1s", words)
+    return re.sub(r"(name|number|list|mapping|expression)\b", r"\1s", words)

@@ -12,7 +12,7 @@ from eqt_cli.config import shipped
 
 KINDS = (
     "groups controllers references forces actuators sensors estimators engines poses "
-    "velocities designs executors figures certificates claims"
+    "velocities metrics designs executors figures certificates claims"
 ).split()
 
 PLUGIN = '''\
@@ -83,6 +83,11 @@ def test_json_is_one_document(eqt):
     assert [entry["name"] for entry in document["configs"]] == shipped.names()
     assert all(set(entry) == {"name", "summary", "options"} for entry in document["engines"])
     assert all(entry["summary"] for kind in KINDS for entry in document[kind])
+
+
+def test_a_kind_of_plugins_alone(eqt):
+    said = "metrics\n  none; plugins derive them from eqt_cli.extend.Metric"
+    assert eqt("list", "metrics").out.strip() == said
 
 
 def test_a_plugin(eqt, folder):
