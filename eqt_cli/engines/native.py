@@ -169,7 +169,7 @@ class InstantPrograms:
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
-    """Return the law of a loop by itself.
+    """Return the law of a loop by itself, with all that it gives.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def law_of(loop: ClosedLoop) -> LawProgram:
         If it does what programs cannot, as in `trace`.
     """
     with _explained(loop):
-        return law_program(loop)
+        return law_program(loop, with_outputs=True)
 
 
 def at_instants(loop: ClosedLoop) -> InstantPrograms:

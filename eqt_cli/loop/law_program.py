@@ -22,7 +22,7 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import Input, Program, distinct, traced
 
-INPUT, NUMBER, MEMORY = "input_", "number_", "memory_"
+INPUT, NUMBER, MEMORY, OUTPUT = "input_", "number_", "memory_", "output_"
 TORQUE, MISSING = "torque", "missing_"
 PERIOD = "period"
 """Name of the control period, by which memory advances, s."""
@@ -88,6 +88,10 @@ class LawProgram:
         Program of the torque, and of the memory after a period.
     start
         Program of the initial memory, from the same inputs; None if there is no memory.
+    outputs
+        The other numbers that it gives, such as a sliding variable.
+    output
+        Program of them, from the same inputs; None if there are none, or none were asked for.
     """
 
     inputs: tuple[Entry, ...]
@@ -96,6 +100,8 @@ class LawProgram:
     torque: Entry
     step: Program
     start: Program | None
+    outputs: tuple[Entry, ...] = ()
+    output: Program | None = None
 
     def values(self, loop: ClosedLoop) -> dict[str, Array]:
         """Return the law's numbers in a loop, by name; the period is 0 without sampled control."""
@@ -103,7 +109,7 @@ class LawProgram:
         return {entry.name: numbers[entry.source].reshape(entry.shape) for entry in self.numbers}
 
 
-def law_program(loop: ClosedLoop, adapter: Any = None) -> LawProgram:
+def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = False) -> LawProgram:
     """Return the law of a closed loop as a program.
 
     A law that cannot be traced raises whatever error it raises on symbols.
@@ -114,10 +120,13 @@ def law_program(loop: ClosedLoop, adapter: Any = None) -> LawProgram:
         What gives the `entries` of the program, and the input of a law that it can `read` from
         them; its `output` gives what is `returned` for a torque. What it does not give, and the law
         reads, is `MISSING` among the inputs of `step`.
+    with_outputs
+        Whether to trace what the law gives besides torque and memory.
     """
     G, held = loop.group, loop.controller.held(loop.group, 0.0)
     loop = dataclasses.replace(loop, held_law=held)
     entries, numbers, memory = _inputs(loop), _numbers(loop), _memory(loop)
+    outputs = _outputs(loop) if with_outputs else ()
     units, known = {each.source: each.unit for each in entries}, MISSING if adapter else INPUT
     reads = tuple(adapter.entries(G, units)) if adapter else entries
     groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
@@ -154,9 +163,14 @@ def law_program(loop: ClosedLoop, adapter: Any = None) -> LawProgram:
         zero = {name: np.zeros(z.shape) for name, z in state.items()}
         return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
 
+    def output(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, law_input, state = symbols(inputs)
+        s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
+        given = symbolic.controller.output(s)
+        return {OUTPUT + each.name: np.ravel(given[each.source]) for each in outputs}
+
     programs = [traced(step, groups)]
-    if memory:
-        programs.append(traced(start, groups))
+    programs += [traced(start, groups)] * bool(memory) + [traced(output, groups)] * bool(outputs)
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
     used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
     unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
@@ -171,7 +185,8 @@ def law_program(loop: ClosedLoop, adapter: Any = None) -> LawProgram:
     if loop.controller.commands_rates:
         unit = unit.replace(turns.force_unit, turns.velocity_unit, 1)
     torque = Entry(TORQUE, (G.dimension,), TORQUE, words(unit))
-    return LawProgram(reads, used, memory, torque, trimmed[0], trimmed[1] if memory else None)
+    started, given = (trimmed[1] if memory else None), (trimmed[-1] if outputs else None)
+    return LawProgram(reads, used, memory, torque, trimmed[0], started, outputs, given)
 
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:
@@ -226,9 +241,21 @@ def name_of_number(path: str) -> str:
 
 
 def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
-    lengths = loop.controller.memory(loop.group)
-    pairs = zip(distinct(lengths), lengths.items(), strict=True)
-    return tuple(Entry(name, (length,), source) for name, (source, length) in pairs)
+    return _numbers_of_law(loop, loop.controller.memory(loop.group))
+
+
+def _outputs(loop: ClosedLoop) -> tuple[Entry, ...]:
+    law, G = loop.controller, loop.group
+    more = {name: length for name, length in law.outputs(G).items() if name not in law.memory(G)}
+    return _numbers_of_law(loop, more)
+
+
+def _numbers_of_law(loop: ClosedLoop, lengths: Mapping[str, int]) -> tuple[Entry, ...]:
+    units, names = loop.controller.output_units, distinct(lengths)
+    return tuple(
+        Entry(name, (lengths[source],), source, units.get(source, ""))
+        for name, source in zip(names, lengths, strict=True)
+    )
 
 
 def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:

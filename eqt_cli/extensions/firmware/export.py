@@ -31,7 +31,16 @@ from eqt_cli.extensions.firmware.controllers import adapter_of
 from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
-from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER, PERIOD, TORQUE, Entry, name_of_number
+from eqt_cli.loop.law_program import (
+    INPUT,
+    MEMORY,
+    NUMBER,
+    OUTPUT,
+    PERIOD,
+    TORQUE,
+    Entry,
+    name_of_number,
+)
 from eqt_cli.numbers.program import Program, c_function
 
 # The files of an exported law: its header, its source, and the program that checks them -----------
@@ -197,6 +206,7 @@ def header(law: ExportedLaw) -> str:
         input=[_field(law.by, each, INPUT_MEANINGS[each.source]) for each in program.inputs],
         numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
         memory=states or [(law.by.name, "unused", "the law has no memory")],
+        outputs=[_field(law.by, each, f"{each.source} of the law") for each in program.outputs],
         **_filter_fields(law),
     )
 
@@ -275,9 +285,13 @@ def source(law: ExportedLaw) -> str:
         declare, keep = f"{name}_memory next;", "*memory = next;"
         starting = [declare, call(law, program.start, f"{name}_initial", memory), keep]
         stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *memory]), keep]
-    body = partial(
-        of_law, "law.c", law, step=step, start=start, starting=starting, stepping=stepping
-    )
+    output, giving = "", ""
+    if program.output:
+        output = f"\nstatic {emitted(program.output, f'{name}_given')}"
+        given = [f"outputs->{entry.name}" for entry in program.outputs]
+        giving = call(law, program.output, f"{name}_given", given)
+    texts = {"step": step, "start": start, "output": output, "giving": giving}
+    body = partial(of_law, "law.c", law, starting=starting, stepping=stepping, **texts)
     functions = needed(PRELUDE + body(functions=""), headers(law.by.name))
     prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", functions) else ""
     if "eqt_uint" not in functions:
@@ -336,6 +350,7 @@ def check(law: ExportedLaw) -> str:
         after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
         fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
         before = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
+        given, given_bound = _given(law, state)
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
             f"{{{', '.join(fields)}}}",
@@ -344,6 +359,8 @@ def check(law: ExportedLaw) -> str:
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
             row(np.array([*after_bound, 0.0])),
+            row(np.array([*given, 0.0])),
+            row(np.array([*_stored(given_bound, given), 0.0])),
             str(int(law.singular[chosen[k]])),
         ]
         lines.append(",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
@@ -375,12 +392,24 @@ def _spread(places: Array, count: int) -> Array:
 
 def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
     """Return the memory at the start in exact numbers, and the bounds of its errors."""
-    program = law.program
-    if program.start is None:
+    names = [MEMORY + entry.name for entry in law.program.memory]
+    return _exact(law, law.program.start, state, names)
+
+
+def _given(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
+    """Return the other numbers of a law in exact numbers, and the bounds of their errors."""
+    names = [OUTPUT + entry.name for entry in law.program.outputs]
+    return _exact(law, law.program.output, state, names)
+
+
+def _exact(
+    law: ExportedLaw, program: Program | None, state: dict[str, Array], names: Sequence[str]
+) -> tuple[Array, Array]:
+    """Return outputs of a program in exact numbers, and the bounds of their errors."""
+    if program is None:
         return np.empty(0), np.empty(0)
-    bounds = law.bounded(program.start, state)
-    exact = evaluated(program.start, {**state, **law.flat_numbers})
-    names = [MEMORY + entry.name for entry in program.memory]
+    bounds = law.bounded(program, state)
+    exact = evaluated(program, {**state, **law.flat_numbers})
     return (
         np.array([float(x) for name in names for x in exact[name]]),
         np.concatenate([bounds[name].errors[0] for name in names]),

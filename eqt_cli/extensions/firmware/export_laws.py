@@ -654,7 +654,7 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
     EqtError
         If the adapter does not give what the law reads, or more than a law is exported.
     """
-    rows, program = law.states.inputs, law_program(law.loop, adapter)
+    rows, program = law.states.inputs, law_program(law.loop, adapter, with_outputs=True)
     for name in (name for name, _ in program.step.inputs if name.startswith(MISSING)):
         left = name.removeprefix(MISSING)
         raise EqtError(f"{law.label}: the adapter lacks {left}, or a part of it; add an input")

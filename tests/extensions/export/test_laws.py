@@ -13,6 +13,7 @@ from exported_laws import ALL, FLAGS, IN_TURN, checked, compilers, law_of, libra
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.registry import load_plugin
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.thrusters import Priority, Thrusters
@@ -34,16 +35,16 @@ NEAR = 100
 """The bound is no larger than so many times the largest error that is seen."""
 
 
-def torques(law, path, states):
-    """What the exported law gives at some states."""
+def torques(law, path, states, name="torque", size=None):
+    """What the exported law gives at some states, or another function of it."""
     real = {"double": ctypes.c_double, "float": ctypes.c_float}[law.by.name]
     compiled, program = ctypes.CDLL(str(path)), law.program
     numbers = ctypes.c_char.in_dll(compiled, f"{law.name}_defaults")
     told = np.concatenate([states[INPUT + each.name] for each in program.inputs], axis=1)
     memory = [states[MEMORY + each.name] for each in program.memory] or [np.zeros((len(told), 1))]
     told, memory = (x.astype(law.by.dtype) for x in (told, np.concatenate(memory, axis=1)))
-    found = np.empty((len(told), program.torque.size), dtype=law.by.dtype)
-    function = getattr(compiled, f"{law.name}_torque")
+    found = np.empty((len(told), size or program.torque.size), dtype=law.by.dtype)
+    function = getattr(compiled, f"{law.name}_{name}")
     for k in range(len(told)):
         rows = [np.ascontiguousarray(each[k]) for each in (memory, told)]
         given = [row.ctypes.data_as(ctypes.POINTER(real)) for row in rows]
@@ -283,6 +284,51 @@ def test_an_exported_anti_windup_is_told_of_the_limits(tmp_path):
     assert "states pass" in said
     header = (tmp_path / "goodarzi2013.h").read_text(encoding="utf-8")
     assert re.search(r"acting_0_high\[3\];\s+/\* .*fixed by the law; leave it", header)
+
+
+GIVES_MORE = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import Goodarzi2013, norm, stack
+
+
+@dataclass(frozen=True)
+class GivesMore(Goodarzi2013):
+    name: ClassVar[str] = "gives_more"
+    output_units: ClassVar[dict[str, str]] = {"twice": "rad/s"}
+
+    def outputs(self, G):
+        return {**self.memory(G), "speed": 1, "twice": 3}
+
+    def output(self, s):
+        return {**s.memory, "speed": stack([norm(s.V)]), "twice": 2.0 * s.V}
+"""
+
+
+def test_the_other_numbers_of_a_law_are_a_function_in_c(tmp_path):
+    plugin = tmp_path / "gives_more.py"
+    plugin.write_text(GIVES_MORE, encoding="utf-8")
+    load_plugin(plugin)
+    made_of = made("SO3", ["gives_more"], plugins=[str(plugin)])
+    [law] = exported(made_of, [], ARITHMETICS["double"])
+    folder = written(law, tmp_path)
+    text = (folder / "gives_more.h").read_text(encoding="utf-8")
+    assert "double twice[3]; /* rad/s; twice of the law */" in text
+    assert checked(law, folder, compilers()[0])[0] == 0
+    states = law.states.at(slice(0, 50))
+    given = torques(law, library(law, folder, compilers()[0]), states, "give", 4)
+    V = states[INPUT + "velocity"]
+    expected = np.column_stack([np.linalg.norm(V, axis=1), 2 * V])
+    np.testing.assert_allclose(given, expected, rtol=1e-15)
+    source = folder / "gives_more.c"
+    wrong = source.read_text(encoding="utf-8").replace(
+        "outputs->twice);", "outputs->twice);\n    outputs->twice[1] += 1e-9;"
+    )
+    source.write_text(wrong, encoding="utf-8")
+    status, said = checked(law, folder, compilers()[0])
+    assert status == 1
+    assert ": output[2] is " in said
 
 
 def part_torques(part):

@@ -9,7 +9,8 @@
 
 #include "${label}.h"
 
-enum { STATES = ${examples | length}, TORQUES = ${m}, MEMORY = ${law.program.memory | sum(attribute="size")} };
+enum { STATES = ${examples | length}, TORQUES = ${m}, MEMORY = ${law.program.memory | sum(attribute="size")},
+       OUTPUTS = ${law.program.outputs | sum(attribute="size")} };
 
 /* A state, and what exact numbers give of it. */
 typedef struct {
@@ -17,6 +18,7 @@ typedef struct {
     ${label}_memory memory;
     double torque[TORQUES], torque_bound[TORQUES];
     double after[MEMORY + 1], after_bound[MEMORY + 1];
+    double given[OUTPUTS + 1], given_bound[OUTPUTS + 1];
     int singular; /* near a singularity, such as a half turn, where bounds are large */
 } example;
 
@@ -64,6 +66,14 @@ int main(void)
         ${label}_memory memory = each->memory;
         const ${real} *numbers = (const ${real} *)&memory;
         ${real} torque[TORQUES];
+{% if law.program.outputs %}
+        ${label}_outputs outputs;
+        const ${real} *given = (const ${real} *)&outputs;
+        ${label}_give(&${label}_defaults, &memory, &each->input, &outputs);
+        for (entry = 0; entry < OUTPUTS; entry++)
+            compare("output", state, entry, (double)given[entry], each->given[entry],
+                    each->given_bound[entry]);
+{% endif %}
         near += each->singular;
         ${label}_torque(&${label}_defaults, &memory, &each->input, torque);
         for (entry = 0; entry < TORQUES; entry++)

@@ -21,7 +21,7 @@ ${default(law, entry)}${"" if loop.last else ","}
 
 /* One operation a line, as the law is written in eqt. */
 static ${step}
-${start}
+${start}${output}
 void ${label}_start(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input)
 {
 {% for line in starting %}
@@ -36,4 +36,15 @@ void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, c
     ${line}
 {% endfor %}
 }
+{% if giving %}
+
+void ${label}_give(const ${label}_numbers *numbers, const ${label}_memory *memory, const ${label}_input *input,
+        ${label}_outputs *outputs)
+{
+    (void)numbers;
+    (void)memory;
+    (void)input;
+    ${giving}
+}
+{% endif %}
 {% if law.reference %}{% include "reference.c" %}{% endif %}{% if law.filter %}{% include "filter.c" %}{% endif %}{% if law.allocation %}{% include "allocation.c" %}{% endif +%}

@@ -38,6 +38,13 @@ typedef struct {
 ${declared(memory)}
 } ${label}_memory;
 
+{% if outputs %}
+/* Its other numbers, which change nothing. */
+typedef struct {
+${declared(outputs)}
+} ${label}_outputs;
+
+{% endif %}
 /* The numbers of the experiment. */
 extern const ${label}_numbers ${label}_defaults;
 
@@ -47,6 +54,12 @@ void ${label}_start(const ${label}_numbers *numbers, ${label}_memory *memory, co
 /* The {% if law.loop.controller.commands_rates %}rate in place of a torque{% if law.loop.group.dimension > 3 %}, then the force{% endif %}{% else %}torque{% endif %}, in ${comment(law.program.torque.unit)}; then the memory goes on by one period. */
 void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input,
         ${real} torque[${m}]);
+{% if outputs %}
+
+/* Its other numbers for an input and the memory as it is: before ${label}_torque, or after it. */
+void ${label}_give(const ${label}_numbers *numbers, const ${label}_memory *memory, const ${label}_input *input,
+        ${label}_outputs *outputs);
+{% endif %}
 {% if law.reference %}{% include "reference.h" %}{% endif %}{% if law.filter %}{% include "filter.h" %}{% endif %}{% if law.allocation %}{% include "allocation.h" %}{% endif +%}
 #ifdef __cplusplus
 }
