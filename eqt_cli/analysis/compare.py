@@ -17,6 +17,7 @@ from eqt_cli.analysis.intervals import (
     Level,
     Pair,
     Resampling,
+    Word,
     runs_without_exception,
     statistics,
 )
@@ -352,10 +353,22 @@ class Comparison(InNotebook):
         return [f"{self.title} on {self.group}: {self.runs} runs of each law", *lines(self)]
 
     def records(self) -> list[dict[str, Any]]:
-        """Return a record per metric and pair of laws; per metric of a law that is alone."""
-        from eqt_cli.analysis.comparison_tables import records
+        """Return a record per metric and pair of laws; per metric of a law that is alone.
 
-        tables = records(self)
+        Of the pairs with the first law, ``answer`` is the word that `answer` prints, and
+        ``adjusted_p`` its p-value after Holm; ``word`` follows from the interval of its row alone.
+        """
+        from eqt_cli.analysis.comparison_tables import records
+        from eqt_cli.analysis.verdict import answers
+
+        def key(pair: Pair) -> tuple[int, str, str]:
+            return id(pair.measured), pair.first, pair.second
+
+        tables, said = records(self), {key(each.pair): each for each in answers(self)}
+        for row, pair in zip(tables["pairs"], self.against(), strict=True):
+            if found := said.get(key(pair)):
+                answer = str(found.word) if found.decided else str(Word.UNDECIDED)
+                row |= {"answer": answer, "adjusted_p": found.p_value}
         return tables["pairs"] or tables["controllers"]
 
     def against(self, *bases: str) -> list[Pair]:

@@ -252,7 +252,7 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
                 "the mean time restricted to the horizon."
             )
         least = min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels)
-        notes += here.sampling_note(least, write.unit(here.unit))
+        notes += here.sampling_note(least, _WRITE.unit(here.unit))
         if undefined := counted({level.controller: level.undefined for level in levels}):
             notes.append(f"{name}: good runs without a value: {undefined}.")
     notes += [f"{write.best_is}: the best mean."] * (len(titles) > 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -371,8 +372,8 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
 
 
 @dataclass(frozen=True, repr=False)
-class Searched(InNotebook):
-    """The outcome of a finished search.
+class Searched(InNotebook, os.PathLike[str]):
+    """The outcome of a finished search. It is the path of its result, too.
 
     Attributes
     ----------
@@ -387,6 +388,9 @@ class Searched(InNotebook):
     search: Searches[Any]
     judged: Execution
     record: dict[str, Any]
+
+    def __fspath__(self) -> str:
+        return str(self.judged.folder.path)
 
     def answer(self) -> list[str]:
         """Return what was sought, and a line per law with the values that were found."""

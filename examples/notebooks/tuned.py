@@ -36,9 +36,7 @@ print(tuned)  # the error in the search is that of the runs on which the gains w
 
 # %% The folder is the result of held-out runs, on which no gains were chosen: compare laws on it.
 # It also holds the gains at which the searches began, which are left out here.
-comparison = eqt_cli.compare(
-    "results/fair-tuned", ["mean_attitude_error", "effort"], without_start=True
-)
+comparison = eqt_cli.compare(tuned, ["mean_attitude_error", "effort"], without_start=True)
 print("\n".join(comparison.answer()))
 
 # %% One row per law: its gains, and its means with intervals of 95 %.
@@ -58,7 +56,7 @@ table.loc["gt", column] = (
     f"{100 * effort.relative:.0f} "
     f"[{100 * effort.relative_low:.0f}, {100 * effort.relative_high:.0f}]"
 )
-print(table.loc["gt", column], effort.word)
+print(table.loc["gt", column], effort.answer)
 
 # %% For LaTeX, with `booktabs`.
 named = table.rename(index={"eqt": "EqT", "gt": "GT"}).rename_axis(None)

@@ -1,5 +1,6 @@
 """The answer that `eqt compare` begins with."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -79,6 +80,18 @@ def test_better_in_the_mean_only_is_not_decided(compared):
         if each.pair.measured.quantity.name == "mean_pose_error"
     ]
     assert [(each.word, each.decided) for each in of_error] == [(Word.WORSE, False)]
+
+
+def test_a_table_of_pairs_has_the_answer_and_the_word_of_the_row_alone(compared):
+    """Worse in the mean and its interval, by few runs: 10 of 40, the rest better."""
+    first = spread(1.0, 40, 0.01)
+    second = np.where(np.arange(40) % 4 == 3, 3.0, 0.97 * first)
+    rows = compared([first, first], [first, second]).records()
+    [row] = [each for each in rows if each["metric"] == "mean_pose_error"]
+    assert (row["word"], row["answer"]) == ("worse", "undecided")
+    # Two-sided, of 40 fair coins at least 30 alike; Holm makes it larger, at most by the tests.
+    one = 2 * sum(math.comb(40, k) for k in range(11)) / 2**40
+    assert one <= row["adjusted_p"] <= len(rows) * one
 
 
 def test_few_runs_have_no_statistics(compared):

@@ -17,7 +17,7 @@ from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.cli.result_tables import _shares
 from eqt_cli.results.metrics import QUANTITIES
-from eqt_cli.results.quantity import Plain, Window
+from eqt_cli.results.quantity import Latex, Plain, Window
 from eqt_cli.results.result import Result, open_result
 
 TICK, TICKS = 0.1, 20
@@ -94,7 +94,9 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
         true = result.per_run(effort).values.mean()
     with run(tmp_path / "few", 5, []) as result:
         found = result.per_run(effort)
-        table = text_tables(compare(result, metrics=["effort"]), Plain())["controllers"]
+        comparison = compare(result, metrics=["effort"])
+        table = text_tables(comparison, Plain())["controllers"]
+        in_latex = text_tables(comparison, Latex())["controllers"].notes
         early = result.per_run(QUANTITIES["early_torque"], Window(0.0, 1.0))
         [shown] = [line for line in _shares(result) if line.startswith("mean ‖τ‖")]
     error, missed = found.sampling
@@ -102,6 +104,7 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
     assert error / 8 < abs(found.values.mean() - true) < error
     (note,) = [note for note in table.notes if "samples" in note]
     assert note.startswith("effort ∫‖τ‖² dt: an error of up to ")
+    assert any(each.endswith(note.partition("up to")[2]) for each in in_latex)
     held = "they miss 4 of 5 held values, and alias a sensor's noise"
     assert note.endswith(f" (N m)² s by the distance of samples; {held}.")
     assert early.sampling[1] == 4
