@@ -486,12 +486,10 @@ def _try_metrics(experiment: Experiment, problems: Problems) -> None:
     for index, metric in enumerate(experiment.metrics):
         part = LoopPart(metric, ("metrics", index), f"metric {metric.name}")
         metric.check_signals(loops, problems.at(*part.path))
-        for loop in () if problems else loops:
+        for loop in (each for each in loops if not (problems or metric.lacking(each))):
             states = np.tile(loop.initial_state(*start, *start), (3, len(times), 1))
             with trial([part], problems) as tried:
-                number = metric.of(
-                    SampledRuns(times), *metric.signals_at(loop, states, times, loops)
-                )
+                number = metric.of(SampledRuns(times), *metric.signals_at(loop, states, times))
                 tried.fits(number, type(metric).of, states[:, 0], exact=True)
 
 

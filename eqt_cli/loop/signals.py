@@ -577,35 +577,28 @@ class Metric(Component):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note problems of its options."""
 
+    def lacking(self, loop: ClosedLoop) -> list[str]:
+        """Return the signals that a loop does not have."""
+        return [x for x in self.signals if x not in existing(loop) and x not in outputs_of(loop)]
+
     def check_signals(self, loops: Collection[ClosedLoop], problems: Problems) -> None:
         """Note signals that no loop has."""
-        known = {name for each in loops for name in (*existing(each), *outputs_of(each))}
+        known = sorted({name for each in loops for name in (*existing(each), *outputs_of(each))})
         for name in self.signals:
             if name not in known:
-                hint = suggestion(name, sorted(known)) or (
-                    f"; there are: {', '.join(sorted(known))}; or leave it out of `metrics`, whose "
-                    "default is all metrics of the plugins"
+                hint = suggestion(name, known) or (
+                    f"; there are: {', '.join(known)}; or leave it out of `metrics`, whose default "
+                    "is all metrics of the plugins"
                 )
                 problems.add(f"metric {self.name} reads '{name}', which no loop has{hint}")
         if not self.signals:
             problems.add(f"metric {self.name} reads no signal; name at least one in `signals`")
 
-    def signals_at(
-        self, loop: ClosedLoop, states: Array, times: Array, loops: Collection[ClosedLoop]
-    ) -> list[Array]:
-        """Return the values of its signals in states, as one of several loops makes them."""
+    def signals_at(self, loop: ClosedLoop, states: Array, times: Array) -> list[Array]:
+        """Return the values of its signals in some states."""
         s = loop.tracking(times, states)
-        found = dict(at_state(loop, s, loop.work(states), self.signals))
-        found |= outputs_at(loop, s, outputs_read([self], loops))
+        found = outputs_at(loop, s) | dict(at_state(loop, s, loop.work(states), self.signals))
         return [found[name] for name in self.signals]
-
-
-def outputs_read(own: Collection[Metric], loops: Collection[ClosedLoop]) -> dict[str, int]:
-    """Return the numbers of laws that metrics read, with their lengths."""
-    lengths = {name: length for loop in loops for name, length in outputs_of(loop).items()}
-    names = {name for each in own for name in each.signals}
-    signals = {name for loop in loops for name in existing(loop)}
-    return {name: lengths[name] for name in sorted(names - signals) if name in lengths}
 
 
 metrics = Registry("metric", "metrics", Metric, ("loop.signals",))
@@ -616,19 +609,9 @@ def outputs_of(loop: ClosedLoop) -> Mapping[str, int]:
     return loop.controller.outputs(loop.group)
 
 
-def outputs_at(loop: ClosedLoop, s: Tracking, lengths: Mapping[str, int]) -> dict[str, Array]:
-    """Return numbers of a law by name, of floats or symbols; NaN where it has none of a name.
-
-    Parameters
-    ----------
-    lengths
-        The names, with the lengths that the numbers have in other laws.
-    """
+def outputs_at(loop: ClosedLoop, s: Tracking) -> dict[str, Array]:
+    """Return the numbers of a law by name, of floats or symbols; a single one has no last axis."""
     ends = list(accumulate(outputs_of(loop).values()))[:-1]
-    known = dict(zip(outputs_of(loop), np.split(_output(loop, s), ends, axis=-1), strict=False))
-    nothing = np.nan * s.P[..., :1]
-    found = {
-        name: known[name] if name in known else np.concatenate([nothing] * length, axis=-1)
-        for name, length in lengths.items()
-    }
-    return {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in found.items()}
+    values = np.split(_output(loop, s), ends, axis=-1)
+    found = zip(outputs_of(loop), values, strict=False)
+    return {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in found}

@@ -32,7 +32,6 @@ from eqt_cli.loop.signals import (
     of_pose,
     output_names,
     outputs_at,
-    outputs_read,
 )
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
@@ -362,7 +361,8 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     problem, config = batch.problem, batch.experiment.config
     metrics = [row for row in measured_of(batch.experiment) if row.name in names]
     own = [each for each in batch.experiment.metrics if each.name in names]
-    outputs = outputs_read(own, list(batch.experiment.loops.values()))
+    without = {name for each in own for name in each.lacking(problem.loop)}
+    metrics = [_undefined(row) if without & set(row.signals) else row for row in metrics]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
     values = {key: getattr(config, key) for key in sorted(keys)}
@@ -378,7 +378,12 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
-    return SampledSignals(tuple(sorted(wanted)), thresholds, tuple(outputs.items())), numbers
+    return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
+
+
+def _undefined(row: Quantity) -> Quantity:
+    """Return the row of a metric for a law without a number that it reads: NaN."""
+    return replace(row, signals=("pose_error",), of=lambda over, error: np.nan * over.final(error))
 
 
 @dataclass(frozen=True)
@@ -391,13 +396,10 @@ class SampledSignals:
         Names of the required signals. Other names are ignored.
     thresholds
         Settling thresholds by part; empty if one threshold holds for the pose error.
-    outputs
-        Numbers of laws that metrics read, with their lengths.
     """
 
     names: tuple[str, ...]
     thresholds: tuple[tuple[str, float], ...] = ()
-    outputs: tuple[tuple[str, int], ...] = ()
 
     def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
         """Return the signals and the other inputs of metrics, by name.
@@ -409,8 +411,8 @@ class SampledSignals:
         """
         s, G = loop.tracking(t, states), loop.group
         signals = at_state(loop, s, loop.work(states), self.names)
-        sampled = outputs_at(loop, s, dict(self.outputs))
-        sampled |= {name: values for name, values in signals if name in self.names}
+        known = outputs_at(loop, s) | dict(signals)
+        sampled = {name: values for name, values in known.items() if name in self.names}
         if SETTLING in self.names:
             sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
         if ESTIMATE_SETTLING in self.names:

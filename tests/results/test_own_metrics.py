@@ -17,7 +17,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.extend import EqT, Metric, dot, norm
+from eqt_cli.extend import EqT, Metric, dot, less, norm, where
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,7 @@ EVERY = HEAD + "".join(
         metric("by_hand", "np.abs(a).reshape(len(a), -1).sum(axis=-1)", "torque", better="higher"),
         metric("estimate_area", "over.integral(dot(a, a))", "estimate", units="({})^2 s"),
         metric("final_budget", "over.final(a)", "budget", better="higher"),
+        metric("above", "over.mean(where(less(0.0, a), 1.0, 0.0))", "budget"),
         metric("two", "over.largest(a * b)", "pose_error", "torque_norm", units="{} N m"),
     )
 )
@@ -98,7 +99,9 @@ def test_values_are_those_of_the_stored_signals(result_of, read, engine):
     area = np.trapezoid(2 * 9 * np.exp(-2 * times), times)
     np.testing.assert_allclose(result.metric("estimate_area", 0), [area] * 3, rtol=1e-8)
     np.testing.assert_allclose(result.metric("final_budget", 0), [np.e] * 3, rtol=1e-8)
-    assert np.isnan(result.metric("estimate_area", 1)).all()  # GT has no such number
+    for name in ("estimate_area", "above"):  # GT has neither number
+        assert np.isnan(result.metric(name, 1)).all()
+    assert (result.metric("above", 0) == 1).all()
     both = result.read("pose_error") * result.read("torque_norm")
     np.testing.assert_allclose(result.metric("two"), both.max(axis=-1), rtol=1e-14)
 
