@@ -16,7 +16,7 @@ from enum import Enum
 from fractions import Fraction
 from functools import cache, lru_cache, partial
 from pathlib import PurePath
-from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -376,6 +376,13 @@ def check_period(
     except ValueError as error:
         problems.add(str(error))
         return None
+
+
+class Keys:
+    """Base of options that are mappings of keys: frozen dataclasses."""
+
+    # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
 
 def _is_no_device(name: str) -> str:

@@ -22,7 +22,7 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems, Remedy
-from eqt_cli.base.option_types import Kind, Positive, Real, Scale, check_period
+from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale, check_period
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, told, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
@@ -70,7 +70,7 @@ OF_FORCE = {"kx": "k_x", "kv": "k_v"}
 
 
 @dataclass(frozen=True)
-class PositionGains:
+class PositionGains(Keys):
     """The feedback of the position, p̈_d − sat(k_x e + k_v ė + k_i ∫e) with e = p − p_d in space.
 
     Attributes
@@ -97,9 +97,6 @@ class PositionGains:
         Instead of `kx` and `kv`, the gains of the force of Lee, Leok and McClamroch (2010), which
         are m times as large, N/m and N s/m.
     """
-
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     kx: Annotated[EachAxis | None, Scale("k_x", "1/s^2", is_symbol=True)] = None
     kv: Annotated[EachAxis | None, Scale("k_v", "1/s", is_symbol=True)] = None

@@ -21,7 +21,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import Kind, Real, Unit
+from eqt_cli.base.option_types import Keys, Kind, Real, Unit
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid, rigid_motions
@@ -51,7 +51,7 @@ FREE, ALONG_VELOCITY = "free", "velocity"
 
 
 @dataclass(frozen=True)
-class Knot:
+class Knot(Keys):
     """A position at a time.
 
     Attributes
@@ -61,9 +61,6 @@ class Knot:
     position
         Position in space, m.
     """
-
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     t: Annotated[Real, Unit("s")]
     position: Annotated[list[Real], Unit("m")]

@@ -14,6 +14,7 @@ from eqt_cli.base.arrays import (
     absolute,
     apply_matrix,
     clip,
+    exp,
     less,
     maximum,
     outside,
@@ -23,7 +24,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
-from eqt_cli.base.option_types import Real, Scale, Unit
+from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit, check_period
 from eqt_cli.components.actuators import Actuator, Needed, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
@@ -37,6 +38,9 @@ SPEEDS = ("low_speed", "high_speed")
 CHANGING = ("fails", "sag")
 """Options that change thrusters over time."""
 
+POSITIVE = "time_constant", "weights", "thrust_constant", "moment_constant", "rotor_inertia", "isp"
+"""Options that are numbers above 0."""
+
 SMALLEST = 1e-10
 """Largest singular value of B, relative to the largest of all, that counts as 0."""
 
@@ -48,7 +52,7 @@ MOST = 12
 
 
 @dataclass(frozen=True)
-class Thruster:
+class Thruster(Keys):
     """One thruster of SE2 or SE3, in the body frame.
 
     Attributes
@@ -64,9 +68,6 @@ class Thruster:
     name
         What figures call it; `thruster 1`, … if left out.
     """
-
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     at: Annotated[list[Real], Unit("m")]
     along: list[Real]
@@ -88,7 +89,7 @@ class Thruster:
 
 
 @dataclass(frozen=True)
-class Failure:
+class Failure(Keys):
     """The failure of one thruster.
 
     Attributes
@@ -101,16 +102,13 @@ class Failure:
         The share of its commanded thrust that is left.
     """
 
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
-
     rotor: int | str
     at: Annotated[Real, Scale("time of the failure", "s")]
     to: Annotated[Real, Scale("thrust left to the rotor", "1")] = 0.0
 
 
 @dataclass(frozen=True)
-class Priority:
+class Priority(Keys):
     """Directions of a command by their priority, for `allocation: {kind: priority, order: …}`.
 
     Attributes
@@ -120,11 +118,59 @@ class Priority:
         word force is all forces along which the thrusters push, torque all torques.
     """
 
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
-
     kind: Literal["priority"]
     order: list[str | Annotated[list[str], Field(min_length=1)]]
+
+
+@dataclass(frozen=True)
+class Jets(Keys):
+    """Thrusters that are on, at `high`, or off; each by its share r of `high` that is asked.
+
+    Their valves switch at the instants of the thrusters' `period`, where engines end a step, so
+    that a pulse has the impulse of its width. With `every`, a jet is on for r · every from the
+    beginning of each such time, or off where that is below the minimum (pulse width, rounded to
+    whole instants). Else pulse-width pulse-frequency modulation (Wie, Space Vehicle Dynamics and
+    Control; Sidi, Spacecraft Dynamics and Control, chapter 9): a filter T ẋ = K (r − s) − x with
+    the state s of the jet, 1 or 0, and a Schmitt trigger, s = 1 once x > `on`, and 0 once x <
+    `off`.
+
+    Attributes
+    ----------
+    minimum
+        The shortest time for which a jet is on, s, rounded to whole instants: its impulse bit over
+        its thrust.
+    every
+        Time from the beginning of one pulse to that of the next, s; without the keys below.
+    gain
+        K.
+    time_constant
+        T, s.
+    on, off
+        Levels of the trigger.
+    """
+
+    minimum: Annotated[Positive, Scale("shortest pulse of the jets", "s")]
+    every: Annotated[Positive | None, Scale("period of the pulses", "s")] = None
+    gain: Annotated[Positive, Scale("gain of the pulse modulator")] = 4.5
+    time_constant: Annotated[Positive, Scale("time constant of the pulse modulator", "s")] = 0.15
+    on: Annotated[Positive, Scale("level that opens the jets")] = 0.45
+    off: Annotated[Positive, Scale("level that closes the jets")] = 0.15
+
+    def after(self, share: Array, x: Array, period: float) -> Array:
+        """Return s, the time that is left of a pulse or its period, and the level, for a period."""
+        was, left, level = np.split(x, 3, axis=-1)
+        if self.every is not None:
+            begins = less(left, 0.5 * period)
+            width = where(less(share * self.every, self.minimum), 0.0, share * self.every)
+            level, left = where(begins, width, level), where(begins, self.every, left)
+            on = where(less(0.5 * period, level), 1.0, 0.0)
+            return np.concatenate([on, left - period, level - period], axis=-1)
+        free = where(less(self.on, level), 1.0, where(less(level, self.off), 0.0, was))
+        on = where(less(0.5 * period, left), 1.0, free)
+        left = where(less(was, on - 0.5), self.minimum, left)
+        fall = exp(-period / self.time_constant)
+        level = fall * level + (1.0 - fall) * self.gain * (share - on)
+        return np.concatenate([on, left - period, level], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -164,6 +210,11 @@ class Thrusters(Actuator):
         What is left to all thrusters as the battery empties, by an expression in t, likewise.
     told
         Whether the allocation knows `fails` and `sag`: it is then B⁺ of the columns that are left.
+    jets
+        `{minimum: 20 ms, every: 0.1 s}`: thrusters that are on or off, by pulses.
+    isp
+        Specific impulse, s, of each, or a list of k: results then have the propellant that is
+        burnt, ∫Σ|f|/(g₀ isp) dt with g₀ = 9.80665 m/s².
     weights
         The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
     allocation
@@ -181,13 +232,7 @@ class Thrusters(Actuator):
 
     name: ClassVar[str] = "thrusters"
     departs: ClassVar[str] = "thrusters"
-    positive: ClassVar[tuple[str, ...]] = (
-        "time_constant",
-        "weights",
-        "thrust_constant",
-        "moment_constant",
-        "rotor_inertia",
-    )
+    positive: ClassVar[tuple[str, ...]] = POSITIVE
 
     matrix: list[list[Real]] | None = None
     thrusters: list[Thruster] | None = None
@@ -206,6 +251,8 @@ class Thrusters(Actuator):
     fails: Failure | None = field(default=None, metadata=STRUCTURE)
     sag: str | float | None = field(default=None, metadata=STRUCTURE)
     told: bool = False
+    jets: Jets | None = None
+    isp: Annotated[Numbers | None, Scale("specific impulse of the thrusters", "s")] = None
     weights: Numbers | None = None
     allocation: Literal["pseudo_inverse", "bounded"] | Priority = "pseudo_inverse"
     least: Annotated[float, Field(ge=0, lt=1)] = 0.05
@@ -255,7 +302,7 @@ class Thrusters(Actuator):
         """The thrusters without limits: B of full rank then gives the command, up to the lag."""
         if not self.limits:
             return self
-        limits = dict.fromkeys(("low", "high", "low_speed", "high_speed", "scale"))
+        limits = dict.fromkeys(("low", "high", *SPEEDS, "scale", "jets"))
         return with_fields(self, **limits, allocation="pseudo_inverse", groups=(), faces=())
 
     @cached_property
@@ -292,7 +339,7 @@ class Thrusters(Actuator):
         """Return thrusters with B, its weighted pseudo-inverse, and an entry for each thruster."""
         part = self.drawn(random)
         B = part.columns(G)
-        names = "low", "high", "time_constant", "thrust_constant", *SPEEDS
+        names = "low", "high", "time_constant", "thrust_constant", "isp", *SPEEDS
         each = of_each(part, names, self.count)
         for name, speed in zip(("low", "high"), SPEEDS, strict=True):
             if speed in each:
@@ -368,8 +415,8 @@ class Thrusters(Actuator):
     # The thrusts.
 
     def states(self, G: MatrixLieGroup) -> int:
-        """Return the number of states: thrusts that are solved for, then thrusts that lag."""
-        return (self.sampled + self.moves) * self.count
+        """Return the number of states: thrusts that are solved for, `Jets`, thrusts that lag."""
+        return (self.sampled + 3 * (self.jets is not None) + self.moves) * self.count
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return B f, without the torque by which rotors are made faster."""
@@ -401,7 +448,7 @@ class Thrusters(Actuator):
     def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
-            return self._left(self._commanded(command, x))
+            return self._left(self._opened(command, x))
         state: Any = x[..., -self.count :]
         return state if self.thrust_constant is None else self.thrust_constant * state * state
 
@@ -426,20 +473,27 @@ class Thrusters(Actuator):
         thrusts = apply_matrix(self.inverse, command)
         return clip(thrusts, self.low, self.high) if self.limits else thrusts
 
+    def _opened(self, command: Array, x: Array) -> Array:
+        """Return the commanded thrusts; of jets `high` or 0."""
+        opened = x[..., self.count : 2 * self.count]
+        return self._commanded(command, x) if self.jets is None else self.high * opened
+
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return (commanded − x) / T, and 0 for thrusts that are solved for at the next instant."""
-        thrusts = self._commanded(command, x)
-        rate: Array = (
-            self._followed(self._left(thrusts)) - x[..., -self.count :]
-        ) / self.time_constant
-        return np.concatenate([0.0 * thrusts, rate], axis=-1) if self.sampled else rate
+        """Return (commanded − x) / T, and 0 for what changes at the next instant."""
+        thrusts, lagging = self._left(self._opened(command, x)), x[..., -self.count :]
+        rate: Array = (self._followed(thrusts) - lagging) / self.time_constant
+        return np.concatenate([0.0 * x[..., : -self.count], rate], axis=-1)
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states with the thrusts that were solved for; thrusts that lag stay."""
         if not self.sampled:
             return x
         thrusts = command if self.solves else self.solution(G, command)
-        return np.concatenate([thrusts, x[..., self.count :]], axis=-1) if self.moves else thrusts
+        k, lagging = self.count, x[..., self.states(G) - self.count * self.moves :]
+        jets = x[..., :0]
+        if self.jets is not None:
+            jets = self.jets.after(thrusts / self.high, x[..., k : 4 * k], period)
+        return np.concatenate([thrusts, jets, lagging], axis=-1)
 
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return thrusts within limits: by priority, or with the torque nearest to the command."""
@@ -447,27 +501,19 @@ class Thrusters(Actuator):
             inverse, *faces = self.faces
             met = _by_priority(command, self.groups, faces)
             return clip(apply_matrix(inverse, met), self.low, self.high)
-        runs = command.shape[:-1]
         command = command if self.passed is None else apply_matrix(self.passed, command)
-        axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
-        numbers = [
-            np.broadcast_to(values, (*runs, *values.shape[-count:]))
-            for name, count in axes.items()
-            for values in [getattr(self, name)]
-        ]
-        thrusts = np.empty((*runs, self.count))
-        for run in np.ndindex(runs):
-            thrusts[run] = _nearest(command[run], *(each[run] for each in numbers))
-        return thrusts
+        solve = np.vectorize(_nearest, [float], signature="(m),(m,k),(k,m),(k),(k),(k)->(k)")
+        found: Array = solve(command, self.matrix, self.inverse, self.scale, self.low, self.high)
+        return found
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a commanded thrust is beyond its limit, or at it if it is solved for."""
         if not self.limits:
             return None
         if self.sampled:
-            low, high = self.low, self.high
-            low, high = low + NEAR * (1 + absolute(low)), high - NEAR * (1 + absolute(high))
-            return outside(x[..., : self.count], low, high)
+            room, high = (NEAR * (1 + absolute(end)) for end in (self.low, self.high))
+            low = self.low + (room if self.jets is None else -room)
+            return outside(x[..., : self.count], low, self.high - high)
         return outside(apply_matrix(self.inverse, command), self.low, self.high)
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
@@ -490,6 +536,7 @@ class Thrusters(Actuator):
         if problems:
             return
         self._check_rotors(problems)
+        self._check_jets(self.jets, problems.at("jets"))
         self._check_changes(problems)
         for name in ("low", "high", *SPEEDS, *self.positive):
             here, value = problems.at(name), getattr(self, name)
@@ -555,6 +602,24 @@ class Thrusters(Actuator):
                     raise InputError(got, Remedy("for example 1 - 0.02*t"))
         if self.told and self.sampled:
             problems.at("told").add("needs allocation: pseudo_inverse; no other is told of changes")
+
+    def _check_jets(self, jets: Jets | None, here: Problems) -> None:
+        """Note jets that lack what they need, and times at which no valve switches."""
+        if jets is None:
+            return
+        lacking = not (self.period and self.sampled) or np.any(self.low)
+        if lacking or self.thrust_constant is not None:
+            here.add("need period: 10 ms or so, low: 0, and allocation: bounded or by priority")
+            return
+        if jets.minimum < (step := self.period or 0.0):
+            here.at("minimum").add(f"expected at least period, {step:g} s, got {jets.minimum:g} s")
+        if jets.every is not None:
+            check_period(jets.every, step, here.at("every"), "periods of the thrusters")
+        if jets.every is not None and jets != Jets(jets.minimum, jets.every):
+            here.add("expected every, or levels and the filter of a trigger, got both; remove one")
+        elif not jets.off < jets.on < jets.gain:
+            between = f"expected a number between off, {jets.off:g}, and gain, {jets.gain:g}"
+            here.at("on").add(f"{between}, got {jets.on:g}")
 
     def _check_rotors(self, problems: Problems) -> None:
         """Note keys of rotors without a thrust constant, and rotors that could push backwards."""

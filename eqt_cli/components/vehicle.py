@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, absolute, apply_matrix, less, stack, where
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
-from eqt_cli.components.forces import Force, in_currents
+from eqt_cli.components.forces import GRAVITY, Force, in_currents
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Tracking
@@ -37,6 +37,9 @@ ESTIMATOR = "estimator"
 
 LOST = f"{ESTIMATOR}_lost"
 """The state that says whether the covariance of an estimate is no longer definite."""
+
+PROPELLANT = "propellant"
+"""The state with the propellant that thrusters have burnt, kg."""
 
 COMMANDS, HELD, CLOCKS, TAKEN = "commands", "held", "clocks", "taken"
 """States of a sampled loop: the commands on their way, the first to arrive first; the command
@@ -353,6 +356,11 @@ class Vehicle:
         return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
 
     @property
+    def burns(self) -> Any:
+        """The thrusters with a specific impulse; None without any."""
+        return next((a for a in self.actuators if getattr(a, "isp", None) is not None), None)
+
+    @property
     def wheels(self) -> tuple[str, Any] | None:
         """The actuator with wheels, and the name of its states."""
         return next(((place, part) for place, part in self._chain() if part.wheel_names), None)
@@ -399,9 +407,9 @@ class Vehicle:
 
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:
-        """Least and largest thrust of each thruster; None without limits."""
+        """Least and largest thrust of each thruster; None without limits, or of jets."""
         parts: tuple[Any, ...] = self.actuators  # an actuator with thrusters has limits for each
-        limited = (part for part in parts if part.thruster_names and part.limits)
+        limited = (p for p in parts if p.thruster_names and p.limits and p.jets is None)
         return next(((part.low, part.high) for part in limited), None)
 
     def torque_limits(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
@@ -437,6 +445,7 @@ class Vehicle:
     def states(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of each part besides the plant, by name."""
         lengths = {place: count for place, part in self._chain() if (count := part.states(G))}
+        lengths |= {PROPELLANT: 1} if self.burns else {}
         if self.control is None:
             return lengths
         held = {HELD: G.dimension} if self._at_instants else {}
@@ -534,7 +543,7 @@ class Vehicle:
         rates
             Time derivatives of all states; 0 for those that are held.
         """
-        rates = {place: 0.0 * values for place, values in states.items()}
+        rates, given = {place: 0.0 * values for place, values in states.items()}, command
         if self.control is not None:
             command = self._held(G, states)
         elif self.limits:
@@ -545,6 +554,9 @@ class Vehicle:
             if place in states:
                 rates[place] = actuator.state_rate(G, command, x)
             command = actuator.output(G, command, x)
+        if (burns := self.burns) is not None:
+            flow = absolute(self.thrust(G, given, states)) / (GRAVITY * burns.isp)
+            rates[PROPELLANT] = stack([flow.sum(axis=-1)])
         return command, rates
 
     def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:

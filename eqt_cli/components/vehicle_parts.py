@@ -10,7 +10,7 @@ from pydantic import Tag
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Real, has_unit, one_of, seconds
+from eqt_cli.base.option_types import Keys, Real, has_unit, one_of, seconds
 from eqt_cli.base.registry import Component
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
@@ -21,11 +21,8 @@ from eqt_cli.numbers.leaves import with_fields
 
 
 @dataclass(frozen=True)
-class Distribution:
+class Distribution(Keys):
     """A distribution from which each run draws a number."""
-
-    # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     @property
     @abstractmethod

@@ -21,7 +21,7 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Angle, Positive, Real, Scale, Unit
+from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.thrusters import allocation, lost_directions
@@ -42,7 +42,7 @@ OF_EACH = ("limit", "momentum", "inertia", "speed", "start", "gain", "ki")
 
 
 @dataclass(frozen=True)
-class Friction:
+class Friction(Keys):
     """Friction of each wheel, against its speed Ω relative to the body.
 
     It is c Ω + T_c tanh(Ω/Ω_s), Ω_s = 1 rad/s. With `static`, it is Stribeck's curve as Basilisk's
@@ -62,9 +62,6 @@ class Friction:
         Ω_b, the speed at which static friction breaks away, rad/s.
     """
 
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
-
     viscous: Annotated[Real, Unit("N m s")] = 0.0
     coulomb: Annotated[Real, Unit("N m")] = 0.0
     static: Annotated[Real | None, Unit("N m")] = None
@@ -83,7 +80,7 @@ class Friction:
 
 
 @dataclass(frozen=True)
-class Bias:
+class Bias(Keys):
     """Momenta to which torques without effect on the body bring the wheels.
 
     Attributes
@@ -93,8 +90,6 @@ class Bias:
     time_constant
         Time after which 1/e of the difference is left, s.
     """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     momentum: Annotated[list[Real], Unit("N m s")]
     time_constant: Annotated[Positive, Unit("s")]
@@ -235,8 +230,7 @@ class Wheels(Actuator):
         if "speed" in each:
             each["momentum"] = each["inertia"] * each.pop("speed")
         inverse = allocation(A, part.least, np.ones(self.count))[0]
-        none = ["start", *["ki"] * self.changes]
-        each = {name: np.zeros(self.count) for name in none} | each
+        each = dict.fromkeys(["start", *["ki"] * self.changes], np.zeros(self.count)) | each
         if (rub := self.friction) is not None:
             curve = [] if rub.static is None else [rub.static - rub.coulomb, rub.breakaway]
             each["rubbing"] = np.array([rub.viscous, rub.coulomb, *curve])
@@ -246,8 +240,8 @@ class Wheels(Actuator):
                 [null / self.bias.time_constant, np.array([self.bias.momentum])]
             )
         faces = tuple(_faces(A, turns)) if self.allocation == "min_max" else ()
-        gone = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
-        fields = {**gone, "matrix": A, "inverse": inverse, "faces": faces, **each}
+        none = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
+        fields = {**none, "matrix": A, "inverse": inverse, "faces": faces, **each}
         return with_fields(part, **fields)
 
     def states(self, G: MatrixLieGroup) -> int:
@@ -259,9 +253,8 @@ class Wheels(Actuator):
 
     def started(self, G: MatrixLieGroup, V: Array) -> Array:
         """Return the states at t = 0."""
-        part: Any = self
-        start = part.start + 0.0 * V[..., :1]
-        drives = [-part.inertia * self._along(V), 0.0 * start] if self.changes else []
+        start = self.start + 0.0 * V[..., :1]  # type: ignore[operator]
+        drives = [-self.inertia * self._along(V), 0.0 * start] if self.changes else []  # type: ignore[operator]
         states = [0.0 * start] * self.sampled + [*drives, start]
         return np.concatenate(states, axis=-1)[..., : self.states(G)]
 
@@ -281,12 +274,11 @@ class Wheels(Actuator):
         return apply_matrix(A.swapaxes(-1, -2), V)
 
     def _drives(self, x: Array) -> tuple[Array, Array]:
-        """Return e and −(g e + z) of the drives."""
-        gain: Any = self.gain
+        """Return ż and −(g e + z) of the drives."""
         k, first = self.count, self.count * self.sampled
         ahead, z = x[..., first : first + k], x[..., first + k : first + 2 * k]
         e = ahead / self.inertia + (0.0 if self.turning is None else self._along(self.turning))
-        return e, -(gain * e + z)
+        return self.ki * e, -(self.gain * e + z)  # type: ignore[operator]
 
     @property
     def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
@@ -318,21 +310,17 @@ class Wheels(Actuator):
             u = u + apply_matrix(null, self.momenta(x) - target)
         return u
 
-    def _limited(self, command: Array, x: Array) -> Array:
-        """Return the torques for a command, within the limit of torques."""
-        u = self._commanded(command, x)
+    def _within(self, u: Array) -> Array:
+        """Return torques within their limit."""
         return u if self.limit is None else clip(u, -self.limit, self.limit)
 
     def torques(self, command: Array, x: Array) -> Array:
         """Return the torque of each wheel on the body."""
-        if not self.changes:
-            return self._wanted(command, x)
-        u = self._drives(x)[1]
-        return u if self.limit is None else clip(u, -self.limit, self.limit)
+        return self._within(self._drives(x)[1]) if self.changes else self._wanted(command, x)
 
     def _wanted(self, command: Array, x: Array) -> Array:
         """Return u."""
-        return x[..., : self.count] if self.sampled else self._limited(command, x)
+        return x[..., : self.count] if self.sampled else self._within(self._commanded(command, x))
 
     def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return A u, before any drive."""
@@ -356,8 +344,7 @@ class Wheels(Actuator):
         u = self.torques(command, x)
         rates = [0.0 * u] * self.sampled
         if self.changes:
-            ki: Any = self.ki
-            rates += [u - self._wanted(command, x), ki * self._drives(x)[0]]
+            rates += [u - self._wanted(command, x), self._drives(x)[0]]
         return np.concatenate([*rates, *[-u] * self.moves], axis=-1)
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array]:
@@ -382,7 +369,8 @@ class Wheels(Actuator):
         if not self.sampled:
             return x
         h, most = self._told(x), self.momentum
-        u = clip(self._limited(command, x), (h - most) / period, (h + most) / period)
+        u = self._within(self._commanded(command, x))
+        u = clip(u, (h - most) / period, (h + most) / period)
         return np.concatenate([u, x[..., self.count :]], axis=-1)
 
     def _told(self, x: Array) -> Array:

@@ -614,6 +614,7 @@ def vehicle_from(
     if vehicle.measures and without_clock:
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, without_clock, at_actuators)
+    _check_samples(sections["time"], vehicle, problems.at("time", "samples"))
     for index, sensor in sensing["pose"].items():
         if sensor.states(G):
             at_sensors.at("pose", index).add(
@@ -726,6 +727,15 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
             )
         driven = driven or bool(actuator.thruster_names)
         moving = actuator.name if actuator.moves or actuator.changes else moving
+
+
+def _check_samples(time: Any, vehicle: Vehicle, problems: Problems) -> None:
+    """Note samples that miss pulses of jets, of which means of the torque would be wrong."""
+    pulsed = any(getattr(each, "jets", None) for each in vehicle.actuators)
+    if pulsed and time and vehicle.control:
+        ticks = round(time.duration / vehicle.tick)
+        if time.samples <= ticks:
+            problems.add(f"means over pulses need a sample at each tick; give {ticks + 1} or more")
 
 
 def _right(entries: Iterable[T] | None) -> dict[int, T]:

@@ -20,7 +20,7 @@ from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, Errors
-from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, Vehicle
+from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, PROPELLANT, Vehicle
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
@@ -122,7 +122,7 @@ GAINS = {
 }
 """Paths of the numbers of a loop that each gain multiplies."""
 
-_ELSEWHERE = {"pose", "momentum", *DESIRED, "work"}
+_ELSEWHERE = {"pose", "momentum", *DESIRED, "work", f"{VEHICLE}{PROPELLANT}"}
 """Stretches of a flat state that are not copied into x as they are."""
 
 _ESTIMATED = f"{VEHICLE}{ESTIMATOR}_"

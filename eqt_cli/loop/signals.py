@@ -19,7 +19,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.vehicle import Vehicle, estimator_states
+from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.running import SampledRuns
 
@@ -283,6 +283,12 @@ def cut(x: LoopState) -> Array:
 def thrust(x: LoopState) -> Array:
     """thrust of each thruster."""
     return x.thrust
+
+
+@_signal("m", "kg", stored_of=attrgetter("burns"), only_there=True)
+def burnt(x: LoopState) -> Array:
+    """propellant that thrusters have burnt."""
+    return x.s.vehicle.get(PROPELLANT, np.nan * x.s.P)[..., 0]
 
 
 @_signal("h", "N m s", (WHEEL,), stored_of=attrgetter("wheels"))

@@ -51,7 +51,7 @@ def _as_it_flies(vehicle: Vehicle) -> bool:
     return not vehicle.is_ideal
 
 
-_estimates, _knows_covariance = attrgetter("estimates"), attrgetter("knows_covariance")
+_estimates, _knows_covariance, _burns = map(attrgetter, ("estimates", "knows_covariance", "burns"))
 
 # Formulas, (samples of runs, signals (runs, samples, …)) -> (runs,) ------------------------------
 
@@ -349,6 +349,7 @@ METRICS = (
         label="share of time that limits change the command",
         stored_of=attrgetter("limits"),
     ),
+    _final("propellant", "burnt", "mass", label="propellant", compared=(WHOLE,), stored_of=_burns),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
     _closing("closing_torque", "torque_norm", "||tau||"),
     _rms(

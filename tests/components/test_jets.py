@@ -1,0 +1,286 @@
+"""Jets, on or off: against plain programs, the formulas of the modulator, and bad input."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import eqt_cli
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.thrusters import Jets, Priority, Thrusters
+from eqt_cli.numbers.leaves import leaves, with_leaves
+
+SO3, INERTIA, ARM = group_named("SO3"), np.array([1.2, 1.4, 1.0]), np.array([0.4, 0.3, 0.2])
+STEP, PERIOD, THRUST, ISP = 0.01, 0.2, np.array([1.0, 1.0, 0.8, 0.8, 1.0, 1.2]), 220.0
+MATRIX = np.kron(np.diag(ARM), [[1.0, -1.0]])
+WIDTH, TRIGGER = "{minimum: 30 ms, every: 0.2}", "{minimum: 30 ms, gain: 4, off: 0.2}"
+TEXT = f"""
+group: SO3
+inertia: {INERTIA.tolist()}
+gains: {{kp: 0.1, kd: 0.4}}
+reference: {{kind: torque, torque: [0, 0, 0]}}
+controllers: [lee2010]
+actuators:
+  - kind: thrusters
+    matrix: {MATRIX.tolist()}
+    period: {STEP}
+    low: 0
+    high: {THRUST.tolist()}
+    allocation: {{kind: priority, order: [torque x, torque y, torque z]}}
+    jets: JETS
+    isp: {ISP}
+control: {{period: {PERIOD}}}
+initial:
+  pose: {{kind: exp_normal, std: 0.0, centre: [0.9, -0.5, 0.7]}}
+  velocity: {{kind: fixed, coordinates: [0.2, -0.1, 0.3]}}
+time: {{duration: 2.0, samples: 201}}
+solver: {{engine: ENGINE, rtol: 1.0e-12, atol: 1.0e-15}}
+"""
+
+
+def hat(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+def exp(v):
+    axis = hat(np.array(v) / np.linalg.norm(v))
+    return (
+        np.eye(3) + np.sin(np.linalg.norm(v)) * axis + (1 - np.cos(np.linalg.norm(v))) * axis @ axis
+    )
+
+
+class Valves:
+    """One jet after the other, at its instants, by numbers of instants."""
+
+    def __init__(self, name):
+        self.name, self.level = name, np.zeros(6)
+        self.on, self.held, self.left = np.zeros(6, bool), np.zeros(6, int), np.zeros(6, int)
+
+    def next(self, tick, share):
+        for k in range(6):
+            if self.name == "width":
+                if tick % 20 == 0:
+                    seconds = share[k] * 0.2
+                    self.left[k] = 0 if seconds < 0.03 else round(seconds / STEP)
+                self.on[k] = self.left[k] > 0
+                self.left[k] -= 1
+            else:
+                must = self.on[k] and self.held[k] < 3
+                before, self.on[k] = (
+                    self.on[k],
+                    must or (self.level[k] > 0.45 or (self.on[k] and not self.level[k] < 0.2)),
+                )
+                self.held[k] = self.held[k] + 1 if before and self.on[k] else int(self.on[k])
+                end = 4 * (share[k] - self.on[k])
+                self.level[k] = end + (self.level[k] - end) * np.exp(-STEP / 0.15)
+        return self.on.copy()
+
+
+def plain(name):
+    """Q, V, thrusts from each instant on, and propellant, at the instants."""
+    valves, mass = Valves(name), 0.0
+    y = np.concatenate([exp([0.9, -0.5, 0.7]).ravel(), [0.2, -0.1, 0.3]])
+    states, thrusts, burnt = [y], [], [mass]
+    for tick in range(200):
+        Q, w = y[:9].reshape(3, 3), y[9:]
+        if tick % 20 == 0:
+            error = 0.1 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
+            torque = -error - 0.4 * w + np.cross(w, INERTIA * w)
+            pairs = [(max(u, 0), max(-u, 0)) for u in torque / ARM]
+            share = np.clip(np.ravel(pairs), 0, THRUST) / THRUST
+        f = THRUST * valves.next(tick, share)
+
+        def rate(t, y, f=f):
+            Q, w = y[:9].reshape(3, 3), y[9:]
+            turn = (np.cross(INERTIA * w, w) + MATRIX @ f) / INERTIA
+            return np.concatenate([(Q @ hat(w)).ravel(), turn])
+
+        y = solve_ivp(rate, (0, STEP), y, method="DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
+        mass += STEP * f.sum() / (9.80665 * ISP)
+        states.append(y)
+        thrusts.append(f)
+        burnt.append(mass)
+    return np.array(states), np.array(thrusts), np.array(burnt)
+
+
+SLOW = pytest.mark.slow("the same by the other engine")
+
+
+@pytest.mark.parametrize(
+    ("engine", "name"),
+    [
+        ("native", "width"),
+        ("native", "trigger"),
+        pytest.param("solve_ivp", "width", marks=SLOW),
+        ("solve_ivp", "trigger"),
+    ],
+)
+def test_pulses_are_those_of_a_plain_program(solved, engine, name):
+    """Each valve by itself; thrusts are 0 or full, and equal at every instant."""
+    jets = {"width": WIDTH, "trigger": TRIGGER}[name]
+    problem, solution = solved(TEXT.replace("JETS", jets).replace("ENGINE", engine), "lee2010")
+    assert not any(solution.messages)
+    s, (states, thrusts, burnt) = problem.loop.tracking(problem.times, solution.states), plain(name)
+    found = problem.loop.vehicle.thrust(SO3, problem.loop.command(s), s.vehicle)[0]
+    assert found[:-1].tolist() == thrusts.tolist()
+    starts = (np.diff(np.vstack([0 * thrusts[:1], thrusts]), axis=0) > 0).sum(axis=0)
+    assert (starts > 1).sum() > 2 and 0 < (thrusts > 0).mean() < 0.9
+    np.testing.assert_allclose(s.Q[0].reshape(-1, 9), states[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], states[:, 9:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.vehicle["propellant"][0, :, 0], burnt, rtol=1e-12, atol=1e-18)
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_a_pulse_has_the_impulse_of_its_width(solved, engine):
+    """A body that turns about z alone gains arm · thrust · width/J in each period, to rounding."""
+    text = TEXT.replace("JETS", WIDTH).replace("ENGINE", engine)
+    text = text.replace("centre: [0.9, -0.5, 0.7]", "centre: [0, 0, 0.7]")
+    text = text.replace("coordinates: [0.2, -0.1, 0.3]", "coordinates: [0, 0, 0.3]")
+    problem, solution = solved(text, "lee2010")
+    s = problem.loop.tracking(problem.times, solution.states)
+    thrusts = problem.loop.vehicle.thrust(SO3, problem.loop.command(s), s.vehicle)[0]
+    on = (thrusts[:-1] > 0).reshape(10, 20, 6).sum(axis=1)  # instants of each period
+    momentum = s.V[0, ::20, 2] * INERTIA[2]
+    gained = STEP * on @ (THRUST * MATRIX[2])
+    assert len(np.unique(on[:, 5])) > 3
+    np.testing.assert_allclose(np.diff(momentum), gained, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_the_modulator_has_its_published_times(share):
+    """T_on = −T ln((U_off − K(r−1))/(U_on − K(r−1))), T_off = −T ln((U_on − Kr)/(U_off − Kr))."""
+    jets, step = Jets(1e-4, None, 4.5, 0.15, 0.45, 0.15), 2e-5
+    x, states = np.zeros(3), []
+    for _ in range(10_000):
+        x = jets.after(np.array([share]), x, step)
+        states.append(x[0])
+    changes = np.flatnonzero(np.diff(states)) * step
+    ends = 4.5 * (share - 1), 4.5 * share
+    on = -0.15 * np.log((0.15 - ends[0]) / (0.45 - ends[0]))
+    off = -0.15 * np.log((0.45 - ends[1]) / (0.15 - ends[1]))
+    expected = np.resize([on, off], len(changes) - 1)  # it opens first
+    assert len(changes) > 4
+    # Each end is late by up to a step, in which the level passes the next one's start.
+    np.testing.assert_allclose(np.diff(changes), expected, rtol=0, atol=5 * step)
+
+
+def test_times_and_levels_are_numbers_that_runs_may_differ_in():
+    options = {"matrix": MATRIX.tolist(), "low": 0.0, "high": 1.0, "period": STEP, "isp": 200.0}
+    order = Priority("priority", ["torque"])
+    command = np.array([[0.1, -0.05, 0.04]])
+    for jets, name in ((Jets(0.02, 0.2), "minimum"), (Jets(0.02), "on")):
+        part = Thrusters(**options, allocation=order, jets=jets).of_run(SO3, None)
+        assert {"isp", f"jets.{name}"} <= leaves(part).keys()
+        x = np.zeros((1, part.states(SO3)))
+        x[:, 18:] = np.random.default_rng(0).random(6)  # levels, after no pulse
+        both = with_leaves(part, {f"jets.{name}": np.array([[0.03], [0.7]])})
+        found = both.step(SO3, command.repeat(2, axis=0), x.repeat(2, axis=0), STEP)
+        for row, value in zip(found, (0.03, 0.7), strict=True):
+            alone = with_leaves(part, {f"jets.{name}": np.array([value])})
+            np.testing.assert_allclose(row, alone.step(SO3, command, x, STEP)[0], atol=1e-14)
+        assert (found[0, 6:] != found[1, 6:]).any()
+
+
+def test_a_jet_that_rests_is_at_no_limit():
+    part = Thrusters(
+        matrix=MATRIX.tolist(),
+        low=0.0,
+        high=1.0,
+        period=STEP,
+        allocation=Priority("priority", ["torque"]),
+        jets=Jets(0.02, 0.2),
+    ).of_run(SO3, None)
+    for command, beyond in (([0.1, 0, 0], 0), ([0.5, 0, 0], 1)):
+        x = part.step(SO3, np.array(command), np.zeros(part.states(SO3)), STEP)
+        assert part.at_limit(SO3, np.array(command), x) == beyond
+        expected = np.clip(command, -ARM, ARM)
+        np.testing.assert_allclose(part.within(SO3, np.array(command), x), expected, atol=1e-12)
+
+
+def test_thrusters_that_lag_burn_what_they_push(solved):
+    """∫Σ|f| dt/(g₀ isp) of a lag T ḟ = B⁺u − f under a law that acts at all times."""
+    text = TEXT.replace("ENGINE", "native")
+    start, end = text.index("    period: 0.01"), text.index("    isp")
+    text = (
+        text[:start] + "    time_constant: 0.1\n" + text[end:].replace("period: 0.2", "period: 9")
+    )
+    text = text.replace("isp: 220.0", "isp: [200, 210, 220, 230, 240, 250]")
+    problem, solution = solved(text.replace("control: {period: 9}\n", ""), "lee2010")
+    inverse, specific = np.linalg.pinv(MATRIX), 9.80665 * np.arange(200, 251, 10)
+
+    def rate(t, y):
+        Q, w, f = y[:9].reshape(3, 3), y[9:12], y[12:18]
+        error = 0.1 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
+        wanted = inverse @ (-error - 0.4 * w + np.cross(w, INERTIA * w))
+        turn = (np.cross(INERTIA * w, w) + MATRIX @ f) / INERTIA
+        slopes = [(Q @ hat(w)).ravel(), turn, (wanted - f) / 0.1, [(np.abs(f) / specific).sum()]]
+        return np.concatenate(slopes)
+
+    y = np.concatenate([exp([0.9, -0.5, 0.7]).ravel(), [0.2, -0.1, 0.3], np.zeros(7)])
+    found = solve_ivp(rate, (0, 2), y, method="DOP853", rtol=1e-11, atol=1e-15).y[-1, -1]
+    s = problem.loop.tracking(problem.times, solution.states)
+    assert s.vehicle["propellant"][0, -1, 0] == pytest.approx(found, rel=1e-8)
+
+
+def test_results_have_the_propellant(tmp_path):
+    text = TEXT.replace("JETS", WIDTH).replace("ENGINE", "solve_ivp, cross_check: 0")
+    text = text.replace("duration: 2.0, samples: 201", "duration: 0.4, samples: 41")
+    (tmp_path / "jets.yaml").write_text(text, encoding="utf-8")
+    eqt_cli.run(tmp_path / "jets.yaml", out=tmp_path / "out")
+    with eqt_cli.open_result(tmp_path / "out") as data:
+        assert data["propellant"][0, 0] == pytest.approx(plain("width")[2][40], rel=1e-12)
+        assert data["propellant"][0, 0] == data["burnt"][0, 0, -1]
+        assert data.units("propellant") == "kg"
+
+
+NEED = "need period: 10 ms or so, low: 0, and allocation: bounded or by priority"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("    period: 0.01\n", "", f"jets: {NEED}"),
+        ("low: 0", "low: -1", f"jets: {NEED}"),
+        ("{kind: priority, order: [torque x, torque y, torque z]}", "pseudo_inverse", NEED),
+        ("    low: 0", "    thrust_constant: 1\n    low: 0", NEED),
+        (
+            "minimum: 30 ms",
+            "minimum: 5 ms",
+            "jets.minimum: expected at least period, 0.01 s, got 0.005 s",
+        ),
+        (
+            "every: 0.2",
+            "every: 0.205",
+            "jets.every: expected a whole number of periods of the thrusters of 10 ms, got 205 ms",
+        ),
+        ("minimum: 30 ms, ", "", "jets.minimum: missing; this key is required"),
+        ("minimum: 30 ms", "minimum: -1", "jets.minimum: expected a number greater than 0, got -1"),
+        (
+            "every: 0.2",
+            "every: 0.2, on: 0.5",
+            "jets: expected every, or levels and the filter of a trigger, got both; remove one",
+        ),
+        (
+            "every: 0.2",
+            "on: 0.1",
+            "jets.on: expected a number between off, 0.15, and gain, 4.5, got 0.1",
+        ),
+        ("every: 0.2", "gain: 0.3", "a number between off, 0.15, and gain, 0.3, got 0.45"),
+        ("every: 0.2", "time_constant: 0", "jets.time_constant: expected a number greater than 0"),
+        ("every: 0.2", "of: 0.2", "jets.of: unknown key"),
+        ("isp: 220.0", "isp: 0", "isp: expected a number greater than 0, got 0"),
+        ("isp: 220.0", "isp: [1, 2]", "isp: expected 6 entries, one for each thruster, got 2"),
+        (
+            "samples: 201",
+            "samples: 101",
+            "time.samples: means over pulses need a sample at each tick; give 201 or more",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_said(experiment_of, old, new, message):
+    text = TEXT.replace("JETS", WIDTH).replace("ENGINE", "solve_ivp")
+    assert text.count(old) == 1
+    with pytest.raises(ConfigError) as caught:
+        experiment_of(text.replace(old, new))
+    [said] = [f"{each.path}: {each.message}" for each in caught.value.problems]
+    assert message in said
