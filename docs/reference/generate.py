@@ -185,6 +185,10 @@ def configuration() -> Iterator[str]:
         yield from _kinds(entry, schema)
 
 
+TASKS = ("point",)
+"""Kinds that are no components."""
+
+
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
     from eqt_cli.config.json_schema import choices, default_of, dereferenced, described, value_of
@@ -193,7 +197,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
         if "properties" not in option:
             continue
         kind = option["properties"].get("kind", {}).get("const")
-        if kind:
+        if kind and kind not in TASKS:
             continue  # a component; these have a page of their own
         if option is not dereferenced(entry, schema):
             yield escaped(option.get("description", "").partition("\n")[0])
@@ -222,7 +226,7 @@ def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
         option["properties"]["kind"]["const"]
         for value in inner
         for option in choices(value, schema)
-        if "const" in option.get("properties", {}).get("kind", {})
+        if option.get("properties", {}).get("kind", {}).get("const", "point") not in TASKS
     ]
     if names:
         listed = ", ".join(map(code, dict.fromkeys(names)))

@@ -128,6 +128,10 @@ class Runs:
     estimate
         Signals by which a filter with a covariance judges itself, ``(runs, samples)`` by name;
         empty without trajectories, None without such a filter.
+    barrier
+        Of `task: point`, the least L, J, with the axis opposite; 0 of others, or of another L.
+    leaves_spin
+        Whether nothing damps the velocity about that axis.
     """
 
     label: str
@@ -151,6 +155,8 @@ class Runs:
     desired_speed: float = 0.0
     rate: float | None = None
     estimate: dict[str, Array] | None = None
+    barrier: float = 0.0
+    leaves_spin: bool = False
 
     @property
     def energy_remark(self) -> str:

@@ -26,6 +26,7 @@ from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.components.inertia import CriticalSet, Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import hessian_at_identity
+from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.results.metrics import ENERGY_SCALE
 
 # Assumptions of the theorems about group, gains, inertia, reference and laws ----------------------
@@ -82,7 +83,7 @@ class WeightCondition(Hypothesis):
     def check(self, setting: Setting) -> list[Row]:
         """Its smallest eigenvalue."""
         hessian = hessian_at_identity(setting.inside.group, setting.inside.gains.K)
-        return [self.row(*_definite(hessian), 0.0, "smallest eigenvalue")]
+        return [self.row(*_definite(hessian, setting.inside, 1))]
 
 
 class RayleighTensor(Hypothesis):
@@ -95,12 +96,14 @@ class RayleighTensor(Hypothesis):
     def check(self, setting: Setting) -> list[Row]:
         """The smallest eigenvalue of its symmetric part."""
         K_d = setting.inside.gains.K_d
-        return [self.row(*_definite((K_d + K_d.T) / 2), 0.0, "smallest eigenvalue")]
+        return [self.row(*_definite((K_d + K_d.T) / 2, setting.inside, 2))]
 
 
-def _definite(matrix: Array) -> tuple[Verdict, float]:
-    smallest = float(np.linalg.eigvalsh(matrix).min())
-    return Verdict.HOLDS if smallest > 0 else Verdict.VIOLATED, smallest
+def _definite(matrix: Array, loop: ClosedLoop, free: int) -> tuple[Verdict, float, float, str]:
+    left = len(loop.free_rows) >= free  # the axis that `task: point` leaves free
+    smallest = float(np.linalg.eigvalsh(matrix)[int(left)])
+    verdict = Verdict.HOLDS if smallest > 0 else Verdict.VIOLATED
+    return verdict, smallest, 0.0, "smallest eigenvalue" + " across the axis" * left
 
 
 class InertiaBounds(Hypothesis):
@@ -552,10 +555,40 @@ class MomentumConvergence(Convergence):
     def judge(self, runs: Runs) -> Row:
         """The velocity errors."""
         final, errors = runs.final_velocity_error, runs.velocity_error
+        if runs.leaves_spin:
+            remark = "task: point without damping about the axis leaves the spin"
+            return self.row(Verdict.UNCLAIMED, remark=remark, controller=runs.label)
         if errors is None:
             return self.arrived(runs, final, np.isfinite(final), None, None)
         left = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)
         return self.arrived(runs, left.left, left.arrived, left, LEFT)
+
+
+class PointsFromRegion(LyapunovCheck):
+    """From L < 2k, k = tr K, L(t) = ½⟨𝕀Ṽ, Ṽ⟩ + k(1 − cos θ) keeps the axis off −R_d a: it arrives.
+
+    Measured: how many of the runs that start there have not settled at the horizon.
+    """
+
+    name: ClassVar[str] = "the axis arrives from {L < 2k}"
+    section: ClassVar[float] = 6.34
+
+    def applies(self, runs: Runs) -> bool:
+        """Of `task: point`, with a law whose L is that one."""
+        return runs.barrier > 0
+
+    def judge(self, runs: Runs) -> Row:
+        """Count the starts in the region, and those outside."""
+        if runs.lyapunov is None or runs.settled is None or not len(runs.lyapunov):
+            return self.undecided(runs, "" if runs.lyapunov is not None else NOT_STORED)
+        inside, late = runs.lyapunov[:, 0] < runs.barrier, ~runs.settled[: len(runs.lyapunov)]
+        failures = int((inside & late).sum())
+        held = Verdict.UNDECIDED if failures else Verdict.HOLDS
+        verdict = held if runs.claims_decrease else Verdict.UNCLAIMED
+        verdict = Verdict.NOT_COVERED if runs.departures else verdict
+        remark = f"not settled: {failures} of {inside.sum()} runs from there"
+        remark += f", {(~inside & late).sum()} of {(~inside).sum()} from elsewhere"
+        return self.row(verdict, failures, 0.0, joined(remark, runs.departures), runs.label)
 
 
 class Tracks(TrajectoryCheck):

@@ -16,7 +16,7 @@ from eqt_cli.analysis.intervals import FEWEST, Pair, Word, holm, sign_test
 from eqt_cli.base.reporting import significant
 from eqt_cli.results.quantity import Plain
 
-ERRORS = ("position_rms", "mean_attitude_error"), ("mean_pose_error",)
+ERRORS = ("position_rms", "mean_pointing_error", "mean_attitude_error"), ("mean_pose_error",)
 """Errors by which laws are compared first; the first of these of which a result knows any."""
 
 COSTS = ("effort",), ("early_torque",)

@@ -184,7 +184,7 @@ class _Verifier:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            names = (*JUDGED, *self._by_parts, *SHOWN, *self._of_estimate)
+            names = (*JUDGED, *self._by_parts, *SHOWN, *self._of_estimate, *self._of_axis.values())
             values = measured(batch, solution, reference, names)
         return self._runs(batch, solution, label, values | {"status": solution.status}, reference)
 
@@ -192,7 +192,8 @@ class _Verifier:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)
-        shown = [name for name in (*SHOWN, *self._of_estimate) if results.has(name)]
+        optional = *SHOWN, *self._of_estimate, *self._of_axis.values()
+        shown = [name for name in optional if results.has(name)]
         names = [*JUDGED, *self._by_parts, *shown, "status"]
         values = {name: results.read(name, controller=index) for name in names}
         values["time"] = results["time"]
@@ -203,6 +204,12 @@ class _Verifier:
         """Additional metrics if settling has thresholds by part."""
         threshold = self.experiment.config.settling_threshold
         return ("settling_time",) if isinstance(threshold, dict) and threshold else ()
+
+    @property
+    def _of_axis(self) -> dict[str, str]:
+        """The errors that count in place of others, deg, of `task: point`."""
+        names = ("pose_error", "final_pose_error") if self.experiment.loop.axis else ()
+        return {name: name.replace("pose", "pointing") for name in names}
 
     @property
     def _of_estimate(self) -> tuple[str, ...]:
@@ -216,6 +223,8 @@ class _Verifier:
         threshold = self.experiment.config.settling_threshold
         if not isinstance(threshold, dict):
             return threshold
+        if self._of_axis:
+            return math.degrees(threshold.get("rotation", 0.0))
         parts = (part for part in self.experiment.group.parts if part.name in threshold)
         return math.hypot(*(as_distance(part, threshold[part.name]) for part in parts))
 
@@ -237,6 +246,7 @@ class _Verifier:
         values: Mapping[str, Array],
         reference: Desired,
     ) -> certificates.Runs:
+        values = dict(values) | {k: values[x] for k, x in self._of_axis.items() if x in values}
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
         signals, estimate = (
@@ -260,6 +270,8 @@ class _Verifier:
             estimate=estimate if self._of_estimate else None,
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
             rate=self._rate(label),
+            barrier=batch.problem.loop.barrier,
+            leaves_spin=len(batch.problem.loop.free_rows) > 1,
         )
 
     @cached_property

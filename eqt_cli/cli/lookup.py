@@ -325,6 +325,10 @@ def _gains(experiment: Experiment) -> Iterator[str]:
         multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
         if multiples and all(part.turns for part in loop.inside.group.parts):
             words = f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g}); {words}"
+        if loop.axis:
+            claimed = loop.barrier and loop.claims_decrease
+            claim = f"claimed: from L < 2k = {loop.barrier:.4g} J the axis arrives"
+            words += f"; free: {loop.free}; {claim if claimed else 'nothing is claimed'}"
         laws.setdefault(words, []).append(title)
     yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in laws.items())
 

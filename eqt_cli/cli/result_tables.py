@@ -146,7 +146,8 @@ def _columns(result: Result, part: str) -> dict[str, str]:
     found, turns = dict[str, str](), part.startswith("_rotation")
     for base in (*result.own_metrics, *HEADLINE):
         name = base + part if base + part in result.headlines else base
-        of_other = ("attitude" in base and not turns) or ("position" in base and turns)
+        turned = any(what in base for what in ("attitude", "pointing"))
+        of_other = (turned and not turns) or ("position" in base and turns)
         if name in result.headlines and not (part and of_other):
             plain = result.quantity(base).plain.removeprefix("energy ")
             short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)

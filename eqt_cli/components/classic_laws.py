@@ -187,6 +187,7 @@ class SlidingVariable(Controller):
     energy: ClassVar[str] = "½⟨𝕀s, s⟩"
     matched: ClassVar[bool | None] = False
     claims_decrease: ClassVar[bool | None] = True
+    weight = "body"
 
     slope: Positive = 0.5
 
@@ -318,6 +319,7 @@ class Maithripala2006(Controller):
 }"""
     matched: ClassVar[bool | None] = False
     claims_decrease: ClassVar[bool | None] = True
+    weight = "spatial"
 
     damping_rate: Annotated[Positive, Unit("1/s")] = 0.5
 
@@ -483,6 +485,7 @@ class Stabilising(_Compensation):
     name: ClassVar[str] = "stabilising"
     tasks: ClassVar[tuple[str, ...]] = ("stabilise",)
     matched: ClassVar[bool | None] = True
+    weight = "spatial"
 
     feedforward: bool = True
     compensation: float = field(init=False, repr=False)

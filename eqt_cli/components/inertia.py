@@ -366,7 +366,8 @@ def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
     Parameters
     ----------
     K : (d, d)
-        Symmetric weight for which the identity is a non-degenerate minimum.
+        Symmetric weight for which the identity is a non-degenerate minimum, or the k c cᵀ of an
+        axis.
     """
     if isinstance(G, ProductGroup):
         return _of_product(G, K)
@@ -431,6 +432,9 @@ def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
         Q = _with_rotation(G, R, D)
         dimension = axes.shape[1] - 1
         sets.append(CriticalSet(_name(axes), dimension, Q, _hessian(G, K, Q), axes, D))
+    if sets[0].nullity:  # K = k c cᵀ of `task: point`: turns about c keep Υ = 0
+        turns = replace(sets[0], name=f"turns about {_direction(vectors[:, -1])}", dimension=1)
+        return [turns, sets[1]]
     return sets
 
 

@@ -132,6 +132,9 @@ class Controller(TimeVarying, Component):
         of the paper's laws are, so that equal gains make a fair comparison. None: not known.
     claims_decrease
         Whether L is claimed to decrease along every trajectory; None: not known.
+    weight
+        The frame of the error of which the law's force is −dΥ, so that a weight K = k c cᵀ turns
+        one axis alone, as `task: point` asks for; "" where it is not such a force.
     departs
         How a loop with this law departs from the assumptions of the theorems, in a few words.
     reads_flat_output
@@ -159,6 +162,7 @@ class Controller(TimeVarying, Component):
     bibtex: ClassVar[str] = ""
     matched: ClassVar[bool | None] = None
     claims_decrease: ClassVar[bool | None] = None
+    weight: ClassVar[Literal["spatial", "body", ""]] = ""
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
     commands_attitude: ClassVar[bool] = False
@@ -176,7 +180,7 @@ class Controller(TimeVarying, Component):
         if "name" in vars(cls) and "title" not in vars(cls):
             cls.title = cls.name
         if "torque" in vars(cls):
-            claims = {"claims_decrease", "dissipation", "matched", "feedforward_torque"}
+            claims = {"claims_decrease", "dissipation", "matched", "feedforward_torque", "weight"}
             for claim in claims - vars(cls).keys():
                 setattr(cls, claim, vars(Controller)[claim])
 
@@ -384,6 +388,27 @@ controllers = Registry(
 )
 
 
+def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
+    """Note code that needs a control period, or that an engine, unless it `calls`, cannot call.
+
+    It is called of loops without a control period.
+    """
+    kind = type(law)
+    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
+        problems.add("answers at control instants only; set control.period, at which it is called")
+    elif law.code is None:
+        return
+    elif law.code.memory:
+        problems.at("memory").add(
+            "goes on by a period at every call; set control.period, at which the code is called"
+        )
+    elif not calls:
+        problems.add(
+            "engine native compiles the law into the loop, and code is called; set "
+            "control.period, at which it is called, or use engine solve_ivp"
+        )
+
+
 # The family of stabilising tracking laws τ(g, c, n, q), for every group ---------------------------
 
 
@@ -483,6 +508,11 @@ class Family(_FromOptions):
     def energy(self) -> str:  # type: ignore[override]  # a constant of all other laws
         """L in the frame of the errors."""
         return Controller.energy if self.error == "spatial" else BODY_ENERGY
+
+    @property
+    def weight(self) -> Frame:  # type: ignore[override]  # a constant of all other laws
+        """The frame of its error."""
+        return self.error
 
     def torque(self, s: Tracking) -> Array:
         """τ(g, c, n, q), body frame."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, reduce
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix, dot, frobenius, maximum, times, transpose
+from eqt_cli.base.arrays import Array, apply_matrix, dot, frobenius, maximum, norm, times, transpose
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import distance_of_turn
@@ -140,7 +140,7 @@ class Semidirect:
 
 
 def settling_error(
-    G: MatrixLieGroup, Q: Array, Qd: Array, thresholds: Mapping[str, float]
+    G: MatrixLieGroup, Q: Array, Qd: Array, thresholds: Mapping[str, float], axis: Any = ()
 ) -> Array:
     """Return max_i ‖(Q − Q_d)_i‖_F / s_i over the parts i with a threshold; at most 1 if settled.
 
@@ -151,13 +151,26 @@ def settling_error(
     ----------
     thresholds
         Thresholds by the names of parts: an angle, rad, for a rotation, a distance for other parts.
+    axis
+        The body axis a whose error alone counts of a rotation; () where all counts.
     """
     parts = [part for part in G.parts if part.name in thresholds]
     shares = [
-        frobenius((Q - Qd)[(..., *part.entries)]) / as_distance(part, thresholds[part.name])
-        for part in parts
+        part_error(Q, Qd, part, axis) / as_distance(part, thresholds[part.name]) for part in parts
     ]
     return reduce(maximum, shares)
+
+
+def part_error(Q: Array, Qd: Array, part: Part, axis: Sequence[float] = ()) -> Array:
+    """Return ‖(Q − Q_d)_i‖_F of a part, ``(...)``.
+
+    Of a rotation of which an axis a alone counts, √2 ‖(R − R_d)a‖: the ‖I − R_E‖_F of the shortest
+    turn from R_d a to R a.
+    """
+    apart = (Q - Qd)[(..., *part.entries)]
+    if not (axis and part.turns):
+        return frobenius(apart)
+    return math.sqrt(2) * norm(apply_matrix(apart, np.array(axis)))
 
 
 def as_distance(part: Part, threshold: float) -> float:

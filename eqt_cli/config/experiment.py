@@ -40,9 +40,9 @@ from eqt_cli.components.initial_states import (
     VelocityDistribution,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, controllers, distinct_titles
+from eqt_cli.components.laws import Controller, check_calls, controllers, distinct_titles
 from eqt_cli.components.log_table import MAPPING, LogMapping, MappingError
-from eqt_cli.components.matrix_groups import FARTHEST
+from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.pose_notation import ANGLES, many_turns
@@ -414,10 +414,10 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
         make = partial(inertia_from, *of, problems.at("inertia"))
         inertia = source.made("built inertia", problems, make, *of)
     vehicle = vehicle_from(sections, group, horizon, problems, inertia) if group else None
-    if group and solver and vehicle:
+    if group and solver and vehicle and vehicle.control is None:
         calls = solver.engine.calls_laws or source.chosen  # a chosen engine was tried
         for law in laws.values():
-            check_calls(law.law, vehicle, calls, problems.at("controllers", law.index))
+            check_calls(law.law, calls, problems.at("controllers", law.index))
     if group:
         gains = read.gains(group)
         if inertia and vehicle and desired and sections["time"]:
@@ -437,8 +437,9 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
         "initial": start.resolved,
         "solver": solver.resolved,
     }
+    reference, axis = desired.reference, tuple(read.point.axis) if read.point else ()
     loops = {
-        label: ClosedLoop(group, inertia, law_gains, desired.reference, laws[label].law, vehicle)
+        label: ClosedLoop(group, inertia, law_gains, reference, laws[label].law, vehicle, axis=axis)
         for label, law_gains in gains.items()
         if law_gains is not None
     }
@@ -515,6 +516,11 @@ class _Sections:
         here, name = problems.at("group"), source.data.get("group")
         self.group = source.made("built group", here, partial(_group, source.data, here), name)
         self.sections = _sections(source, self.group, problems)
+        task, threshold = self.sections["task"], self.sections["settling_threshold"]
+        self.point = task if isinstance(task, schema.PointSection) else None
+        if self.point and isinstance(threshold, float):  # of the axis, as of a rotation
+            turn = float(turn_of_distance(np.array(threshold)))
+            self.sections["settling_threshold"] = {"rotation": turn}
         self.laws: dict[str, _Entry] = {}
         self.files: dict[str, str] = {}
         self.code: dict[str, str] = {}
@@ -539,8 +545,11 @@ class _Sections:
                 self.code |= texts
             if law is None:
                 continue
-            if task is not None and law.tasks and task not in law.tasks:
-                here.add(_wrong_task(law, task))
+            wrong = self.point.refusal(law, G) if self.point and G is not None else ""
+            if isinstance(task, str) and law.tasks and task not in law.tasks:
+                wrong = _wrong_task(law, task)
+            if wrong:
+                here.add(wrong)
                 continue
             label = law.name if label is None else label
             if not isinstance(label, str) or not label.strip() or not label.isprintable():
@@ -564,7 +573,7 @@ class _Sections:
             for name in [] if here else {"kp", "kd"} - known.keys():
                 here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
             self.sections["gains"] = GainsSection.model_construct(**known)
-        shared, by_label = gains_from(known, G, here), dict[str, Gains | None]()
+        by_label = dict[str, Gains | None]()
         meant = closest("gains", data.keys() - Config.model_fields.keys())
         if (
             section is None
@@ -573,12 +582,14 @@ class _Sections:
         ):
             here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
         for label, law in self.laws.items():
-            by_label[label] = self._gains_of(law, known, shared, G)
+            axes = self.point and self.point.axes(law.law)
+            shared = gains_from(known, G, here, axes if law.law.gains_group(G) is G else None)
+            by_label[label] = self._gains_of(law, known, shared, G, axes)
             self.laws[label] = law.with_gains(G, by_label[label])
         return by_label
 
     def _gains_of(
-        self, entry: "_Entry", known: dict[str, Any], shared: Gains | None, G: MatrixLieGroup
+        self, entry: "_Entry", known: Any, shared: Gains | None, G: MatrixLieGroup, axes: Any
     ) -> Gains | None:
         """Return the gains of a law; None after noting its problems."""
         law, law_gains, problems = entry.law, entry.gains, self._at(entry).at("gains")
@@ -586,13 +597,13 @@ class _Sections:
         if not (law_gains or reads) and (shared is None or group is not G):
             return Gains(np.eye(group.size), np.eye(group.dimension))  # which it never reads
         if group is G:
-            return gains_from(known | law_gains, G, problems) if law_gains else shared
+            return gains_from(known | law_gains, G, problems, axes) if law_gains else shared
         for name in {"kp", "kd"} - law_gains.keys():
             problems.at(name).add(
                 f"{MISSING}: {law.name} has gains of its own, those of its law on {group.name}, "
                 "such as gains: {kp: 4, kd: 2}"
             )
-        return gains_from(law_gains, group, problems)
+        return gains_from(law_gains, group, problems, axes)
 
     def _at(self, entry: "_Entry") -> Problems:
         return self.problems.at("controllers", entry.index)
@@ -615,6 +626,9 @@ class _Sections:
             laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))
             if entry.law.commands_rates != takes and entry.law.code is None:
                 self._at(entry).add(MISMATCH[takes])
+            push = laws[label].law.direction
+            if self.point and push and abs(np.dot(self.point.axis, push)) < 1 - 1e-9:
+                self.problems.at("task", "axis").add(f"expected that of the push, {list(push)}")
         if self.problems:
             return desired
         said: list[Any] = [entry.law.direction for entry in laws.values()]
@@ -796,23 +810,3 @@ class _Entry:
 def _wrong_task(law: Controller, task: str) -> str:
     fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
     return f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} use {fitting}"
-
-
-def check_calls(law: Controller, vehicle: Vehicle, calls: bool, problems: Problems) -> None:
-    """Note code that needs a control period, or that the engine, unless it `calls`, cannot call."""
-    if vehicle.control is not None:
-        return
-    kind = type(law)
-    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
-        problems.add("answers at control instants only; set control.period, at which it is called")
-    elif law.code is None:
-        return
-    elif law.code.memory:
-        problems.at("memory").add(
-            "goes on by a period at every call; set control.period, at which the code is called"
-        )
-    elif not calls:
-        problems.add(
-            "engine native compiles the law into the loop, and code is called; set "
-            "control.period, at which it is called, or use engine solve_ivp"
-        )

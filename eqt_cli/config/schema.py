@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -22,6 +24,7 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
+from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import parse_key
 from eqt_cli.base.option_types import (
     ANY,
@@ -57,6 +60,7 @@ from eqt_cli.base.option_types import (
 from eqt_cli.components.actuators import Actuator, actuators
 from eqt_cli.components.estimators import Estimator, estimators
 from eqt_cli.components.forces import Force, forces
+from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import (
     PoseDistribution,
     PoseKind,
@@ -64,9 +68,10 @@ from eqt_cli.components.initial_states import (
     pose_distributions,
     velocity_distributions,
 )
-from eqt_cli.components.laws import controllers
+from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.components.log_table import LogMapping
 from eqt_cli.components.matrix_groups import distance_of_turn
+from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.references import references
 from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
@@ -199,6 +204,72 @@ class Section(BaseModel):
 
     # Built when first used: a section inside another is built with that one, and never alone.
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
+
+
+def _direction(value: list[float]) -> list[float]:
+    if len(value) != 3 or not any(value):
+        raise ValueError(f"expected a direction of 3 numbers, got {value}")
+    return list(unit_vector(value))
+
+
+Direction = Annotated[list[Real], AfterValidator(_direction)]  # of length 1
+
+
+class PointSection(Section):
+    """The task on the sphere S² to turn an axis of the body; the turn about it stays free.
+
+    The weight K = k c cᵀ makes Υ(Q_E) = k(1 − cos θ), with θ the angle between R a and R_d a: of
+    errors in the body, R_dᵀR, with c = a; of errors in space, R R_dᵀ, with c = R_d a, which has to
+    stay where it is.
+
+    Attributes
+    ----------
+    kind
+        `point`.
+    axis
+        The axis a, in the body.
+    at
+        Where it is to point, in space, and to come to rest; then there is no reference.
+    along
+        `reference`: instead of `at`, it is to point where that of the reference does, R_d a.
+    """
+
+    kind: Literal["point"]
+    axis: Direction
+    at: Direction | None = None
+    along: Literal["reference"] | None = None
+
+    @property
+    def pose(self) -> Array:
+        """R_d of the shortest turn from the axis to where it is to point: two half-turns."""
+        a, b = np.array(self.axis), np.array(self.at)
+        middle = a + b if abs(a + b).max() > 1e-8 else np.cross(a, np.eye(3)[abs(a).argmin()])
+        last, first = (2 * np.outer(u, u) / (u @ u) - np.eye(3) for u in (middle, a))
+        return last @ first
+
+    def axes(self, law: Controller) -> tuple[list[float], list[float]]:
+        """Return the axis in the frames of a law's weight K and of its damping K_d."""
+        frames = law.weight, getattr(law, "damping", None) or "body"
+        of_weight, of_damping = (self.at if x == "spatial" else self.axis for x in frames)
+        return of_weight or self.axis, of_damping or self.axis
+
+    def refusal(self, law: Controller, G: MatrixLieGroup) -> str:
+        """Return why a law cannot do it; "" if it can."""
+        G_of, remedy = law.gains_group(G), "use a law with its error in the body, such as lee2010"
+        weight = (getattr(law, "inner", None) or law).weight  # of a cascade, its attitude law's
+        if G_of.dimension != 3 or not G_of.compact or (self.at and G_of is not G):
+            return f"{law.name} on {G.name} does not: use SO3, or a cascade with along: reference"
+        if not weight:
+            return f"{law.name} does not turn one axis alone, as its force is not −dΥ; {remedy}"
+        if weight == "spatial" and self.at is None:
+            return f"{law.name} has K in space, where R_d a moves; give `at`, or {remedy}"
+        return ""
+
+
+Task = Annotated[
+    Annotated[Literal["track", "stabilise"], Tag("word")] | Annotated[PointSection, Tag("point")],
+    one_of(lambda value: "point" if isinstance(value, dict) else "word", ""),
+]
 
 
 KP, KD = Scale("k_p", STIFFNESS, is_symbol=True), Scale("k_d", DAMPING, is_symbol=True)
@@ -670,7 +741,7 @@ class Config(Section):
     name
         Name of the experiment and of its folder under results/; default: the file's stem.
     task
-        Follow a `reference`, or come to rest at a `target`.
+        Follow a `reference`, come to rest at a `target`, or point an axis.
     group
         The configuration space: SO3, SE3, … (`eqt list groups`).
     inertia
@@ -734,9 +805,7 @@ class Config(Section):
     """
 
     name: Annotated[Name | None, NotSwept("names the experiment as a whole"), WORDS] = None
-    task: Annotated[Literal["track", "stabilise"], NotSwept("decides which laws can be used")] = (
-        "track"
-    )
+    task: Annotated[Task, NotSwept("decides which laws can be used")] = "track"
     group: Annotated[str, SHAPES]
     inertia: Annotated[InertiaValue, ON_GROUP, PLANT, DESIRED]
     rigid: Annotated[bool | None, WORDS] = None

@@ -56,25 +56,44 @@ from eqt_cli.config.source import ConfigSource, with_data
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
 
 
-def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> Gains | None:
+def gains_from(
+    section: dict[str, Any], G: MatrixLieGroup, problems: Problems, axes: Any = None
+) -> Gains | None:
     """Return the gains of a section, or None after noting its problems.
 
     Parameters
     ----------
     section
         The keys `kp` and `kd` that are present and have the right type.
+    axes
+        Of `task: point`, the axis in the frames of K and of K_d.
     """
     K = K_d = None
     if "kp" in section:
         with problems.catching("kp"):
             K = _weight(section["kp"], G)
             require_symmetric(K)
-            require_minimum(K, G)
+            if axes is None:
+                require_minimum(K, G)
+            else:
+                K = _of_axis(K, np.array(axes[0]), isinstance(section["kp"], list))
     if "kd" in section:
         with problems.catching("kd"):
             K_d = square(section["kd"], G.dimension, G)
-            require_definite(K_d)
+            c, size = np.array(axes[1] if axes else np.zeros(G.dimension)), np.abs(K_d).max()
+            is_left = np.abs((K_d + K_d.T) @ c).max() <= 1e-9 * size
+            or_free = f", or 0 along ({_listed(c)})" if axes else ""
+            require_definite(K_d + is_left * size * np.outer(c, c), or_free)
     return None if K is None or K_d is None else Gains(K, K_d)
+
+
+def _of_axis(K: Array, c: Array, is_matrix: bool) -> Array:
+    """Return the weight k c cᵀ of a number k, or of itself."""
+    weight = (c @ K @ c) * np.outer(c, c)
+    if not c @ K @ c > 0 or (is_matrix and np.abs(K - weight).max() > 1e-9 * np.abs(K).max()):
+        got = f"got eigenvalues {_listed(_eigenvalues(K))}"
+        raise InputError(f"expected k > 0, or k c cᵀ of the axis c = ({_listed(c)}), {got}")
+    return weight
 
 
 OF_ATTITUDES = {"k_R": ("kp", 0.5), "k_Omega": ("kd", 1.0)}
@@ -134,12 +153,12 @@ def require_symmetric(matrix: Array) -> None:
         )
 
 
-def require_definite(matrix: Array) -> None:
+def require_definite(matrix: Array, also: str = "") -> None:
     """Raise an `InputError` if the symmetric part of a matrix is not positive definite."""
     eigenvalues = _eigenvalues((matrix + matrix.T) / 2)
     if not _positive(eigenvalues):
         got = f"got eigenvalues {_listed(eigenvalues)}"
-        raise InputError(f"expected a positive definite matrix, {got}")
+        raise InputError(f"expected a positive definite matrix{also}, {got}")
 
 
 def require_semidefinite(matrix: Array) -> None:
@@ -370,7 +389,7 @@ class DesiredTrajectory:
 
 
 def desired_from(
-    task: str | None,
+    task: Any,
     reference: dict[str, Any] | None,
     target: TargetSection | None,
     G: MatrixLieGroup | None,
@@ -391,9 +410,16 @@ def desired_from(
         return _rest(target or TargetSection(), G, at_target)
     if target is not None:
         at_target.add("is a key of task: stabilise; give a reference for task: track")
+    if isinstance(task, schema.PointSection) and task.at:
+        if reference is not None or task.along:
+            problems.at("task", "at").add("excludes `along` and a reference; remove these, or it")
+        if G is None or G.dimension != 3:  # as is said of every law
+            return None
+        return DesiredTrajectory(ConstantReference(task.pose.tolist()), task.pose, np.zeros(3), {})
     if reference is None:
-        if task == "track":
-            at_reference.add("missing; task: track needs a reference to follow")
+        if task is not None:
+            what = "task: track" if isinstance(task, str) else "along: reference"
+            at_reference.add(f"missing; {what} needs a reference to follow")
         return None
     return _tracked(reference, G, source, at_reference)
 

@@ -249,8 +249,13 @@ class ShownRuns(ShownControllers):
         return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
 
     def in_space(self, signal: str) -> str:
-        """Return the attitude angle or ‖p − p_d‖ in place of ‖I − R_E‖ or ‖p_E‖, on SE(n)."""
+        """Return the attitude angle or ‖p − p_d‖ in place of ‖I − R_E‖ or ‖p_E‖, on SE(n).
+
+        Of `task: point`, the pointing error.
+        """
         plain, first = _IN_SPACE.get(signal, ""), self.results[0]
+        if first.has("pointing_error") and signal.removesuffix("_rotation") == "pose_error":
+            return "pointing_error"
         return plain if plain and first.has("position_error") and first.has(plain) else signal
 
     @property

@@ -101,7 +101,7 @@ class PathFigure(OverTime):
         shadow of the reference; or ``sphere``, where a body axis points, pale on the far side. By
         default the plane in which all paths lie, else ``planes``; without positions ``sphere``.
     axis
-        Body axis of ``sphere``.
+        Body axis of ``sphere``; by default that of `task: point`, else ``z``.
     error
         On the sphere, where the attitude error R_E = R R_dᵀ takes the axis; no error leaves it.
     runs
@@ -113,7 +113,7 @@ class PathFigure(OverTime):
     name: ClassVar[str] = "path"
 
     view: View = ""
-    axis: Literal["x", "y", "z"] = "z"
+    axis: Literal["", "x", "y", "z"] = ""
     error: bool = False
     runs: Count | None = None
     bodies: CountOrNone = 0
@@ -172,7 +172,7 @@ class PathFigure(OverTime):
         handles |= {name: Line2D([], [], **dot) for name, dot in _ends(ink(0.7))}
         layout.add_legend(drawing, list(handles.values()), list(handles))
         turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
-        what = f": the body axis $e_{self.axis}$ {turned}, pale behind" if view == "sphere" else ""
+        what = f": the body axis {self._axis(runs)[0]} {turned}, pale behind" * (view == "sphere")
         what = "; on the ground, the shadow of the reference" if view == "space" else what
         first = {int(runs.numbers(law, 1)[0]) for law in runs.shown}
         which = f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
@@ -198,9 +198,15 @@ class PathFigure(OverTime):
             raise runs.error("draws bodies at positions; leave out the option 'bodies'")
         return view
 
+    def _axis(self, runs: ShownRuns) -> tuple[str, Array]:
+        """Return the body axis of the sphere, with its name."""
+        pointing = None if self.axis else runs.results[0].described.axis
+        name = "that points" if pointing else f"$e_{self.axis or 'z'}$"
+        return name, np.array(pointing or np.eye(3)[_AXES.index(self.axis or "z")])
+
     def _flown(self, runs: ShownRuns, law: Ensemble, view: str, most: int, factor: float) -> Flown:
         """Return the paths of the first runs of a law."""
-        parts, axis = moving_parts(runs.known_group()), _AXES.index(self.axis)
+        parts, axis = moving_parts(runs.known_group()), self._axis(runs)[1]
         poses = runs.values("pose", law, most), runs.desired("pose", law)
         frame = upright(law.results) if view == "space" else None
         actual, desired = (course(each, *parts, frame) for each in poses)
@@ -209,7 +215,7 @@ class PathFigure(OverTime):
             if self.error:
                 back = Rd.swapaxes(-1, -2)
                 R, Rd = R @ back, Rd @ back
-            return Flown(law, R, R[..., axis], Rd[..., axis])
+            return Flown(law, R, R @ axis, Rd @ axis)
         return Flown(law, actual[0], factor * actual[1], factor * desired[1])
 
     def _draw_path(

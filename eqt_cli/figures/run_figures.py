@@ -31,7 +31,7 @@ from eqt_cli.figures.style import WIDTHS, Look, Width, component_style, ink
 MOST_LINES = 200
 """Most single runs per law, from the first; more give a solid area and a large file."""
 
-_WHOLE = ("attitude_angle", "position_error", "heading_error", "lyapunov")
+_WHOLE = ("pointing_error", "attitude_angle", "position_error", "heading_error", "lyapunov")
 """Signals that have no parts."""
 
 _SHADE = 0.16

@@ -159,7 +159,7 @@ def _title(runs: ShownRuns, signal: str) -> str:
     norm = next((norm for norm in _NORMS if signal.startswith(norm)), "")
     if not norm:
         others = {"attitude_angle": "attitude error", _FUNCTION: "Lyapunov function"}
-        return others.get(signal, "position error")
+        return others.get(signal, signal.replace("_", " "))
     suffix, parts = signal.removeprefix(norm), runs.group.parts if runs.group else ()
     part = next((part for part in parts if f"_{part.name}" == suffix or len(parts) == 1), None)
     of_rotation, of_vector, whole, of_part = _TITLES[norm]

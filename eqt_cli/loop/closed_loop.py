@@ -17,7 +17,7 @@ from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import Controller
+from eqt_cli.components.laws import BODY_ENERGY, Controller
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, TorqueReference
@@ -98,6 +98,8 @@ class ClosedLoop:
 
     Attributes
     ----------
+    axis
+        The body axis that `task: point` turns, of length 1; () where the whole pose counts.
     held_reference, held_law
         Reference and law with their numbers between two known instants; see `holding`.
     """
@@ -108,6 +110,7 @@ class ClosedLoop:
     reference: Reference = field(metadata=STRUCTURE)
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
+    axis: tuple[float, ...] = field(default=(), kw_only=True, metadata=STRUCTURE)
     held_reference: Reference | None = field(default=None, kw_only=True)
     held_law: Any = field(default=None, kw_only=True)
 
@@ -128,7 +131,26 @@ class ClosedLoop:
         if inner is None:
             return self
         G, inertia, law = inner
-        return ClosedLoop(G, inertia, self.gains, TorqueReference([0.5] * G.dimension), law)
+        reference = TorqueReference([0.5] * G.dimension)
+        return ClosedLoop(G, inertia, self.gains, reference, law, axis=self.axis)
+
+    @property
+    def free_rows(self) -> list[int]:
+        """The places in (ε, e) whose axis `task: point` leaves free: of ε, of e without damping."""
+        spins = np.linalg.cond(self.gains.K_d + np.transpose(self.gains.K_d)) > 1e9
+        return [0, self.group.dimension][: 1 + spins] if self.axis else []
+
+    @property
+    def barrier(self) -> float:
+        """2k of K = k c cᵀ, the least L with the axis opposite; 0 for an L of another form."""
+        is_usual = self.controller.energy in (Controller.energy, BODY_ENERGY)
+        return 2 * float(np.trace(self.gains.K)) if self.axis and is_usual else 0.0
+
+    @property
+    def free(self) -> str:
+        """What `task: point` leaves free, in words."""
+        spin = " and the spin" * (len(self.free_rows) - 1)
+        return f"the turn{spin} about the axis ({', '.join(f'{x:.4g}' for x in self.axis)})"
 
     @property
     def period(self) -> float:

@@ -6,7 +6,7 @@ those of a run.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial, reduce
 from typing import Any, NamedTuple, Self, cast
@@ -442,10 +442,12 @@ class _About:
         errors of a cascade, whose attitude comes first and depends on nothing else. The number of
         coordinates of such an inner loop comes with them, or n.
         """
-        G, n = self.loop.group, self.dimension
+        G, n = self.loop.group, self.dimension - len(self.loop.free_rows)
         m, s = G.dimension, self.loop.tracking(self.times, self.states)
         one = np.broadcast_to(np.eye(n), (len(self.times), n, n))
         yield one, np.zeros_like(one), n
+        if self.loop.axis:
+            return
         F, ad = G.Ad_matrix(s.Qd), G.ad_matrix(s.Vd)
         T, rate = one.copy(), np.zeros_like(one)
         T[:, :m, :m] = T[:, m : 2 * m, m : 2 * m] = F
@@ -488,7 +490,8 @@ class _About:
         if control is None:
             whole = self._flow.slope
             closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
-            return Linearised((Phase(closed - B @ C, B, C),), None, offset, is_constant, self)
+            open_loop = self._across([Phase(closed - B @ C, B, C)])
+            return Linearised(open_loop, None, offset, is_constant, self)
         law, seen, phases = control.clock, self._measurements, list[Phase]()
         shift = 1 if self.bases else 0  # the first base is before tick 1
         first = (law.offset - shift) % law.every
@@ -503,7 +506,19 @@ class _About:
             else:
                 last, tick_later = phases[-1], after @ M
                 phases[-1] = Phase(tick_later @ last.A, tick_later @ last.B, last.C)
-        return Linearised(_moving(phases), control.period, offset, is_constant, self)
+        return Linearised(_moving(self._across(phases)), control.period, offset, is_constant, self)
+
+    def _across(self, phases: Iterable[Phase]) -> tuple[Phase, ...]:
+        """Return the phases without what `task: point` leaves free."""
+        T, rows, a = np.eye(self.dimension), self.loop.free_rows, np.array([self.loop.axis])
+        for row in rows:
+            T[row : row + 3, row : row + 3] = np.linalg.svd(a)[2]
+        within = np.delete(T, rows, axis=0).T
+        for name in _POSES & self.others.keys() if rows else ():  # an estimate turns with the body
+            at = self.others[name].start
+            T[at : at + 3, :3] -= a.T @ a
+        T = np.delete(T, rows, axis=0)
+        return tuple(Phase(T @ A @ within, T @ B, C @ within) for A, B, C in phases)
 
     @cached_property
     def held(self) -> Array:
@@ -681,7 +696,7 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     return Errors(G.identity, still, np.array(flags), bias)
 
 
-def _moving(phases: list[Phase]) -> tuple[Phase, ...]:
+def _moving(phases: Sequence[Phase]) -> tuple[Phase, ...]:
     """Return the phases without states that never change, as a bias that a filter takes for 0."""
     n = phases[0].A.shape[-1]
     still = [
@@ -823,6 +838,8 @@ class LeftOut(NamedTuple):
 def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[LeftOut]:
     """Yield the parts that a linearised loop leaves out."""
     vehicle = loop.vehicle
+    if loop.axis:
+        yield LeftOut(f"{loop.free} (task: point leaves it)", False, False)
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.linear_part is not actuator or actuator.limits:
             what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
@@ -850,10 +867,11 @@ def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:
     lags and delays are left out.
     """
     inner, position = loop.inside, getattr(loop.controller, "position", None)
-    H = hessian_at_identity(inner.group, inner.gains.K)
+    K, a = inner.gains.K, np.array(inner.axis)
+    H = hessian_at_identity(inner.group, K.trace() * np.outer(a, a) if inner.axis else K)
     J, H, D = map(np.diagonal, (inner.inertia.at(0.0).matrix, H, inner.gains.K_d))
     found = list(zip(inner.group.axis_names, H / J, D / J, strict=True))
     if position is not None:
         kx, kv = (np.broadcast_to(k, rigid(loop.group).space) for k in (position.kx, position.kv))
         found += zip("xyz", kx, kv, strict=False)
-    return {axis: (math.sqrt(k), d / (2 * math.sqrt(k))) for axis, k, d in found}
+    return {axis: (math.sqrt(k), d / (2 * math.sqrt(k))) for axis, k, d in found if k}

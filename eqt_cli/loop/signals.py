@@ -18,7 +18,7 @@ from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
-from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.mechanics import Tracking, part_error
 from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.running import SampledRuns
@@ -49,6 +49,7 @@ class LoopState(NamedTuple):
     s: Tracking
     command: Array
     torque: Array
+    pointing: Array
     attitude_error: Array
     at_limit: Array
     cut: Array
@@ -64,13 +65,15 @@ class LoopState(NamedTuple):
         vehicle, command = loop.vehicle, loop.command(s)
         torque = loop.torque(s) if vehicle.actuators or vehicle.control else command
         attitude = loop.controller.attitude_error(s)
-        if attitude is None:
-            with np.errstate(invalid="ignore"):  # symbols compare NaN
-                attitude = s.P[..., 0] * 0.0 + np.nan
+        with np.errstate(invalid="ignore"):  # symbols compare NaN
+            unknown = s.P[..., 0] * 0.0 + np.nan
+        attitude = unknown if attitude is None else attitude
+        apart = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis) if loop.axis else unknown
+        pointing = turn_of_distance(apart) * (180 / np.pi) if loop.axis else unknown
         now, at_limit = vehicle.at(s), loop.at_limit(s)
         cut, thrust = (of(s.G, command, s.vehicle) for of in (now.cut, now.thrust))
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
-        acting = torque, attitude, at_limit, cut, thrust, *wheels
+        acting = torque, pointing, attitude, at_limit, cut, thrust, *wheels
         return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
 
 
@@ -115,7 +118,7 @@ class Signal:
     exists_on
         Whether it exists on a group.
     exists_for
-        Whether it exists for a law; it is stored if it does for any.
+        Whether it exists for a loop; it is stored if it does for that of any law.
     """
 
     name: str
@@ -128,7 +131,7 @@ class Signal:
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
     only_there: bool = False
     exists_on: Callable[[MatrixLieGroup], bool] = lambda group: True
-    exists_for: Callable[[Controller], bool] = lambda law: True
+    exists_for: Callable[[ClosedLoop], bool] = lambda loop: True
 
     def unit_in(self, part: Part) -> str:
         """Return its unit in a part of the coordinates."""
@@ -234,16 +237,26 @@ def position_error(x: LoopState) -> Array:
     return frobenius(G.translations(x.s.Q) - G.translations(x.s.Qd))
 
 
-@_signal(r"\theta_E", "deg", exists_on=lambda group: len(_rotations(group)) == 1)
+def _rotations(group: MatrixLieGroup) -> list[Part]:
+    return [part for part in group.parts if part.turns]
+
+
+def _turns(group: MatrixLieGroup) -> bool:
+    return len(_rotations(group)) == 1
+
+
+@_signal(r"\theta_a", "deg", exists_for=attrgetter("axis"))
+def pointing_error(x: LoopState) -> Array:
+    """angle between the axis that points and where it is to point."""
+    return x.pointing
+
+
+@_signal(r"\theta_E", "deg", exists_on=_turns, exists_for=lambda loop: not loop.axis)
 def attitude_angle(x: LoopState) -> Array:
     """angle of the rotation R_E = R Rd^T."""
     [rotation] = _rotations(x.s.G)
     distance = frobenius((x.s.G.identity - x.s.Q_E)[(..., *rotation.entries)])
     return turn_of_distance(distance) * (180 / np.pi)
-
-
-def _rotations(group: MatrixLieGroup) -> list[Part]:
-    return [part for part in group.parts if part.turns]
 
 
 @_signal(r"\psi_E", "deg", exists_on=lambda group: rigid_motions(group) and group.space == 3)
@@ -252,7 +265,7 @@ def heading_error(x: LoopState) -> Array:
     return absolute(heading_of(rigid(x.s.G), x.s.Q_E)) * (180 / np.pi)
 
 
-@_signal(r"\|R - R_c\|_{\mathrm{F}}", "1", exists_for=attrgetter("commands_attitude"))
+@_signal(r"\|R - R_c\|_{\mathrm{F}}", "1", exists_for=attrgetter("controller.commands_attitude"))
 def attitude_command_error(x: LoopState) -> Array:
     """distance ||R - Rc||_F from the attitude that the law commands."""
     return x.attitude_error

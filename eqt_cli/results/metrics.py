@@ -241,7 +241,11 @@ def _closing(name: str, signal: str, what: str) -> Quantity:
     )
 
 
+AXIS, OF_AXIS = "pointing_error", "the pointing error"
+
 METRICS = (
+    _mean(f"mean_{AXIS}", AXIS, OF_AXIS, label="mean pointing error", compared=(WHOLE,)),
+    _final(f"final_{AXIS}", AXIS, OF_AXIS, label="final pointing error", compared=(WHOLE,)),
     _mean("mean_torque", "torque_norm", "||tau||", compared=(EARLY, WHOLE)),
     _integrated_square(
         "effort",

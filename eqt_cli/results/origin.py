@@ -165,6 +165,8 @@ class Experiment(BaseModel):
         clock or the actuators are swept.
     decimate
         Of so many samples of a run, one is stored.
+    axis
+        The body axis that `task: point` turns; none of other tasks.
     """
 
     titles: dict[str, Words] = {}
@@ -181,6 +183,7 @@ class Experiment(BaseModel):
     down: bool = False
     holds: dict[str, PositiveFloat] = {}
     decimate: PositiveInt = 1
+    axis: Arrow | None = None
 
 
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))

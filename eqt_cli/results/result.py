@@ -285,6 +285,8 @@ def lacks(signals: Sequence[str]) -> str:
 
 
 HEADLINE = (
+    "mean_pointing_error",
+    "final_pointing_error",
     "mean_attitude_error",
     "mean_position_error",
     "position_rms",
@@ -619,6 +621,8 @@ class Result(StoredRuns):
         """
         without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}
         without |= {"final_pose_error"} if self.has("final_attitude_error") else set()
+        if self.has("final_pointing_error"):
+            without |= {"mean_pose_error", "final_pose_error"}
         listed = (*self.own_metrics, *HEADLINE)
         names = (each for name in listed if name not in without for each in self.in_parts(name))
         return [each for each in names if each in self.metrics]
@@ -629,7 +633,8 @@ class Result(StoredRuns):
 
         Errors are ‖p − p_d‖ and the angle of the attitude; ‖I − Q_E‖ of what has neither.
         """
-        errors = [name for name in ("position_rms", "mean_attitude_error") if self.has(name)]
+        first = "position_rms", "mean_pointing_error", "mean_attitude_error"
+        errors = [name for name in first if self.has(name)]
         parts = () if self.group is None or len(self.group.parts) == 1 else self.group.parts
         if "position_rms" not in errors:
             turns = [f"mean_pose_error_{part.name}" for part in parts if part.turns]

@@ -414,7 +414,7 @@ class SampledSignals:
         known = outputs_at(loop, s) | dict(signals)
         sampled = {name: values for name, values in known.items() if name in self.names}
         if SETTLING in self.names:
-            sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
+            sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds), loop.axis)
         if ESTIMATE_SETTLING in self.names:
             error = G.exp(of_pose(s))
             sampled[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
@@ -422,7 +422,7 @@ class SampledSignals:
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
         integrated = [s.Vd] if "velocity" in loop.reference.starts_from else []
         return sampled | {
-            POSE_ERROR: s.Q_E,
+            POSE_ERROR: s.relative.Q if loop.axis and loop.controller.weight == "body" else s.Q_E,
             DRIFT: G.drift(s.Q),
             VELOCITIES: np.concatenate([s.V_tilde, *integrated], axis=-1),
             RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),

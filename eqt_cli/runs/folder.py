@@ -362,7 +362,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         signal = SIGNAL.get(quantity.signals[0]) if quantity.signals else None
         laws = [loop.controller for loop in experiment.loops.values()]
-        if signal and not any(map(signal.exists_for, laws)):
+        if signal and not any(map(signal.exists_for, experiment.loops.values())):
             continue
         if OUTPUT in quantity.dims and not outputs_of_laws(experiment):
             continue
@@ -654,6 +654,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
     about = description(config, experiment.loop.vehicle.departures) | {
         "titles": experiment.titles,
         "decimate": experiment.config.store.decimate,
+        "axis": experiment.loop.axis or None,
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],

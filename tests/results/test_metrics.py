@@ -17,6 +17,8 @@ EXACT = {
     # ∫t dt/T, exact for straight lines by the trapezoidal rule.
     "mean_torque": ({"torque_norm": RAMP}, T / 2),
     "mean_pose_error": ({"pose_error": RAMP}, T / 2),
+    "mean_pointing_error": ({"pointing_error": RAMP}, T / 2),
+    "final_pointing_error": ({"pointing_error": T + 1 - RAMP}, 1.0),
     "mean_position_error": ({"position_error": RAMP}, T / 2),
     "position_rms": ({"position_error": RAMP}, np.sqrt(T**2 / 3 + H**2 / 6)),
     "peak_position_error": ({"position_error": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
@@ -226,6 +228,7 @@ def test_a_rate_is_that_of_each_run():
 def test_result_files_hold_these_numbers():
     """The others follow from trajectories, by `eqt compare`; some only say more of a vehicle."""
     assert [quantity.name for quantity in MEASURED] == (
+        "mean_pointing_error final_pointing_error "
         "mean_torque effort peak_torque early_torque mean_pose_error final_pose_error "
         "mean_attitude_error final_attitude_error mean_position_error position_rms "
         "peak_position_error final_position_error heading_rms attitude_command_rms "

@@ -243,7 +243,8 @@ def check_part(text):
     """A part of a configuration fits into the paper's."""
     part = load(text, "part").data
     whole = load(Path("configs/paper.yaml").read_text(encoding="utf-8"), "paper").data | part
-    if part.get("task") == "stabilise":
+    task = part.get("task")
+    if task == "stabilise" or (isinstance(task, dict) and "at" in task):
         del whole["reference"]
     Path("part.yaml").write_text(dump(whole), encoding="utf-8")
     build(read_config(Path("part.yaml"), ()))

@@ -505,7 +505,7 @@ def _of_claimed(name: str) -> property:
 for _name in (
     "energy matched claims_decrease claims feedforward_torque lyapunov velocity_error dissipation "
     "memory_rate memory_gradient gains_group inside commands_attitude attitude_error direction "
-    "cycle undefined reads_gains inside_reads_gains"
+    "cycle undefined reads_gains inside_reads_gains weight"
 ).split():
     setattr(Code, _name, _of_claimed(_name))
 
