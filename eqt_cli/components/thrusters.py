@@ -481,8 +481,8 @@ class Thrusters(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (commanded − x) / T, and 0 for what changes at the next instant."""
         thrusts, lagging = self._left(self._opened(command, x)), x[..., -self.count :]
-        rate: Array = (self._followed(thrusts) - lagging) / self.time_constant
-        return np.concatenate([0.0 * x[..., : -self.count], rate], axis=-1)
+        rates = [(self._followed(thrusts) - lagging) / self.time_constant] if self.moves else []
+        return np.concatenate([0.0 * x, *rates], axis=-1)[..., -self.states(G) :]
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states with the thrusts that were solved for; thrusts that lag stay."""

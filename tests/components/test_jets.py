@@ -76,8 +76,8 @@ class Valves:
         return self.on.copy()
 
 
-def plain(name):
-    """Q, V, thrusts from each instant on, and propellant, at the instants."""
+def plain(name, fails=None):
+    """Q, V, thrusts from each instant on, and propellant, at the instants; a jet fails at 1 s."""
     valves, mass = Valves(name), 0.0
     y = np.concatenate([exp([0.9, -0.5, 0.7]).ravel(), [0.2, -0.1, 0.3]])
     states, thrusts, burnt = [y], [], [mass]
@@ -89,6 +89,8 @@ def plain(name):
             pairs = [(max(u, 0), max(-u, 0)) for u in torque / ARM]
             share = np.clip(np.ravel(pairs), 0, THRUST) / THRUST
         f = THRUST * valves.next(tick, share)
+        if fails is not None and tick >= 100:
+            f[fails] = 0.0
 
         def rate(t, y, f=f):
             Q, w = y[:9].reshape(3, 3), y[9:]
@@ -126,6 +128,21 @@ def test_pulses_are_those_of_a_plain_program(solved, engine, name):
     starts = (np.diff(np.vstack([0 * thrusts[:1], thrusts]), axis=0) > 0).sum(axis=0)
     assert (starts > 1).sum() > 2 and 0 < (thrusts > 0).mean() < 0.9
     np.testing.assert_allclose(s.Q[0].reshape(-1, 9), states[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], states[:, 9:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.vehicle["propellant"][0, :, 0], burnt, rtol=1e-12, atol=1e-18)
+
+
+@pytest.mark.parametrize("engine", ["native", pytest.param("solve_ivp", marks=SLOW)])
+def test_a_jet_that_fails_pushes_no_more(solved, engine):
+    """Its valve goes on, and burns nothing; the second jet is on before and after 1 s."""
+    text = TEXT.replace("JETS", f"{TRIGGER}\n    fails: {{rotor: 2, at: 1 s}}")
+    problem, solution = solved(text.replace("ENGINE", engine), "lee2010")
+    s, (states, _, burnt) = (
+        problem.loop.tracking(problem.times, solution.states),
+        plain("trigger", 1),
+    )
+    whole = plain("trigger")[1][:, 1]
+    assert whole[:100].any() and whole[100:].any()
     np.testing.assert_allclose(s.V[0], states[:, 9:], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.vehicle["propellant"][0, :, 0], burnt, rtol=1e-12, atol=1e-18)
 
@@ -231,6 +248,26 @@ def test_results_have_the_propellant(tmp_path):
         assert data["propellant"][0, 0] == pytest.approx(plain("width")[2][40], rel=1e-12)
         assert data["propellant"][0, 0] == data["burnt"][0, 0, -1]
         assert data.units("propellant") == "kg"
+
+
+def test_margins_do_not_depend_on_the_propellant(experiment_of):
+    """They are those of thrusts without limits and pulses, also of thrusts against a push."""
+    from eqt_cli.config.preflight import along_reference, reference_over_horizon
+    from eqt_cli.loop.linearised import linearised
+
+    text, found = TEXT.replace("JETS", TRIGGER).replace("ENGINE", "solve_ivp"), []
+    pushed = text + "plant: {forces: [{kind: constant, force: [0.02, 0, 0]}]}\n"
+    for each in (text, pushed, pushed.replace("    isp: 220.0\n", "")):
+        experiment = experiment_of(each)
+        [loop] = experiment.loops.values()
+        about = along_reference(experiment, reference_over_horizon(experiment))
+        found.append(linearised(loop, *about).closed[0])
+    np.testing.assert_array_equal(found[1], found[2])
+    eigenvalues = np.linalg.eigvals(found[0])
+    for J in INERTIA:  # zero-order hold of −0.2 ε − 0.4 ω on J ω̇ = τ
+        move = np.array([[1, PERIOD], [0, 1]]) - np.outer([PERIOD**2 / 2, PERIOD], [0.2, 0.4]) / J
+        for value in np.linalg.eigvals(move):
+            assert np.abs(eigenvalues - value).min() < 1e-7
 
 
 NEED = "need period: 10 ms or so, low: 0, and allocation: bounded or by priority"

@@ -205,6 +205,14 @@ def test_margins_know_the_drives(experiment_of):
     np.testing.assert_allclose(found.closed[0], hand, rtol=1e-6, atol=1e-8)
 
 
+def test_a_drive_that_lags_cuts_no_command():
+    options = {"pyramid": 0.9, "limit": 1.0, "inertia": 1.0, "command": "speed", "gain": 2.0}
+    wheels, G = Wheels(**options).of_run(group_named("SO3"), None), group_named("SO3")
+    x, command = np.random.default_rng(1).random(wheels.states(G)), np.array([0.1, -0.2, 0.3])
+    np.testing.assert_allclose(wheels.within(G, command, x), command, rtol=0, atol=1e-14)
+    assert np.abs(wheels.output(G, command, x) - command).max() > 0.1
+
+
 def test_min_max_is_the_least_largest_torque():
     """Against the linear programme: least t with A u = τ and |u_i| ≤ t, for five wheels."""
     random = np.random.default_rng(1)
