@@ -113,6 +113,13 @@ def require_metric(name: str, base: Experiment) -> None:
     if name not in known:
         hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")
+    for metric in base.metrics if name.startswith(own or ("-",)) else ():
+        for label, loop in base.loops.items():
+            if name.startswith(metric.name) and (lacks := metric.lacking(loop)):
+                raise InputError(
+                    f"{name} reads {', '.join(lacks)}, which the law '{label}' has not; leave this "
+                    "law out"
+                )
 
 
 def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch, ...]:
@@ -124,6 +131,9 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
         law = base.loops[str(entry["label"])].controller
         keeps = law.gains_group(base.group) is not base.group or not law.reads_gains
         data = without_search(base.source.data) | {"controllers": [entry]}
+        if isinstance(listed := data.get("metrics"), list):
+            loop, pairs = base.loops[str(entry["label"])], zip(listed, base.metrics, strict=True)
+            data["metrics"] = [written for written, metric in pairs if not metric.lacking(loop)]
         if not keeps:
             of_law = {key: value for key, value in entry.items() if key != "gains"}
             gains = shared | entry.get("gains", {})

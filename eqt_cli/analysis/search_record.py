@@ -11,7 +11,7 @@ import numpy as np
 
 from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import OTHER_FOLDER, InputError
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError, InputError
 from eqt_cli.results.result import Result
 
 # Keys that a search varies ------------------------------------------------------------------------
@@ -192,6 +192,17 @@ def costs_of_runs(result: Result, metric: str) -> Array:
     """Return the cost of each run by a metric, in the shape of `Result.metric`.
 
     The worst run has the largest cost: ∞ for a failed run, −∞ for a run without a value.
+
+    Raises
+    ------
+    EqtError
+        If a metric of the user's own has no value in a good run, so that the worst is not known.
     """
+    lost = int(np.isnan(result.counted(metric)[result.good]).sum())
+    if lost and result.quantity(metric).is_own:
+        raise EqtError(
+            f"{metric} is NaN in {lost} runs, so that the worst run is not known; let the metric "
+            "return a number there, or set `censored` where NaN means: later than the end"
+        )
     costs = result.quantity(metric).cost(result.counted(metric))
     return np.where(result.good, np.where(np.isnan(costs), -np.inf, costs), np.inf)

@@ -49,7 +49,13 @@ from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.recording import read_starts
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
-from eqt_cli.config.preflight import reference_over_horizon, trial, try_laws, try_vehicle
+from eqt_cli.config.preflight import (
+    metrics_of,
+    reference_over_horizon,
+    try_laws,
+    try_metrics,
+    try_vehicle,
+)
 from eqt_cli.config.schema import WORDS, Config, GainsSection, InitialSection, marked, marks_of
 from eqt_cli.config.sections import (
     DesiredTrajectory,
@@ -65,11 +71,10 @@ from eqt_cli.config.source import AUTO, ConfigSource, data_file, load_plugins, w
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
 from eqt_cli.engines.native import Native, refusal
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart
+from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 from eqt_cli.loop.signals import Metric, metrics
 from eqt_cli.numbers.leaves import with_fields
-from eqt_cli.numbers.running import SampledRuns
 
 # The sections `solver` and `settling`: the engine of the runs, and when a run has settled ---------
 
@@ -264,6 +269,11 @@ class Experiment:
                 "lacks the weight that model.forces has, so that laws hold the body against "
                 "nothing; repeat it here",
             )
+        listed, loops = {each.name for each in self.metrics}, self.loops.values()
+        own = metrics.defined_by(self.plugins.values())
+        for name in own if self.source.data.get("metrics") is None else ():
+            if name not in listed:
+                yield ("plugins",), f"{metrics.get(name)().unknown(loops)}: it is left out"
         yield from self._turns()
 
     def _turns(self) -> Iterator[tuple[KeyPath, str]]:
@@ -427,21 +437,22 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
     if initial:
         start = read.start(initial, desired)
     config = read.config(desired, start)
-    own = _metrics_of(sections["metrics"], plugins, problems)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
+    reference, axis = desired.reference, tuple(read.point.axis) if read.point else ()
+    loops = {
+        label: ClosedLoop(group, inertia, law_gains, reference, laws[label].law, vehicle, axis=axis)
+        for label, law_gains in gains.items()
+        if law_gains is not None
+    }
+    own = metrics_of(sections["metrics"], plugins, loops.values(), problems)
+    problems.raise_if_any()
     config = config.model_copy(update={"metrics": own}) if own else config
     complete = read.resolved(config) | {
         **desired.resolved,
         "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
         "solver": solver.resolved,
-    }
-    reference, axis = desired.reference, tuple(read.point.axis) if read.point else ()
-    loops = {
-        label: ClosedLoop(group, inertia, law_gains, reference, laws[label].law, vehicle, axis=axis)
-        for label, law_gains in gains.items()
-        if law_gains is not None
     }
     experiment = Experiment(
         config,
@@ -462,36 +473,9 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
     problems.raise_if_any()
     try_laws(experiment, problems)
     problems.raise_if_any()
-    _try_metrics(experiment, problems)
+    try_metrics(experiment, problems)
     problems.raise_if_any()
     return experiment
-
-
-def _metrics_of(
-    listed: list[Metric] | None, plugins: Mapping[str, str], problems: Problems
-) -> list[Metric]:
-    """Return the metrics that are listed, or else those of the plugins."""
-    if listed is None:
-        names = metrics.defined_by(plugins.values())
-        return list(filter(None, (Kind(metrics).read(n, problems.at("metrics")) for n in names)))
-    names = [each.name for each in listed]
-    for name in dict.fromkeys(name for name in names if names.count(name) > 1):
-        problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
-    return listed
-
-
-def _try_metrics(experiment: Experiment, problems: Problems) -> None:
-    """Note metrics of the user's own that fail, or return no number for each run."""
-    loops, times = list(experiment.loops.values()), experiment.times[:5]
-    start = experiment.initial_pose, experiment.initial_velocity
-    for index, metric in enumerate(experiment.metrics):
-        part = LoopPart(metric, ("metrics", index), f"metric {metric.name}")
-        metric.check_signals(loops, problems.at(*part.path))
-        for loop in (each for each in loops if not (problems or metric.lacking(each))):
-            states = np.tile(loop.initial_state(*start, *start), (3, len(times), 1))
-            with trial([part], problems) as tried:
-                number = metric.of(SampledRuns(times), *metric.signals_at(loop, states, times))
-                tried.fits(number, type(metric).of, states[:, 0], exact=True)
 
 
 class _Sections:

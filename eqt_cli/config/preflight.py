@@ -4,6 +4,7 @@
    reference. Are their arrays of the right shape, for some runs and samples?
 2. `try_laws`: initial states, group, reference and laws, where one is the user's own, at the start
    of run 0; the laws also with numbers that differ from run to run.
+   `try_metrics`: metrics of the user's own, on samples at the start.
 3. `check_reference`: is the reference finite over the horizon, and its torque below a bound?
 4. `remarks`: numbers that look wrong, rounding, stiffness, loops that are unstable or slow, and
    limits below the torque of the reference.
@@ -28,7 +29,7 @@ from __future__ import annotations
 import json
 import traceback
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -49,6 +50,7 @@ from eqt_cli.base.errors import (
     dotted,
     parse_key,
 )
+from eqt_cli.base.option_types import Kind
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.actuators import Actuator
@@ -64,8 +66,9 @@ from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp, solve
 from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, ReferenceSystem, parts_of, vehicle_parts
 from eqt_cli.loop.linearised import Along, flow, growth, left_out, linearised, size_of
-from eqt_cli.loop.signals import compute
+from eqt_cli.loop.signals import Metric, compute, metrics
 from eqt_cli.numbers.leaves import leaves
+from eqt_cli.numbers.running import SampledRuns, mixes_runs
 
 if TYPE_CHECKING:
     from eqt_cli.config.experiment import Experiment
@@ -348,6 +351,47 @@ def _require_states(part: Actuator, count: int, name: str) -> None:
         )
     if count and not part.moves and type(part).step is Actuator.step:
         raise InputError(f"{name}: has {count} states; give them after an instant in `step`")
+
+
+# Tries metrics ------------------------------------------------------------------------------------
+
+
+RUNS_TRIED, MOST_TRIED = 3, 1000
+"""Numbers of runs, and of samples at most, on which metrics are tried."""
+
+
+def metrics_of(
+    listed: Sequence[Metric | None] | None,
+    plugins: Mapping[str, str],
+    loops: Collection[ClosedLoop],
+    problems: Problems,
+) -> list[Metric]:
+    """Return the metrics that are listed, or those of the plugins whose signals a loop has."""
+    if listed is None:
+        names = metrics.defined_by(plugins.values())
+        made = filter(None, (Kind(metrics).read(n, problems.at("metrics")) for n in names))
+        return [each for each in made if not each.unknown(loops)]
+    names = [each.name for each in listed if each is not None]
+    for name in dict.fromkeys(name for name in names if names.count(name) > 1):
+        problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
+    return [each for each in listed if each is not None]
+
+
+def try_metrics(experiment: Experiment, problems: Problems) -> None:
+    """Note metrics of the user's own that fail, or return no number for each run."""
+    loops, times = list(experiment.loops.values()), experiment.times[:MOST_TRIED]
+    start = experiment.initial_pose, experiment.initial_velocity
+    for index, metric in enumerate(experiment.metrics):
+        part = LoopPart(metric, ("metrics", index), f"metric {metric.name}")
+        for wrong in filter(None, (metric.unknown(loops), *metric.wrong(loops))):
+            problems.at(*part.path).add(wrong)
+        for loop in (each for each in loops if not (problems or metric.lacking(each))):
+            states = np.tile(loop.initial_state(*start, *start), (RUNS_TRIED, len(times), 1))
+            with trial([part], problems) as tried:
+                signals, of = metric.signals_at(loop, states, times), type(metric).of
+                tried.fits(metric.of(SampledRuns(times), *signals), of, states[:, 0], exact=True)
+                if mixes_runs(metric.of, times, [each.shape[2:] for each in signals]):
+                    tried.is_wrong(of, "numbers of a run that depend on other runs")
 
 
 # Checks the reference over the horizon ------------------------------------------------------------

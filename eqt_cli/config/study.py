@@ -401,7 +401,8 @@ def law_names(study: Study) -> Array | None:
             law = _law(entry)
             identity = _identity(law)
             if identity not in known:
-                known[identity] = alike.name(law) if alike and law.code is None else ""
+                formula = law.code is None and not law.memory(G)  # which are two, at any memory
+                known[identity] = alike.name(law) if alike and formula else ""
             names[point, index] = known[identity]
     return names
 

@@ -1,13 +1,14 @@
 """Signals over time, each with its symbol, unit and formula; and metrics of a user's own."""
 
 import math
+import re
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
 from operator import attrgetter
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -559,6 +560,10 @@ def existing(loop: ClosedLoop) -> dict[str, tuple[Signal, Part | None]]:
 # Metrics of a user's own --------------------------------------------------------------------------
 
 
+Better = Literal["lower", "higher", "neither"]
+"""Which values of a quantity are better."""
+
+
 @dataclass(frozen=True)
 class Metric(Component):
     """A number of each run, from its signals; the first line of the docstring is its long name.
@@ -572,11 +577,15 @@ class Metric(Component):
         Its unit. ``{}`` stands for the unit of the first signal, as in ``({})^2 s``.
     better
         Which values are better: ``lower``, ``higher`` or ``neither``.
+    censored
+        Whether NaN means: later than the end of the run. The number then counts as the horizon, as
+        a settling time does.
     """
 
     signals: ClassVar[tuple[str, ...]]
     units: ClassVar[str]
-    better: ClassVar[Literal["lower", "higher", "neither"]]
+    better: ClassVar[Better]
+    censored: ClassVar[bool] = False
 
     @abstractmethod
     def of(self, over: SampledRuns, *signals: Any) -> Any:
@@ -600,18 +609,34 @@ class Metric(Component):
         """Return the signals that a loop does not have."""
         return [x for x in self.signals if x not in existing(loop) and x not in outputs_of(loop)]
 
-    def check_signals(self, loops: Collection[ClosedLoop], problems: Problems) -> None:
-        """Note signals that no loop has."""
+    def unknown(self, loops: Collection[ClosedLoop]) -> str:
+        """Return what it reads that no loop has, in words; "" if there is nothing."""
         known = sorted({name for each in loops for name in (*existing(each), *outputs_of(each))})
         for name in self.signals:
             if name not in known:
-                hint = suggestion(name, known) or (
-                    f"; there are: {', '.join(known)}; or leave it out of `metrics`, whose default "
-                    "is all metrics of the plugins"
-                )
-                problems.add(f"metric {self.name} reads '{name}', which no loop has{hint}")
+                hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
+                return f"metric {self.name} reads '{name}', which no loop has{hint}"
+        return ""
+
+    def wrong(self, loops: Collection[ClosedLoop]) -> Iterator[str]:
+        """Yield what is wrong with what its class says."""
+        if not (re.fullmatch(r"[A-Za-z]\w*", self.name, re.ASCII) and self.name.isidentifier()):
+            yield f"metric {self.name!r}: expected a name of letters, digits and _"
+        if self.better not in get_args(Better):
+            yield (
+                f"metric {self.name}: better: expected {', '.join(get_args(Better))}, got "
+                f"{self.better!r}"
+            )
         if not self.signals:
-            problems.add(f"metric {self.name} reads no signal; name at least one in `signals`")
+            yield f"metric {self.name} reads no signal; name at least one in `signals`"
+        of_both = {
+            x
+            for each in loops
+            for x in self.signals
+            if x in {*existing(each)} & {*outputs_of(each)}
+        }
+        for name in sorted(of_both):
+            yield f"metric {self.name} reads '{name}', a signal and a number of a law; rename this"
 
     def signals_at(self, loop: ClosedLoop, states: Array, times: Array) -> list[Array]:
         """Return the values of its signals in some states."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Self
 
 import numpy as np
@@ -197,6 +198,17 @@ def goes_by_samples(of: Callable[..., Any], shapes: Mapping[str, tuple[int, ...]
         kept = np.array(after(k, kept, columns[:, k])[1].after)
     number, _ = after(2, kept, columns[:, 2], ended=True)
     return np.shape(number) == (1,) and bool(np.allclose(number, whole, rtol=1e-9, equal_nan=True))
+
+
+def mixes_runs(of: Callable[..., Any], times: Array, shapes: Sequence[tuple[int, ...]]) -> bool:
+    """Whether the number of a run depends on the others, for random values that it can take."""
+    random, over = np.random.default_rng(0), SampledRuns(times)
+    values = [random.normal(size=(3, len(times), *shape)) for shape in shapes]
+    with suppress(Exception):
+        alone = [of(over, *(each[k : k + 1] for each in values)) for k in range(3)]
+        together = of(over, *values)
+        return not np.allclose(np.concatenate(alone), together, rtol=1e-9, equal_nan=True)
+    return False
 
 
 # Numbers of a run, computed by a program that takes its samples one after the other ---------------

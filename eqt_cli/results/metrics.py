@@ -12,9 +12,9 @@ from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
 from eqt_cli.base.registry import summary
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import SIGNALS, Metric, metrics, signal_of
+from eqt_cli.loop.signals import SIGNALS, Better, Metric, metrics, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.quantity import WHOLE, Better, Quantity, ValuePer, Window
+from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
 
 # Metrics: numbers per run that follow from its signals, each with formula, names and unit ---------
 #
@@ -517,12 +517,14 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 def own_quantity(metric: type[Metric], name: str, **more: Any) -> Quantity:
     """Return the row of a metric of the user's own, which is `better` in the file, too."""
     words, better = summary(metric).removesuffix("."), metric.better
-    return _own(name, words, better, units=metric.units, signals=metric.signals, **more)
+    more |= {"units": metric.units, "signals": metric.signals}
+    return _own(name, words, better, metric.censored, **more)
 
 
-def _own(name: str, words: str, better: Better, **more: Any) -> Quantity:
-    label, notes = name.replace("_", " "), {"better": better}
-    return Quantity(name, words, label=label, better=better, notes=notes, compared=(WHOLE,), **more)
+def _own(name: str, words: str, better: Better, censored: bool, **more: Any) -> Quantity:
+    more |= {"label": name.replace("_", " "), "better": better, "censored": censored}
+    notes = {"better": better, "censored": int(censored)}
+    return Quantity(name, words, notes=notes, compared=(WHOLE,), **more)
 
 
 def quantity_of(
@@ -537,7 +539,8 @@ def quantity_of(
         return QUANTITIES[name]
     for better in get_args(Better):
         if attributes.get("better") == better:
-            return _own(name, long_name or name, better, units=str(attributes.get("units", "")))
+            units, late = str(attributes.get("units", "")), attributes.get("censored") == 1
+            return _own(name, long_name or name, better, late, units=units)
     for row in MEASURED:
         if row.stored_by_part and name.startswith(f"{row.name}_"):
             return row.part(name.removeprefix(f"{row.name}_"))

@@ -11,7 +11,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from eqt_cli.base.reporting import NOTHING, fixed
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import split
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.loop.signals import signal_of
+from eqt_cli.loop.signals import Better, signal_of
 from eqt_cli.numbers.running import SampledRuns
 
 # Windows of time over which quantities are taken --------------------------------------------------
@@ -132,9 +132,6 @@ def _at(times: Array, values: Array, t: float, held: bool) -> Array:
 
 
 FLOAT = np.dtype("f8")
-
-Better = Literal["lower", "higher", "neither"]
-"""Which values of a quantity are better."""
 
 _IN_PLAIN = (
     (r"_{\mathrm{F}}", ""),

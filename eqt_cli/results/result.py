@@ -641,7 +641,8 @@ class Result(StoredRuns):
             others = [name for name in self.in_parts("mean_pose_error") if name not in turns]
             errors += others if parts or not errors else []
         torque = "early_torque" if self._flies_papers_loop else "mean_torque"
-        listed = (*errors, *self.in_parts(torque), *self.own_metrics)
+        own = [x for x in self.own_metrics if self.quantity(x).better != "neither"]
+        listed = (*errors, *self.in_parts(torque), *own)
         return [each for each in listed if each in self.metrics]
 
     @property

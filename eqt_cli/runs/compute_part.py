@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array, less, minimum, sqrt, where
-from eqt_cli.base.errors import ResultError, TraceError
-from eqt_cli.base.registry import blamed
+from eqt_cli.base.errors import ComponentError, ResultError, TraceError
+from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Table, Variable, write
@@ -471,15 +471,7 @@ class Numbers:
             whole = partial(metric.measure, window=metric.window)
             if metric.is_own and not goes_by_samples(whole, shapes):
                 raise TraceError(f"metric {metric.name} does not go from sample to sample")
-        numbers = {
-            metric.name: metric.measure(
-                over,
-                signals,
-                metric.window,
-                **{name: self.keys[key] for name, key in metric.settings.items()},
-            )
-            for metric in self.metrics
-        }
+        numbers = {metric.name: self._number(metric, over, signals) for metric in self.metrics}
         away = distance_to_unstable(self.group, self.K, signals[POSE_ERROR])
         return numbers | {
             "group_drift": over.largest(signals[DRIFT]),
@@ -487,6 +479,24 @@ class Numbers:
             STILL: self._least_change(over, signals[VELOCITIES]),
             "reference_residual": largest(over, signals[RESIDUAL]),
         }
+
+    def _number(self, metric: Quantity, over: SampledRuns, signals: Mapping[str, Any]) -> Any:
+        """Return a metric of each run; what one of the user's own raises is said with its name."""
+        settings = {name: self.keys[key] for name, key in metric.settings.items()}
+        try:
+            number = metric.measure(over, signals, metric.window, **settings)
+        except Exception as error:
+            if not metric.is_own:
+                raise
+            at = f" at {place}" if (place := place_of(error)) else ""
+            said = f"metric '{metric.name}' fails on the samples of runs: {described(error)}{at}"
+            raise ComponentError(said) from error
+        if metric.is_own and np.shape(number) != (expected := np.shape(signals[DRIFT])[:1]):
+            raise ComponentError(
+                f"metric '{metric.name}' returns an array of shape {np.shape(number)} for the "
+                f"samples of {expected[0]} runs; expected {expected}"
+            )
+        return number
 
     def _least_change(self, over: SampledRuns, velocities: Any) -> Any:
         """Return the least change of the velocity of a part until `first`."""

@@ -59,6 +59,7 @@ from eqt_cli.config.schema import Config
 from eqt_cli.config.source import description
 from eqt_cli.config.study import Study, law_names, section_of
 from eqt_cli.loop.signals import MIXED, OUTPUT, Metric, Signal, holds, output_names, signal_of
+from eqt_cli.results.dataset import derived
 from eqt_cli.results.metrics import (
     ESTIMATE_SETTLING,
     MEASURED,
@@ -332,6 +333,11 @@ def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
     return quantity.with_choices(values)
 
 
+RESERVED = {*QUANTITIES, *(dim for each in QUANTITIES.values() for dim in each.dims)}
+RESERVED |= {"controller", "run", "stored_run", "point", "sample", "quantity"}
+"""Names that no metric of the user's own may have: variables, dimensions, variables of datasets."""
+
+
 def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
     """Return the variables of an experiment's result with their units, in the file's order.
 
@@ -354,7 +360,8 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         of = [vehicle] if vehicle.members.keys() & set(quantity.dims) else vehicles
         if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
             continue
-        if quantity.is_own and quantity.name in {*QUANTITIES, *(each.name for each in quantities)}:
+        others = {each.name for each in quantities} | {x.name for x in derived(group, "ZYX")}
+        if quantity.is_own and quantity.name in RESERVED | others:
             raise ComponentError(
                 f"metric '{quantity.name}': results have a number of this name; rename yours"
             )

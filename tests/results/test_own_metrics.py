@@ -8,6 +8,7 @@ from said import error_of
 from small_experiment import mapping
 
 import eqt_cli
+from eqt_cli.base.errors import EqtWarning
 from eqt_cli.cli.result_tables import print_outcome
 from eqt_cli.results.result import open_result
 
@@ -159,6 +160,55 @@ def test_listed_metrics_replace_those_of_the_plugins(result_of, read):
 TUNE = {"over": {"gains.kp": [1, 4]}, "budget": 1, "population": 8, "seeds": 1}
 
 
+SEEN = {"over": {"gains.kp": [1, 2]}, "budget": 1, "population": 5, "seeds": 1}
+
+
+def test_a_search_of_a_law_without_the_signal_leaves_the_metric_out(result_of, tmp_path):
+    result_of()
+    data = mapping(controllers=["adaptive", "gt"], plugins=[str(tmp_path / "mine.py")])
+    search = SEEN | {"objective": "effort", "confirm": {"runs": 5}}
+    tuned = eqt_cli.tune(data | {"tune": search}, tmp_path / "t")
+    assert len(tuned.to_dataframe()) == 2
+    said = error_of(eqt_cli.tune, data | {"tune": search | {"objective": "final_budget"}})
+    assert said.endswith(
+        "final_budget reads budget, which the law 'gt' has not; leave this law out"
+    )
+
+
+LATE = HEAD + metric(
+    "late", "np.where(a[:, 0] > 1.5, np.nan, a[:, 0] / 3)", "pose_error", units="s"
+)
+
+
+@pytest.mark.parametrize("censored", [False, True])
+def test_a_run_without_a_value_is_never_better_than_the_worst(result_of, tmp_path, censored):
+    text = (
+        LATE.replace(
+            'better: ClassVar[str] = "lower"',
+            'better: ClassVar[str] = "lower"\n    censored: ClassVar[bool] = True',
+        )
+        if censored
+        else LATE
+    )
+    result_of(text)
+    data = mapping(controllers=["eqt"], plugins=[str(tmp_path / "mine.py")])
+    data |= {"ensemble": {"runs": 8, "seed": 1}, "worst": SEEN | {"objective": "late"}}
+    if censored:
+        worst = eqt_cli.worst(data, tmp_path / "w")
+        assert worst.to_dataframe()["late"].tolist() == [
+            1.0
+        ]  # the horizon; others have at most 0.5
+        return
+    assert "late is NaN in " in error_of(eqt_cli.worst, data, tmp_path / "w")
+
+
+def test_a_metric_without_direction_is_shown_of_a_sweep(result_of, capsys, read):
+    text = HEAD + metric("odd", "over.final(a)", "pose_error", better="neither")
+    result = result_of(text, sweep=[{"grid": {"gains.kp": [1, 2]}}])
+    print_outcome(read(result))
+    assert "Points won by mean" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("name", ["by_hand", "peak_of_torque"])
 def test_a_search_makes_it_better(result_of, read, tmp_path, name):
     tune = TUNE | {"objective": name, "confirm": {"runs": 20}}
@@ -174,24 +224,45 @@ def test_a_search_makes_it_better(result_of, read, tmp_path, name):
     assert tuned > start if name == "by_hand" else tuned < start
 
 
+AT_START = "metric odd is wrong at the start of run 0: mine.py:32: of returns "
 WRONG = {
-    "unknown": (
-        metric("odd", "over.final(a)", "pose_eror"),
-        "metrics[0]: metric odd reads 'pose_eror', which no loop has; did you mean 'pose_error'?",
-    ),
     "shape": (
         metric("odd", "a", "pose_error"),
-        "metrics[0]: metric odd is wrong at the start of run 0: mine.py:32: of returns an "
-        "array of shape (3, 5) for 3 runs; expected (3,)",
+        f"metrics[0]: {AT_START}an array of shape (3, 11) for 3 runs; expected (3,)",
+    ),
+    "mixed": (
+        metric("odd", "over.largest(a - a.mean(axis=0))", "pose_error"),
+        f"metrics[0]: {AT_START}numbers of a run that depend on other runs",
     ),
     "fails": (
         metric("odd", "over.middle(a)", "pose_error"),
         "metrics[0]: metric odd fails at the start of run 0: AttributeError: 'SampledRuns' "
         "object has no attribute 'middle' at mine.py:33: return over.middle(a)",
     ),
+    "fails in a run": (
+        metric("odd", "a[:, 1 // int(a[0, 3] != a[0, 4])]", "pose_error").replace("!=", "=="),
+        "metric 'odd' fails on the samples of runs: ZeroDivisionError: integer division or modulo "
+        "by zero at mine.py:33: return a[:, 1 // int(a[0, 3] == a[0, 4])]",
+    ),
     "name": (
         metric("effort", "over.final(a)", "pose_error"),
         "metric 'effort': results have a number of this name; rename yours",
+    ),
+    "name of a dataset": (
+        metric("quaternion", "over.final(a)", "pose_error"),
+        "metric 'quaternion': results have a number of this name; rename yours",
+    ),
+    "word": (
+        metric("odd", "over.final(a)", "pose_error").replace('"odd"', '"an odd one"'),
+        "metrics[0]: metric 'an odd one': expected a name of letters, digits and _",
+    ),
+    "better": (
+        metric("odd", "over.final(a)", "pose_error", better="smaller"),
+        "metrics[0]: metric odd: better: expected lower, higher, neither, got 'smaller'",
+    ),
+    "both": (
+        metric("odd", "over.final(a)", "torque_norm"),
+        "metrics[0]: metric odd reads 'torque_norm', a signal and a number of a law; rename this",
     ),
 }
 
@@ -199,7 +270,22 @@ WRONG = {
 @pytest.mark.parametrize("kind", WRONG)
 def test_what_is_wrong_with_it_is_said(result_of, kind):
     text, said = WRONG[kind]
-    assert error_of(result_of, HEAD + text).endswith(said)
+    head = HEAD.replace('"budget"', '"torque_norm"') if kind == "both" else HEAD
+    assert error_of(result_of, head + text).endswith(said)
+
+
+def test_a_metric_without_its_signals_is_left_out_with_a_remark(result_of, read):
+    text = HEAD + metric("odd", "over.final(a)", "pose_eror")
+    with pytest.warns(EqtWarning, match="pose_eror', which no loop has; did you mean 'pose_error'"):
+        result = result_of(text)
+    assert read(result).own_metrics == []
+    said = error_of(result_of, text, metrics=["odd"])
+    assert said.endswith("reads 'pose_eror', which no loop has; did you mean 'pose_error'?")
+
+
+def test_a_wrong_entry_of_metrics_is_said_at_its_place(result_of):
+    assert "metrics[1]" in error_of(result_of, metrics=["two", {"kind": "two", "limit": 3}])
+    assert "unknown metric 'three'" in error_of(result_of, metrics=["three"])
 
 
 def test_a_metric_is_listed_once(result_of):

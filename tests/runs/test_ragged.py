@@ -305,3 +305,36 @@ def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(make, 
     text = f"sweep: [{{zip: {{'controllers[0]': [{law}]}}}}]\n"
     found = make(text, f"gains.kd={kd}", grids=[swept] if swept else [])
     assert law_names(found)[0, 0] == name
+
+
+LEAKY = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.extend import EqT
+
+
+@dataclass(frozen=True)
+class Leaky(EqT):
+    name: ClassVar[str] = "leaky"
+    leak: float = 0.5
+
+    def memory(self, G):
+        return {"bias": G.dimension}
+
+    def memory_rate(self, s):
+        return {"bias": s.V_tilde - self.leak * s.memory["bias"]}
+
+    def torque(self, s):
+        return super().torque(s) - s.memory["bias"]
+"""
+
+
+def test_a_law_with_memory_is_no_other_law_though_it_begins_as_one(make, folder):
+    (folder / "leaky.py").write_text(LEAKY, encoding="utf-8")
+    found = make(
+        "sweep: [{grid: {'controllers[0].leak': [0.1, 0.2]}}]\n",
+        "plugins=[leaky.py]",
+        "controllers=[{kind: leaky}]",
+    )
+    assert law_names(found).tolist() == [[""], [""]]
