@@ -129,7 +129,7 @@ class Runs:
         Signals by which a filter with a covariance judges itself, ``(runs, samples)`` by name;
         empty without trajectories, None without such a filter.
     barrier
-        Of `task: point`, the least L, J, with the axis opposite; 0 of others, or of another L.
+        Of `task: point`, the least L, J, with the axis opposite; 0 where no arrival is claimed.
     leaves_spin
         Whether nothing damps the velocity about that axis.
     """

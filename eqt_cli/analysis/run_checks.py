@@ -556,8 +556,7 @@ class MomentumConvergence(Convergence):
         """The velocity errors."""
         final, errors = runs.final_velocity_error, runs.velocity_error
         if runs.leaves_spin:
-            remark = "task: point without damping about the axis leaves the spin"
-            return self.row(Verdict.UNCLAIMED, remark=remark, controller=runs.label)
+            return self.row(Verdict.UNCLAIMED, remark="the spin is left", controller=runs.label)
         if errors is None:
             return self.arrived(runs, final, np.isfinite(final), None, None)
         left = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)

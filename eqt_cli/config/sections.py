@@ -82,7 +82,7 @@ def gains_from(
             K_d = square(section["kd"], G.dimension, G)
             c, size = np.array(axes[1] if axes else np.zeros(G.dimension)), np.abs(K_d).max()
             is_left = np.abs((K_d + K_d.T) @ c).max() <= 1e-9 * size
-            or_free = f", or 0 along ({_listed(c)})" if axes else ""
+            or_free = f", or 0 along ({_listed(c)}) in the law's frame" if axes else ""
             require_definite(K_d + is_left * size * np.outer(c, c), or_free)
     return None if K is None or K_d is None else Gains(K, K_d)
 
@@ -92,7 +92,7 @@ def _of_axis(K: Array, c: Array, is_matrix: bool) -> Array:
     weight = (c @ K @ c) * np.outer(c, c)
     if not c @ K @ c > 0 or (is_matrix and np.abs(K - weight).max() > 1e-9 * np.abs(K).max()):
         got = f"got eigenvalues {_listed(_eigenvalues(K))}"
-        raise InputError(f"expected k > 0, or k c cᵀ of the axis c = ({_listed(c)}), {got}")
+        raise InputError(f"expected k > 0, or k c cᵀ with c = ({_listed(c)}) in its frame, {got}")
     return weight
 
 

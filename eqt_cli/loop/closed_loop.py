@@ -142,9 +142,14 @@ class ClosedLoop:
 
     @property
     def barrier(self) -> float:
-        """2k of K = k c cᵀ, the least L with the axis opposite; 0 for an L of another form."""
+        """2k of K = k c cᵀ, the least L with the axis opposite; 0 where no arrival is claimed.
+
+        It is not for an L of another form, nor for a spin that is left along a moving reference.
+        """
         is_usual = self.controller.energy in (Controller.energy, BODY_ENERGY)
-        return 2 * float(np.trace(self.gains.K)) if self.axis and is_usual else 0.0
+        rests = not np.any(getattr(self.reference, "velocity", 1.0))
+        claims = self.axis and is_usual and (rests or len(self.free_rows) == 1)
+        return 2 * float(np.trace(self.gains.K)) if claims else 0.0
 
     @property
     def free(self) -> str:
