@@ -25,7 +25,6 @@ CORE = (
     "results/quantity.py",
     "extensions/devices.py",
     "extensions/firmware/c_headers.py",
-    "extensions/firmware/decimals.py",
     "extensions/firmware/decisions.py",
     "extensions/firmware/user_code.py",
 )

@@ -762,6 +762,8 @@ class MomentumBalance(LargestExcess):
         if not vehicle.wheels:
             reactions = (of_rotors for _, of_rotors, _ in vehicle.reactions(G, s.V, s.vehicle))
             force = force + sum(reactions, loop.torque(s))
+        if vehicle.wheels and vehicle.magnet:
+            force = force + vehicle.at(s).magnet.output(G, 0.0 * s.V, s.V)
         for each in vehicle.forces:
             force = force + each.in_body(G, s.t, s.Q, s.V)
         fine = ORDERS[-1]

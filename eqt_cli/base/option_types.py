@@ -80,6 +80,7 @@ _OF_PART = {
     INERTIA: "{force} {per}/{of} s",
     VELOCITY: "{of}/{per}",
     POSE: "{of}/{per} s",
+    "magnetometer": "T",
 }
 """Units that differ between the parts of a group, by their velocity unit ``of/per``."""
 
@@ -174,7 +175,8 @@ class _InUnit:
             by_entry = [[unit] for unit in by_axis]
             allowed = by_entry if len(value) == len(by_axis) else [units] * len(value)
             return [_tagged(entry, some) for entry, some in zip(value, allowed, strict=True)]
-        if isinstance(value, dict) and value.keys() <= by_part.keys():
+        if isinstance(value, dict) and value.keys() <= {*by_part, "rate"}:
+            by_part["rate"] = "rad/s", slice(0)
             return {name: _tagged(entry, [by_part[name][0]]) for name, entry in value.items()}
         return _tagged(value, units, mixed=len(units) > 1 and not isinstance(value, list))
 

@@ -8,11 +8,11 @@ import re
 from functools import lru_cache
 from typing import TypeAlias
 
-Dimension: TypeAlias = tuple[int, int, int, int]
-"""Exponents of kg, m, s and rad."""
+Dimension: TypeAlias = tuple[int, int, int, int, int]
+"""Exponents of kg, m, s, rad and A."""
 
-_MASS, _LENGTH, _TIME, _ANGLE = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)
-_FORCE, _TORQUE = (1, 1, -2, 0), (1, 2, -2, 0)
+_MASS, _LENGTH, _TIME, _ANGLE = (1, 0, 0, 0, 0), (0, 1, 0, 0, 0), (0, 0, 1, 0, 0), (0, 0, 0, 1, 0)
+_FORCE, _TORQUE, _FIELD = (1, 1, -2, 0, 0), (1, 2, -2, 0, 0), (1, 0, -2, 0, -1)
 _PI = 3.141592653589793
 
 _SYMBOLS: dict[str, tuple[float, Dimension]] = {
@@ -35,14 +35,16 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "deg": (_PI / 180, _ANGLE),
     "arcmin": (_PI / 10_800, _ANGLE),
     "arcsec": (_PI / 648_000, _ANGLE),
-    "Hz": (1.0, (0, 0, -1, 0)),
-    "rpm": (_PI / 30, (0, 0, -1, 1)),
+    "Hz": (1.0, (0, 0, -1, 0, 0)),
+    "rpm": (_PI / 30, (0, 0, -1, 1, 0)),
+    "A": (1.0, (0, 0, 0, 0, 1)),
+    **{f"{prefix}T": (size, _FIELD) for prefix, size in (("", 1.0), ("u", 1e-6), ("n", 1e-9))},
     **{f"{prefix}J": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     **{f"{prefix}N": (size, _FORCE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     "uN": (1e-6, _FORCE),
     **{f"{prefix}Nm": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     "uNm": (1e-6, _TORQUE),
-    "1": (1.0, (0, 0, 0, 0)),
+    "1": (1.0, (0, 0, 0, 0, 0)),
 }
 
 _OFFERED: dict[str, tuple[str, ...]] = {
@@ -63,6 +65,7 @@ _OFFERED: dict[str, tuple[str, ...]] = {
     "a torque per time": ("N m/s", "mN m/s"),
     "a force per time": ("N/s",),
     "a rate": ("1/s", "Hz"),
+    "a magnetic field": ("T", "uT", "nT"),
 }
 """Units that messages offer, the first one that of eqt, by the name of their dimension."""
 
@@ -76,12 +79,12 @@ _NUMBER_AND_UNIT = re.compile(rf"(.*?(?:[\d.)]|\bpi))(?: +(?=1)| *(?!1))({_UNIT}
 
 @lru_cache(maxsize=256)
 def size_of(unit: str) -> tuple[float, Dimension] | None:
-    """Return the factor of a unit to kg, m, s and rad, and its dimension; None if it is unknown."""
+    """Return the factor of a unit to kg, m, s, rad and A, and its dimension; None if unknown."""
     text = " ".join(unit.replace("**", "^").translate(_ALIKE).split())
     if not re.fullmatch(_UNIT, text):
         return None
     bracket = re.match(r"\((.*)\)(?:\^(-?\d))?", text)
-    size, dimension = 1.0, (0, 0, 0, 0)
+    size, dimension = 1.0, (0, 0, 0, 0, 0)
     if bracket:
         inner, power = size_of(bracket[1]), int(bracket[2] or 1)
         assert inner is not None  # it is a product of known symbols
@@ -96,8 +99,8 @@ def size_of(unit: str) -> tuple[float, Dimension] | None:
 def _times(
     size: float, dimension: Dimension, other: tuple[float, Dimension], power: int
 ) -> tuple[float, Dimension]:
-    a, b, c, d = (x + power * y for x, y in zip(dimension, other[1], strict=True))
-    return size * other[0] ** power, (a, b, c, d)
+    a, b, c, d, e = (x + power * y for x, y in zip(dimension, other[1], strict=True))
+    return size * other[0] ** power, (a, b, c, d, e)
 
 
 def split(text: str) -> tuple[str, str] | None:
@@ -118,7 +121,7 @@ def factor(unit: str, to: str) -> float | None:
 
 def _same(one: Dimension, other: Dimension) -> bool:
     """Whether dimensions are equal; a torque per angle is a torque."""
-    return one == other or (one[0] != 0 and one[:3] == other[:3])
+    return one == other or (one[0] != 0 and one[:3] + one[4:] == other[:3] + other[4:])
 
 
 def offered(unit: str) -> str:

@@ -23,7 +23,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.vehicle_parts import (
     Number,
@@ -83,8 +83,11 @@ class Actuator(VehiclePart):
         """Whether its states at the start of a run follow from the first command, and are not 0."""
         return False
 
-    takes_rates: ClassVar[bool] = False
-    """Whether its command is an angular velocity in place of a torque."""
+    takes: ClassVar[str] = "torque"
+    """What its command is: a torque, rates, or a dipole."""
+
+    dump: ClassVar[Any] = None
+    """The gain by which it takes momentum out of wheels; else None."""
 
     changes: ClassVar[bool] = False
     """Whether it is another one at each time or state, see `at`."""
@@ -94,8 +97,8 @@ class Actuator(VehiclePart):
         """The actuator that does not change over time, which laws know."""
         return self
 
-    def at(self, s: Tracking) -> Self:
-        """Return the actuator at a time and a state of the body."""
+    def at(self, s: Tracking, stored: Any = None) -> Self:
+        """Return the actuator at a time and a state, with the momentum that wheels store."""
         return self
 
     @property
@@ -256,7 +259,7 @@ AntiWindup: TypeAlias = Literal["none", "clamp"] | BackCalculation
 
 def told(kind: AntiWindup, G: MatrixLieGroup, plant: Any, problems: Problems) -> tuple[Any, ...]:
     """Return the actuators of a `PlantModel` whose limits an anti-windup reads; note if none."""
-    known = () if any(part.takes_rates for part in plant.actuators) else plant.actuators
+    known = () if any(part.changes for part in plant.actuators) else plant.actuators
     parts = [part for part in known if part.allowed(G, np.zeros(G.dimension)) is not None]
     if kind != "none" and not parts:
         problems.add(
@@ -301,7 +304,7 @@ actuators = Registry(
     "actuator",
     "actuators",
     Actuator,
-    ("components.actuators", "components.thrusters", "components.wheels"),
+    ("components.actuators", "components.thrusters", "components.wheels", "components.magnetic"),
 )
 
 
@@ -448,7 +451,7 @@ class RateLoop(Actuator):
     departs: ClassVar[str] = "rate loop"
     positive: ClassVar[tuple[str, ...]] = ("bandwidth", "gains", "cutoff", "i_limit", "d_cutoff")
     changes: ClassVar[bool] = True
-    takes_rates: ClassVar[bool] = True
+    takes: ClassVar[str] = "rates"
 
     bandwidth: Annotated[Numbers | None, Scale("bandwidth of the rate loop", "rad/s")] = None
     gains: Annotated[Numbers | None, Scale("gains of the rate loop", "N m s")] = None
@@ -465,7 +468,7 @@ class RateLoop(Actuator):
         """Whether it has a filter, and so an integral."""
         return self.cutoff is not None
 
-    def at(self, s: Tracking) -> Self:
+    def at(self, s: Tracking, stored: Any = None) -> Self:
         """Return the loop at the angular velocity of a state."""
         return with_fields(self, state=s)
 
@@ -509,8 +512,7 @@ class RateLoop(Actuator):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and numbers that are missing or too many."""
-        if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
-            problems.add(f"rate_loop needs group SO3 or SE3, got {G.name}")
+        check_turns_in_space(self.name, G, problems)
         if (self.bandwidth is None) == (self.gains is None):
             problems.add("expected either bandwidth or gains; for example bandwidth: 40")
         elif self.moves and self.gains is None:

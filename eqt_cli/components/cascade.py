@@ -225,7 +225,7 @@ class Cascade(Controller):
 
         attitude_group = self.gains_group(G)
         law = Kind(controllers).checked(self.attitude, problems.at("attitude"), attitude_group)
-        tracks = law is None or "track" in law.tasks or law.commands_rates
+        tracks = law is None or "track" in law.tasks or law.commands == "rates"
         if law is not None and (not tracks or law.pieces):
             problems.at("attitude").add(
                 f"expected a law of {attitude_group.name} that tracks with given gains, such as "
@@ -255,9 +255,9 @@ class Cascade(Controller):
         return self.inner is None or bool(self.inner.reads_gains)
 
     @property
-    def commands_rates(self) -> bool:  # type: ignore[override]  # a constant of most laws
+    def commands(self) -> str:  # type: ignore[override]  # a constant of most laws
         """Whether the attitude law does."""
-        return self.inner is not None and bool(self.inner.commands_rates)
+        return "torque" if self.inner is None else self.inner.commands
 
     def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
         """Return the group of rotations."""
@@ -452,7 +452,7 @@ class Cascade(Controller):
         """Return the command for that of the attitude law, torque or rate; with the push, body."""
         G, axis = rigid(s.G), np.array(self.direction)
         for force in self.known:
-            if force.turns and not self.commands_rates:
+            if force.turns and self.commands == "torque":
                 torque = torque - force.in_body(G, s.t, s.Q, s.V)[..., : G.rotations]
         b = G.rotation(s.Q) @ axis
         push = _mass(s) * self.push(self.commanded(s).acceleration, b)[..., None] * axis
@@ -590,7 +590,7 @@ class Rate(Controller):
     tasks: ClassVar[tuple[str, ...]] = ()
     theorem: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = False
-    commands_rates: ClassVar[bool] = True
+    commands: ClassVar[str] = "rates"
 
     kp: Annotated[EachAxis, Scale("k_p", "1/s", is_symbol=True)]
     error: Literal["full", "reduced"] = "full"

@@ -26,7 +26,7 @@ from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
-from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
+from eqt_cli.components.matrix_groups import EuclideanGroup, check_turns_in_space, rigid_motions
 from eqt_cli.components.motions import RigidMotion, body_axes, unit_vector
 from eqt_cli.components.pose_notation import square
 from eqt_cli.components.references import InExpressions, instants_of
@@ -403,8 +403,7 @@ class GravityGradient(Force):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than SO3 and SE3, invalid numbers, and a frame other than body."""
-        if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
-            problems.add(f"gravity_gradient needs group SO3 or SE3, got {G.name}")
+        check_turns_in_space(self.name, G, problems)
         if self.frame != "body":
             problems.at("frame").add("gravity_gradient computes its own frame; remove this key")
         vehicle_parts.check_numbers(self.rate, problems.at("rate"))
@@ -479,7 +478,7 @@ class Gust(Force):
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return Σ a sin(ω t + φ) = Σ a cos φ sin ω t + a sin φ cos ω t."""
-        angle = (self.frequency * _column(t, V))[..., None, :]
+        angle = (self.frequency * column(t))[..., None, :]
         force = np.zeros_like(V)
         force[..., self.axes] = (sin(angle) @ self.sine + cos(angle) @ self.cosine)[..., 0, :]
         return force
@@ -490,7 +489,7 @@ class Gust(Force):
         vehicle_parts.check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
 
 
-def _column(t: Any, V: Array) -> Any:
+def column(t: Any) -> Any:
     """Return times ``(samples,)`` as a column that broadcasts with V; one time as it is."""
     times = as_array(t)
     return times[..., None] if times.ndim else t

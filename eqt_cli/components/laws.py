@@ -143,8 +143,9 @@ class Controller(TimeVarying, Component):
         Whether it commands an attitude R_c, to which an attitude law turns the body.
     direction
         The body axis along which it pushes a rigid body, if there is only one.
-    commands_rates
-        Whether it commands an angular velocity in place of a torque, which a `rate_loop` takes.
+    commands
+        What it commands: a torque, the rates that a `rate_loop` takes, or a dipole, for which it
+        reads the measured magnetic field.
     acting, anti_windup
         The actuators whose limits an anti-windup reads, and which it is.
     undefined
@@ -166,7 +167,7 @@ class Controller(TimeVarying, Component):
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
     commands_attitude: ClassVar[bool] = False
-    commands_rates: ClassVar[bool] = False
+    commands: ClassVar[str] = "torque"
     direction: ClassVar[Any] = ()
     acting: ClassVar[Any] = ()
     anti_windup: ClassVar[Any] = "none"
@@ -384,7 +385,7 @@ controllers = Registry(
     "controller",
     "controllers",
     Controller,
-    ("components.laws", "components.cascade", "components.lqr", "components.classic_laws"),
+    (*map("components.{}".format, "laws cascade lqr classic_laws magnetic".split()),),
 )
 
 

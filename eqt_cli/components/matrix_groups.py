@@ -24,6 +24,7 @@ from eqt_cli.base.arrays import (
     transpose,
     where,
 )
+from eqt_cli.base.errors import Problems
 from eqt_cli.components.groups import MatrixLieGroup, Part
 
 # Rotations: functions of their angle that are smooth at 0, and matrices of other forms ------------
@@ -698,3 +699,9 @@ class VectorGroup(EuclideanGroup):
     def drift(self, Q: Array) -> Array:
         """0: the varying entries are free."""
         return np.zeros(Q.shape[:-2])
+
+
+def check_turns_in_space(name: str, G: MatrixLieGroup, problems: Problems) -> None:
+    """Note that a component needs a body with one attitude in space."""
+    if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
+        problems.add(f"{name} needs group SO3 or SE3, got {G.name}")

@@ -139,8 +139,12 @@ class Semidirect:
         return tau_d + tau
 
 
+ZERO = np.zeros(3)
+"""An error of a velocity that does not count."""
+
+
 def settling_error(
-    G: MatrixLieGroup, Q: Array, Qd: Array, thresholds: Mapping[str, float], axis: Any = ()
+    G: MatrixLieGroup, Q: Array, Qd: Array, most: Mapping[str, float], axis: Any = (), V: Any = ZERO
 ) -> Array:
     """Return max_i ‖(Q − Q_d)_i‖_F / s_i over the parts i with a threshold; at most 1 if settled.
 
@@ -149,15 +153,17 @@ def settling_error(
 
     Parameters
     ----------
-    thresholds
-        Thresholds by the names of parts: an angle, rad, for a rotation, a distance for other parts.
+    most
+        Thresholds by the names of parts: an angle, rad, for a rotation, a distance for other parts;
+        and ``rate``, of the first part of the velocity, rad/s.
     axis
         The body axis a whose error alone counts of a rotation; () where all counts.
+    V
+        Error of the velocity; 0 where it does not count.
     """
-    parts = [part for part in G.parts if part.name in thresholds]
-    shares = [
-        part_error(Q, Qd, part, axis) / as_distance(part, thresholds[part.name]) for part in parts
-    ]
+    parts = [part for part in G.parts if part.name in most]
+    shares = [norm(V[..., G.parts[0].axes]) / most.get("rate", np.inf)]
+    shares += [part_error(Q, Qd, part, axis) / as_distance(part, most[part.name]) for part in parts]
     return reduce(maximum, shares)
 
 
@@ -219,6 +225,8 @@ class Tracking:
         The states of actuators by name, which a law must not read.
     flat
         The flat output of the reference, for laws that read it.
+    flux : (..., 3)
+        The magnetic field in the body, T, likewise.
     """
 
     G: MatrixLieGroup
@@ -233,6 +241,7 @@ class Tracking:
     memory: Mapping[str, Array] = field(default_factory=dict)
     vehicle: Mapping[str, Array] = field(default_factory=dict)
     flat: FlatOutput | None = None
+    flux: Any = None
 
     @cached_property
     def V(self) -> Array:
@@ -461,6 +470,8 @@ class LawInput(NamedTuple):
         p_d and its derivatives to the fourth; only for laws that read the flat output.
     heading : (..., 3)
         ψ and its derivatives to the second; None also where the heading is free.
+    flux : (..., 3)
+        The measured magnetic field; only for laws that read it.
     """
 
     t: Any
@@ -471,11 +482,12 @@ class LawInput(NamedTuple):
     desired_acceleration: Array
     position: Any = None  # Array | None, as the next
     heading: Any = None
+    flux: Any = None
 
     @classmethod
     def of(cls, s: Tracking) -> LawInput:
         """Return the input of a law at a tracking state."""
-        return cls(s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *(s.flat or ()))
+        return cls._make((s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *(s.flat or (None, None)), s.flux))
 
     def each(self, function: Callable[[Any], Any]) -> LawInput:
         """Return the input with a function applied to every part that there is."""
@@ -502,6 +514,6 @@ class LawInput(NamedTuple):
         P = now.momentum(self.velocity)
         flat = None if self.position is None else FlatOutput(self.position, self.heading)
         # In place of P_d and τ_d, until `following` gives them, is P.
-        tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, flat=flat)
+        tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, flat, self.flux)
         tracking = with_fields(tracking, V=self.velocity)
         return tracking.following(self.desired_velocity, self.desired_acceleration)

@@ -292,12 +292,16 @@ class Errors(NamedTuple):
         `NOTHING`, `MEASURED` or `FIRST` for each channel that holds.
     bias : (..., m)
         Part of b that is a bias, for an estimator to find; ``(0,)`` without an estimator.
+    flux : (..., 3)
+        Errors of the magnetometer, T, as they are drawn; for a measurement, B_m; ``(0,)`` without
+        a field.
     """
 
     pose: Array
     velocity: Array
     arrived: Array
     bias: Array = np.empty(0)
+    flux: Array = np.empty(0)
 
     def of(self, *places: Any) -> "Errors":
         """Return the errors of some runs, or at some instants."""

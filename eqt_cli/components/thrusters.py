@@ -398,7 +398,7 @@ class Thrusters(Actuator):
         """Return the time of the failure, and those at which the expression changes its piece."""
         return instants_of(self.over_time, until)
 
-    def at(self, s: Any) -> Self:
+    def at(self, s: Any, stored: Any = None) -> Self:
         """Return the thrusters with the shares, and the allocation, at a time."""
         if not self.over_time:
             return self

@@ -26,7 +26,7 @@ INERTIA = "plant.inertia"
 FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 """Keys of the lists of forces and of actuators, and of the clock of the law."""
 
-POSE, VELOCITY = "sensors.pose", "sensors.velocity"
+POSE, VELOCITY, FLUX = "sensors.pose", "sensors.velocity", "sensors.magnetometer"
 """Keys of the lists of measurement errors."""
 
 SENSOR = "sensor"
@@ -40,6 +40,9 @@ LOST = f"{ESTIMATOR}_lost"
 
 PROPELLANT = "propellant"
 """The state with the propellant that thrusters have burnt, kg."""
+
+SIGNALS = "pose", "velocity", "magnetometer"
+"""Names of what is measured."""
 
 COMMANDS, HELD, CLOCKS, TAKEN = "commands", "held", "clocks", "taken"
 """States of a sampled loop: the commands on their way, the first to arrive first; the command
@@ -78,6 +81,8 @@ class Vehicle:
         For the vehicle of a run, the configured vehicle that it was made from.
     model
         The inertia of the law's model, whose added part a current moves; None where not needed.
+    flux_sensors
+        Measurement errors of the magnetic field, which add up.
     """
 
     inertia: TrueInertia | PlantInertia | None = None
@@ -90,6 +95,7 @@ class Vehicle:
     estimator: Estimator | None = None
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
     model: InertiaLaw | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
+    flux_sensors: tuple[Sensor, ...] = field(default=(), kw_only=True, metadata=STRUCTURE)
 
     # The parts and their numbers.
 
@@ -97,7 +103,7 @@ class Vehicle:
     def parts(self) -> dict[str, Any]:
         """All parts by their places in a configuration."""
         lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces, ACTUATORS: self.actuators}
-        lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors}
+        lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors, FLUX: self.flux_sensors}
         listed = {f"{name}[{k}]": one for name, each in lists.items() for k, one in enumerate(each)}
         alone = {ESTIMATOR: self.estimator, CONTROL: self.control}
         by_place = {INERTIA: self.inertia, **listed, **alone}
@@ -161,7 +167,13 @@ class Vehicle:
         """Return the vehicle with the actuators at a time and a state."""
         if not any(actuator.changes for actuator in self.actuators):
             return self
-        return with_fields(self, actuators=tuple(actuator.at(s) for actuator in self.actuators))
+        stored = self.stored(s.G, s.V, s.vehicle)
+        return with_fields(self, actuators=tuple(each.at(s, stored) for each in self.actuators))
+
+    @property
+    def magnet(self) -> Any:
+        """The actuator with `in_body`, the magnetic field in the body; None without one."""
+        return next((part for part in self.actuators if hasattr(part, "in_body")), None)
 
     def pushes(self, G: MatrixLieGroup) -> Array | None:
         """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
@@ -175,7 +187,7 @@ class Vehicle:
     @property
     def measures(self) -> bool:
         """Whether measurements have errors."""
-        return bool(self.pose_sensors or self.velocity_sensors)
+        return bool(self.pose_sensors or self.velocity_sensors or self.flux_sensors)
 
     def sensors(self) -> dict[str, Sensor]:
         """Return all sensors by their places in a configuration."""
@@ -205,8 +217,8 @@ class Vehicle:
         """Return the parts of the measured pose and velocity that have sensors."""
         if self.control is None:
             return []
-        signals = {"pose": self.pose_sensors, "velocity": self.velocity_sensors}
-        return list(channels(G, signals, self.control))
+        sensing = self.pose_sensors, self.velocity_sensors, self.flux_sensors
+        return list(channels(G, dict(zip(SIGNALS, sensing, strict=True)), self.control))
 
     def holding(self, G: MatrixLieGroup) -> list[Channel]:
         """Return the channels whose last measurement is held for the law."""
@@ -235,7 +247,7 @@ class Vehicle:
         The numbers that a sensor draws for a part depend only on the index of the measurement.
         """
         shape, holding = (len(runs), instants), self.holding(G)
-        n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY)}
+        n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY, FLUX)}
         bias = np.zeros((*shape, 0 if self.estimator is None else G.dimension))
         for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
@@ -250,7 +262,7 @@ class Vehicle:
             for channel in holding
         ]
         flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
-        return Errors(n[POSE], n[VELOCITY], flags, bias)
+        return Errors(n[POSE], n[VELOCITY], flags, bias, n[FLUX][..., : 3 * bool(self.magnet)])
 
     def after_measuring(
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
@@ -258,8 +270,9 @@ class Vehicle:
         """Return the states of sensors and estimator after a tick with the true Q and V."""
         read, holding = {}, self.holding(G)
         Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
+        values = Q_m, V_m, errors.flux
         for k, channel in enumerate(holding):
-            value, flags = Q_m if channel.signal == "pose" else V_m, errors.arrived[..., k]
+            value, flags = values[SIGNALS.index(channel.signal)], errors.arrived[..., k]
             read[channel.name] = channel.measured(value, states[channel.name], flags)
         if self.estimator is None:
             return read
@@ -270,7 +283,7 @@ class Vehicle:
             for part in schedule.timed
         ]
         now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
-        measured = Measurement(*self.as_arrived(G, Q_m, V_m, read), now, Q, errors.bias)
+        measured = Measurement._make([*self.as_arrived(G, values, read)[:2], now, Q, errors.bias])
         after = self.estimator.after(schedule, measured, estimate)
         return read | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
 
@@ -282,7 +295,7 @@ class Vehicle:
 
     def deviations(self, G: MatrixLieGroup) -> Deviations:
         """Return the standard deviations of the errors that the sensors specify."""
-        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY)}
+        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY, FLUX)}
         bias = np.zeros((2, G.dimension))
         for place, sensor, clock, axes, columns in self.drawings(G):
             white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
@@ -300,15 +313,14 @@ class Vehicle:
         return G.unpack(estimate["pose"]), estimate["velocity"]
 
     def as_arrived(
-        self, G: MatrixLieGroup, Q: Array, V: Array, states: Mapping[str, Array]
-    ) -> tuple[Array, Array]:
-        """Return pose and velocity, with the held measurements in place of the parts that hold."""
+        self, G: MatrixLieGroup, measured: Sequence[Any], states: Mapping[str, Array]
+    ) -> list[Any]:
+        """Return pose, velocity and field, with the held measurements of the parts that hold."""
+        arrived = list(measured)
         for channel in self.holding(G):
-            if channel.signal == "pose":
-                Q = channel.read(Q, states[channel.name])
-            else:
-                V = channel.read(V, states[channel.name])
-        return Q, V
+            k = SIGNALS.index(channel.signal)
+            arrived[k] = channel.read(arrived[k], states[channel.name])
+        return arrived
 
     # From the command to the force that changes the momentum.
 
@@ -379,14 +391,15 @@ class Vehicle:
 
     def wheel_states(
         self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
-    ) -> tuple[Array, Array]:
-        """Return momenta and speeds of the wheels, ``(..., k)``; NaN for unknown speeds."""
+    ) -> tuple[Array, Array, Array]:
+        """Return momenta and speeds of the wheels, ``(..., k)``, NaN if unknown, and `stored`."""
         if self.wheels is None:
-            return V[..., :0], V[..., :0]
+            return V[..., :0], V[..., :0], 0.0 * V
         place, wheels = self.wheels
         x = states.get(place, V[..., :0])
         h = wheels.momenta(x) + 0.0 * V[..., :1]
-        return h, h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
+        speeds = h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
+        return h, speeds, self.stored(G, V, states)
 
     def stored(self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]) -> Array:
         """Return the momentum A h of the wheels in the body frame, ``(..., m)``; 0 without any."""
@@ -467,7 +480,7 @@ class Vehicle:
         """
         running, passed = {}, command
         for place, part in self._chain():
-            if part.takes_rates:
+            if part.takes == "rates":
                 passed = part.output(G, passed, x.get(place, passed[..., :0]))
             elif part.runs:
                 running[place] = part.running(G, passed)

@@ -188,7 +188,7 @@ class Wheels(Actuator):
         """Whether drives follow a speed relative to the body, which turns."""
         return self.command == "speed"
 
-    def at(self, s: Any) -> Self:
+    def at(self, s: Any, stored: Any = None) -> Self:
         """Return the wheels at the angular velocity of a state."""
         return with_fields(self, turning=s.V) if self.changes else self
 

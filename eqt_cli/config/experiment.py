@@ -86,9 +86,9 @@ def check_thresholds(
     parts = {part.name: part for part in G.parts}
     for name, threshold in thresholds.items():
         here = problems.at(name)
-        if name not in parts:
+        if name not in parts and not (name == "rate" and G.parts[0].turns):
             here.add(unknown_key(name, parts))
-        elif parts[name].turns and threshold > math.pi:
+        elif name in parts and parts[name].turns and threshold > math.pi:
             here.add(f"expected an angle of at most 180 deg, got {math.degrees(threshold):.6g} deg")
 
 
@@ -358,11 +358,8 @@ class Start:
     files: dict[str, str] = field(default_factory=dict)
 
 
-MISMATCH = (
-    "commands rates; put {kind: rate_loop, bandwidth: 40} into actuators",
-    "commands torques, and rate_loop takes rates; use attitude: {kind: rate, kp: 8}",
-)
-"""What is wrong with a law of rates without a rate loop, and with another law that has one."""
+TAKEN_BY = {"rates": "{kind: rate_loop, bandwidth: 40}", "dipole": "{kind: magnetorquers, …}"}
+"""The actuators of commands other than a torque."""
 
 OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
@@ -605,11 +602,14 @@ class _Sections:
         acting = () if self.problems else (vehicle.configured or vehicle).actuators
         known = tuple(part.nominal.of_run(G, None) for part in acting)
         plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period, known)
-        takes = any(actuator.takes_rates for actuator in vehicle.actuators)
+        takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
         for label, entry in laws.items():
             laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))
-            if entry.law.commands_rates != takes and entry.law.code is None:
-                self._at(entry).add(MISMATCH[takes])
+            commands = entry.law.commands
+            if commands != takes and entry.law.code is None:
+                which = takes if commands == "torque" else commands
+                put = f"only {TAKEN_BY[which]} takes {which}"
+                self._at(entry).add(f"commands {commands}, and actuators take {takes}; {put}")
             push = laws[label].law.direction
             if self.point and push and abs(np.dot(self.point.axis, push)) < 1 - 1e-9:
                 self.problems.at("task", "axis").add(f"expected that of the push, {list(push)}")

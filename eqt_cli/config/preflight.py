@@ -932,7 +932,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     for force in loop.reference.known_forces:
         torque = torque - force.in_body(loop.group, times, pose, velocity)
     texts, wheels = [], wheels_needed(experiment, shown)
-    if wheels is not None and wheels.are_too_much:
+    if wheels is not None and wheels.are_too_much and not loop.vehicle.magnet:  # which dumps it
         place = experiment.source.place((ACTUATORS,))
         texts.append(
             f"{place}: {ACTUATORS}: the reference, with the forces of the plant, needs "

@@ -555,10 +555,13 @@ class SensorsSection(Section):
         Q_m = Q exp(n), with n in the coordinates of the algebra (`eqt list sensors`).
     velocity
         V_m = V + b (`eqt list sensors`).
+    magnetometer
+        B_m = B + b, likewise, in T: of the field of `magnetorquers` in the body.
     """
 
     pose: list[PoseSensor] | None = None
     velocity: list[VelocitySensor] | None = None
+    magnetometer: list[Annotated[Sensor, Kind(sensors, "magnetometer")]] | None = None
 
 
 class LogRange(Section):
@@ -791,7 +794,7 @@ class Config(Section):
         Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
         such as 2 deg, which is the distance 2√2 sin(θ/2). Or by the names of the group's parts, as
         {rotation: 5 deg, translation: 0.2}: the angle, and the distance ‖p − p_d‖; parts without a
-        threshold do not count.
+        threshold do not count. Of the error of the angular velocity: {rate: 0.5 deg/s}.
     early_window
         How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper.
     closing_window

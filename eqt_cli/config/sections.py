@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -43,7 +43,7 @@ from eqt_cli.components.mechanics import Gains, TimeVarying
 from eqt_cli.components.pose_notation import pose_from, square, vector
 from eqt_cli.components.references import ConstantReference, Reference, references
 from eqt_cli.components.sensors import TIMING, Sensor
-from eqt_cli.components.vehicle import ACTUATORS, CONTROL, Vehicle
+from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.config import schema
 from eqt_cli.config.schema import (
     AddedInertiaSection,
@@ -510,17 +510,21 @@ def _as_floats(value: Any) -> Any:
 # The sections `plant`, `actuators`, `control`, `sensors` and `estimator`: the vehicle -------------
 
 
-def check_sensors(sensors: Mapping[int, Sensor], G: MatrixLieGroup, problems: Problems) -> None:
+def check_sensors(
+    signal: str, sensors: Mapping[int, Sensor], G: MatrixLieGroup, problems: Problems
+) -> None:
     """Note unknown parts, impossible timing, and entries that contradict each other.
 
     Parameters
     ----------
     sensors
-        Sensors of the pose or of the velocity, by the numbers of their entries.
+        Sensors of the signal, by the numbers of their entries.
     """
     known = [part.name for part in G.parts]
     for index, sensor in sensors.items():
         here = problems.at(index)
+        if signal != "velocity" and sensor.states(G):
+            here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
         if sensor.of is not None and sensor.of not in known:
             parts = ", ".join(known)
             here.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
@@ -618,7 +622,9 @@ def vehicle_from(
     if pushing is None and isinstance(known, list):
         pushing = known
     acting = _right(sections["actuators"])
-    sensing = {"pose": _right(measured.pose), "velocity": _right(measured.velocity)}
+    sensing = {name: _right(getattr(measured, name)) for name in SIGNALS}
+    for k, sensor in sensing["magnetometer"].items():
+        sensing["magnetometer"][k] = replace(sensor, of=G.parts[0].name)
     entries: list[Entry] = [(at_actuators.at(k), part) for k, part in acting.items()]
     for name, errors in sensing.items():
         entries += [(at_sensors.at(name, k), part) for k, part in errors.items()]
@@ -631,7 +637,10 @@ def vehicle_from(
         tuple(sensing["velocity"].values()),
         sections["estimator"],
         model=model,
+        flux_sensors=tuple(sensing["magnetometer"].values()),
     )
+    if vehicle.flux_sensors and not vehicle.magnet:
+        at_sensors.at("magnetometer").add("needs the field of magnetorquers; add them to actuators")
     at_forces = (
         at_plant.at("forces") if plant.forces is not None else problems.at("model", "forces")
     )
@@ -641,13 +650,8 @@ def vehicle_from(
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, without_clock, at_actuators)
     _check_samples(sections["time"], vehicle, problems.at("time", "samples"))
-    for index, sensor in sensing["pose"].items():
-        if sensor.states(G):
-            at_sensors.at("pose", index).add(
-                f"{sensor.name} measures velocities; move it to sensors.velocity"
-            )
     for name, parts in sensing.items():
-        check_sensors(parts, G, at_sensors.at(name))
+        check_sensors(name, parts, G, at_sensors.at(name))
     if vehicle.estimator is not None:
         check_estimator(vehicle, G, without_clock, problems)
     if any(map(problems.at, schema.marked(schema.VEHICLE))):
@@ -744,8 +748,10 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
             )
         elif actuator.offset is not None and actuator.period is None:
             problems.at(index, "offset").add("belongs to a period; give period, too")
-        if steered:
-            problems.at(index).add("acts behind the wheels, whose torque is final; put it before")
+        if steered and not actuator.dump:
+            problems.at(index).add("the torque of wheels is final; put it before, or give dump")
+        if actuator.dump and not steered:
+            problems.at(index, "dump").add("takes the momentum of wheels; put wheels before it")
         steered = steered or bool(actuator.wheel_names)
         if actuator.thruster_names and driven:
             problems.at(index).add(

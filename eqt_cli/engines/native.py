@@ -368,10 +368,10 @@ def _errors(loop: ClosedLoop, inputs: Arrays) -> Errors | None:
     return Errors(G.exp(n) if loop.vehicle.pose_sensors else G.identity[None], *others)
 
 
-def _lengths(loop: ClosedLoop) -> tuple[int, int, int, int]:
+def _lengths(loop: ClosedLoop) -> tuple[int, ...]:
     """Return the number of entries of each part of `Errors`."""
-    G, estimates = loop.group, loop.vehicle.estimator is not None
-    return G.dimension, G.dimension, len(loop.vehicle.holding(G)), G.dimension * estimates
+    G, vehicle, m = loop.group, loop.vehicle, loop.group.dimension
+    return m, m, len(vehicle.holding(G)), m * vehicle.estimates, 3 * bool(vehicle.magnet)
 
 
 def parameter_rows(problem: Problem) -> Array:

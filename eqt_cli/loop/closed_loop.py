@@ -355,6 +355,8 @@ class ClosedLoop:
             vehicle=_of(VEHICLE, parts),
             flat=self._flat_output(t, state.shape[:-1]),
         )
+        if self.vehicle.magnet:
+            s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
             return s
         batch = state.shape[:-1]
@@ -410,6 +412,7 @@ class ClosedLoop:
         if errors is None or not self.changes_by_measuring:
             return state
         s = self.tracking(t, state)
+        errors = errors if s.flux is None else errors._replace(flux=s.flux + errors.flux)
         states = self.vehicle.after_measuring(self.group, s.Q, s.V, errors, s.vehicle)
         return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
 
@@ -436,8 +439,9 @@ class ClosedLoop:
             Q, V = self.vehicle.estimated(self.group, s.vehicle)
             return inputs._replace(pose=Q, velocity=V)
         Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
-        Q, V = self.vehicle.as_arrived(self.group, Q, V, s.vehicle)
-        return inputs._replace(pose=Q, velocity=V)
+        B = None if s.flux is None else s.flux + errors.flux
+        Q, V, B = self.vehicle.as_arrived(self.group, (Q, V, B), s.vehicle)
+        return inputs._replace(pose=Q, velocity=V, flux=B)
 
     def answer(
         self, inputs: LawInput, memory: Mapping[str, Array], period: Any

@@ -182,8 +182,8 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
     trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
     words = adapter.output.words if adapter else str
     turns, unit = G.parts[0], by_part(G, "force_unit")
-    if loop.controller.commands_rates:
-        unit = unit.replace(turns.force_unit, turns.velocity_unit, 1)
+    of_command = {"torque": turns.force_unit, "rates": turns.velocity_unit, "dipole": "A m^2"}
+    unit = unit.replace(turns.force_unit, of_command[loop.controller.commands], 1)
     torque = Entry(TORQUE, (G.dimension,), TORQUE, words(unit))
     started, given = (trimmed[1] if memory else None), (trimmed[-1] if outputs else None)
     return LawProgram(reads, used, memory, torque, trimmed[0], started, outputs, given)
@@ -213,9 +213,12 @@ def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
         "desired_acceleration": by_part(G, "velocity_unit", "/s"),
         "position": "m, m/s, …",
         "heading": "rad, rad/s, …",
+        "flux": "T",
     }
-    shapes: dict[str, tuple[int, ...]] = {"t": (), "pose": (d, d), "desired_pose": (d, d)}
-    names = [name for name in LawInput._fields if name not in FlatOutput._fields]
+    shapes: dict[str, tuple[int, ...]] = {"t": (), "flux": (3,)}
+    shapes |= dict.fromkeys(("pose", "desired_pose"), (d, d))
+    others = (*FlatOutput._fields, "flux" * (loop.controller.commands != "dipole"))
+    names = [name for name in LawInput._fields if name not in others]
     if loop.controller.reads_flat_output:
         output = loop.reference.flat_output(G, 0.0)
         assert output is not None

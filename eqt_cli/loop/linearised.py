@@ -693,7 +693,7 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     ]
     still = np.zeros(G.dimension)
     bias = still if loop.vehicle.estimator is not None else np.empty(0)
-    return Errors(G.identity, still, np.array(flags), bias)
+    return Errors(G.identity, still, np.array(flags), bias, np.zeros(3 * bool(loop.vehicle.magnet)))
 
 
 def _moving(phases: Sequence[Phase]) -> tuple[Phase, ...]:

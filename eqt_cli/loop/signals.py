@@ -57,6 +57,7 @@ class LoopState(NamedTuple):
     thrust: Array
     wheel_momentum: Array
     wheel_speed: Array
+    stored: Array
     lyapunov: Array
     output: Array
 
@@ -320,6 +321,12 @@ def wheel_momentum(x: LoopState) -> Array:
 def wheel_speed(x: LoopState) -> Array:
     """speed of each wheel relative to the body."""
     return x.wheel_speed
+
+
+@_signal(r"\|A h\|", "N m s", stored_of=attrgetter("wheels"))
+def stored_momentum(x: LoopState) -> Array:
+    """momentum that the wheels store together, ||A h||."""
+    return norm(x.stored)
 
 
 @_signal("z", MIXED, (OUTPUT,))

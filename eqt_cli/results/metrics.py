@@ -354,6 +354,7 @@ METRICS = (
         stored_of=attrgetter("limits"),
     ),
     _final("propellant", "burnt", "mass", label="propellant", compared=(WHOLE,), stored_of=_burns),
+    _final("final_stored_momentum", "stored_momentum", "||A h||", stored_of=attrgetter("wheels")),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
     _closing("closing_torque", "torque_norm", "||tau||"),
     _rms(

@@ -394,12 +394,12 @@ class SampledSignals:
     ----------
     names
         Names of the required signals. Other names are ignored.
-    thresholds
+    most
         Settling thresholds by part; empty if one threshold holds for the pose error.
     """
 
     names: tuple[str, ...]
-    thresholds: tuple[tuple[str, float], ...] = ()
+    most: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
         """Return the signals and the other inputs of metrics, by name.
@@ -414,10 +414,10 @@ class SampledSignals:
         known = outputs_at(loop, s) | dict(signals)
         sampled = {name: values for name, values in known.items() if name in self.names}
         if SETTLING in self.names:
-            sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds), loop.axis)
+            sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.most), loop.axis, s.V_tilde)
         if ESTIMATE_SETTLING in self.names:
             error = G.exp(of_pose(s))
-            sampled[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.thresholds))
+            sampled[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.most))
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
         integrated = [s.Vd] if "velocity" in loop.reference.starts_from else []

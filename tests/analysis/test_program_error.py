@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import less, sqrt, where
-from eqt_cli.extensions.firmware.decimals import evaluated
-from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT, bounded
+from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT, bounded, evaluated
 from eqt_cli.numbers.program import Constant, Input, traced
 
 NUMPY = {

@@ -839,4 +839,4 @@ def test_a_cascade_by_rates_is_that_of_a_plain_program(engine):
     x, W = plain(times, np.eye(3), helix, torque=torque)
     np.testing.assert_allclose(s.Q[:, :3, 3], x, rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[:, :3], W, rtol=0, atol=1e-9)
-    assert loop.controller.commands_rates
+    assert loop.controller.commands == "rates"

@@ -16,7 +16,7 @@ from eqt_cli.config.preflight import remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
-from eqt_cli.extensions.firmware.decimals import evaluated
+from eqt_cli.extensions.firmware.program_error import evaluated
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.program import traced
 

@@ -300,9 +300,9 @@ def test_what_is_exported_is_a_rate_and_a_force(experiment_of):
 
 WRONG = """
 {actuators: []}
-    controllers[0]: commands rates; put {kind: rate_loop, bandwidth: 40} into actuators
+    controllers[0]: commands rates, and actuators take torque; only {kind: rate_loop,
 {controllers: [eqt], gains: {kp: 1, kd: 1}, actuators: [{kind: rate_loop, bandwidth: 5}]}
-    controllers[0]: commands torques, and rate_loop takes rates; use attitude: {kind: rate, kp: 8}
+    controllers[0]: commands torque, and actuators take rates; only {kind: rate_loop, bandw
 {actuators: [{kind: rate_loop}]}
     actuators[0]: expected either bandwidth or gains; for example bandwidth: 40
 {actuators: [{kind: rate_loop, bandwidth: 5, gains: 1}]}

@@ -57,7 +57,7 @@ def states_of(solved, text):
     problem, solution = solved(text, label="lee2010")
     assert not any(solution.messages)
     s = problem.loop.tracking(problem.times, solution.states)
-    h, speed = problem.loop.vehicle.wheel_states(s.G, s.V, s.vehicle)
+    h, speed, _ = problem.loop.vehicle.wheel_states(s.G, s.V, s.vehicle)
     return s, h[0], speed[0]
 
 
@@ -335,7 +335,7 @@ def test_a_torque_or_a_momentum_is_at_its_limit():
 
 
 def test_nothing_acts_behind_wheels(experiment_of):
-    with pytest.raises(ConfigError, match="acts behind the wheels, whose torque is final"):
+    with pytest.raises(ConfigError, match="the torque of wheels is final; put it before"):
         experiment_of(TEXT.replace(f"[{WHEELS}]", f"[{WHEELS}, {{kind: limit, limit: 1}}]"))
 
 

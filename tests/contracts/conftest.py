@@ -23,8 +23,10 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import controllers
+from eqt_cli.components.magnetic import Magnetorquers
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.references import PathFactor, references
+from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.waypoints import Waypoint
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
@@ -49,6 +51,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "momentum_limit": {"momentum": 0.5},
     "wheels": {"pyramid": 0.95, "limit": 0.5, "momentum": 2.0, "start": 0.1},
     "gravity_gradient": {"rate": 0.3, "inertia": [[1.0, 0.1, 0], [0.1, 2.0, 0], [0, 0, 2.5]]},
+    "magnetorquers": {"limit": 0.2, "flux": ["2e-5", "3e-5*cos(t)", "3e-5*sin(t)"]},
+    "b_dot": {"k": 4e4},
     "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},
     "rate_loop": {"gains": 2.0, "cutoff": 3.0, "kd": 0.01, "feedforward": 0.1},
@@ -153,6 +157,7 @@ def loop_with() -> Any:
         inertia, kp, kd = (A @ A.T + np.eye(len(A)) / 2 for A in matrices)
         if m == 3 and group == "SO3":  # principal moments that a body can have
             inertia = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
+        magnets = (made(Magnetorquers, m),) if law.commands == "dipole" else ()
         made_loop = ClosedLoop(
             group=G,
             inertia=Inertia(inertia, np.linalg.inv(inertia)),
@@ -160,6 +165,7 @@ def loop_with() -> Any:
             reference=reference
             or (made(references.get("torque"), m) if moves else made(references.get("constant"))),
             controller=law,
+            vehicle=Vehicle(actuators=magnets),
         )
         if not law.pieces:
             return made_loop

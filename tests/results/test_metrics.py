@@ -53,6 +53,7 @@ EXACT = {
     "saturated_share": ({"at_limit": (RAMP < T / 2).astype(float)}, 19.5 / 40),
     "cut_share": ({"cut": (RAMP < T / 2).astype(float)}, 19.5 / 40),
     "propellant": ({"burnt": 2 * RAMP}, 2 * T),
+    "final_stored_momentum": ({"stored_momentum": RAMP}, T),
     # Constant over the last quarter, and greater before.
     "closing_pose_error": ({"pose_error": np.where(RAMP < 0.7 * T, 9.0, 2.0)}, 2.0),
     "closing_torque": ({"torque_norm": np.where(RAMP < 0.7 * T, 9.0, 3.0)}, 3.0),
@@ -233,12 +234,13 @@ def test_result_files_hold_these_numbers():
         "mean_attitude_error final_attitude_error mean_position_error position_rms "
         "peak_position_error final_position_error heading_rms attitude_command_rms "
         "final_velocity_error settling_time settled saturated_share cut_share propellant "
-        "closing_pose_error closing_torque estimate_rms bias_rms estimate_settling_time "
-        "nees_ratio ellipsoid_share final_innovation_square final_innovation_correlation "
-        "energy_residual"
+        "final_stored_momentum closing_pose_error closing_torque estimate_rms bias_rms "
+        "estimate_settling_time nees_ratio ellipsoid_share final_innovation_square "
+        "final_innovation_correlation energy_residual"
     ).split()
     flown = (
-        "settled saturated_share cut_share propellant closing_pose_error closing_torque "
+        "settled saturated_share cut_share propellant final_stored_momentum closing_pose_error "
+        "closing_torque "
         "estimate_rms bias_rms estimate_settling_time nees_ratio ellipsoid_share "
         "final_innovation_square final_innovation_correlation"
     ).split()

@@ -28,9 +28,8 @@ from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import headers, needed
 from eqt_cli.extensions.firmware.controllers import adapter_of
-from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic, evaluated
 from eqt_cli.loop.law_program import (
     INPUT,
     MEMORY,
@@ -175,6 +174,7 @@ INPUT_MEANINGS = {
     "desired_acceleration": "the rate of V_d",
     "position": "p_d and its first four derivatives, in space",
     "heading": "the heading and its first two derivatives",
+    "flux": "B, the magnetic field in the body as it was measured",
 }
 
 NUMBER_MEANINGS = {

@@ -217,7 +217,7 @@ def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
         at = errors.measured(G, 0, k)
         Q = G.exp(k * flying.tick * V)
         states = states | flying.after_measuring(G, Q, V, at, states)
-        Q_m, V_m = flying.as_arrived(G, Q @ at.pose, V + at.velocity, states)
+        Q_m, V_m, _ = flying.as_arrived(G, (Q @ at.pose, V + at.velocity, at.flux), states)
         new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))
         fresh = np.array([new.get(part.name, 1.0) for part in flying.schedule(G).timed])
         for name, values in zip(flown, (Q_m, V_m, fresh), strict=True):
@@ -556,7 +556,7 @@ class ExportedLaw:
     @cached_property
     def allocation(self) -> Allocation | None:
         """The allocation of a torque behind the law, by a matrix or a program; else None."""
-        other = self.adapter or self.loop.controller.commands_rates
+        other = self.adapter or self.loop.controller.commands != "torque"
         for actuator in () if other else self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices

@@ -6,7 +6,7 @@ import pytest
 
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, less, where
-from eqt_cli.extensions.firmware.decimals import evaluated
+from eqt_cli.extensions.firmware.program_error import evaluated
 from eqt_cli.numbers.program import traced
 
 ARGUMENTS = {

@@ -23,10 +23,9 @@ from eqt_cli.engines import compiler
 from eqt_cli.engines import library as native_library
 from eqt_cli.engines.library import Rows
 from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, trace
-from eqt_cli.extensions.firmware.decimals import evaluated
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS, evaluated
 from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER
 from eqt_cli.runs.batches import batches
 

@@ -51,7 +51,7 @@ extern const ${label}_numbers ${label}_defaults;
 /* Sets the memory to that of the start: once, before the first torque. */
 void ${label}_start(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input);
 
-/* The {% if law.loop.controller.commands_rates %}rate in place of a torque{% if law.loop.group.dimension > 3 %}, then the force{% endif %}{% else %}torque{% endif %}, in ${comment(law.program.torque.unit)}; then the memory goes on by one period. */
+/* The {% if law.loop.controller.commands != "torque" %}${law.loop.controller.commands} in place of a torque{% if law.loop.group.dimension > 3 %}, then the force{% endif %}{% else %}torque{% endif %}, in ${comment(law.program.torque.unit)}; then the memory goes on by one period. */
 void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input,
         ${real} torque[${m}]);
 {% if outputs %}

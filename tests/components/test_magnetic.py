@@ -1,0 +1,284 @@
+"""Magnetorquers, magnetometer and B-dot against plain programs."""
+
+import numpy as np
+import pytest
+import yaml
+from case_tables import cases, refusal
+from scipy.integrate import solve_ivp
+
+from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.magnetic import Magnetorquers, Orbit
+from eqt_cli.config.preflight import remarks
+
+J = np.diag([0.042, 0.040, 0.0067])
+ORBIT = "{altitude: 500 km, inclination: 97.4 deg, node: 20 deg, phase: 35 deg}"
+TORQUERS = f"{{kind: magnetorquers, orbit: {ORBIT}, limit: 0.2 A m^2, takes: dipole}}"
+TEXT = f"""
+task: stabilise
+group: SO3
+inertia: {np.diag(J).tolist()}
+controllers: [{{kind: b_dot, k: 1.0e+5}}]
+actuators: [{TORQUERS}]
+control: {{period: 0.5}}
+initial:
+  pose: {{kind: exp_normal, std: 0.0, centre: [0.9, -0.5, 0.7]}}
+  velocity: {{kind: fixed, coordinates: [6 deg/s, -6 deg/s, 5 deg/s]}}
+time: {{duration: 20, samples: 41}}
+settling_threshold: {{rate: 0.5 deg/s}}
+solver: {{engine: native, rtol: 1.0e-12, atol: 1.0e-14}}
+"""
+
+
+def changed(changes):
+    return yaml.safe_dump(yaml.safe_load(TEXT) | changes)
+
+
+G = group_named("SO3")
+EARTH, DISTANCE = 6371.2e3, 6871.2e3
+RATE = np.sqrt(3.986004418e14 / DISTANCE**3)
+NODE, TILT, PHASE = np.radians([20.0, 97.4, 35.0])
+NODAL = np.array([np.cos(NODE), np.sin(NODE), 0.0])
+NORMAL = np.array([np.sin(NODE) * np.sin(TILT), -np.cos(NODE) * np.sin(TILT), np.cos(TILT)])
+
+
+def place(t):
+    """The direction of the satellite, in axes of the Earth at t = 0, x at Greenwich."""
+    angle = PHASE + RATE * t
+    return np.cos(angle) * NODAL + np.sin(angle) * np.cross(NORMAL, NODAL)
+
+
+FRAME = np.array([place(0.0), np.cross(NORMAL, place(0.0)), NORMAL])
+
+
+def pole(t):
+    """g₁¹, h₁¹, g₁⁰ of IGRF-13, turned with the Earth."""
+    c, s = np.cos(7.292115e-5 * t), np.sin(7.292115e-5 * t)
+    return 1e-9 * np.array([-1450.9 * c - 4652.5 * s, -1450.9 * s + 4652.5 * c, -29404.8])
+
+
+def field(t):
+    x, m = place(t), pole(t)
+    return FRAME @ ((EARTH / DISTANCE) ** 3 * (3 * (m @ x) * x - m))
+
+
+def hat(v):
+    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+
+@pytest.mark.parametrize("t", [0.0, 700.0, 40_000.0])
+def test_the_field_is_minus_the_gradient_of_the_potential_of_a_dipole(t):
+    orbit = Orbit(500e3, TILT, NODE, PHASE)
+    found = Magnetorquers(limit=0.2, orbit=orbit).of_run(G, None).in_space(t)
+    p, step = DISTANCE * place(t), 1e3
+
+    def potential(p):
+        return EARTH**3 * (pole(t) @ p) / np.linalg.norm(p) ** 3
+
+    slope = [
+        8 * (potential(p + d) - potential(p - d)) - potential(p + 2 * d) + potential(p - 2 * d)
+        for d in step * np.eye(3)
+    ]
+    np.testing.assert_allclose(found, -FRAME @ slope / (12 * step), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found, field(t), rtol=0, atol=1e-19)
+
+
+def body_field(t, Q):
+    return Q.T @ field(t)
+
+
+def turned(turn, t, w, torque):
+    """The rates of Q and ω under a torque."""
+    return np.concatenate(
+        [(turn @ hat(w)).ravel(), np.linalg.solve(J, np.cross(J @ w, w) + torque)]
+    )
+
+
+def started(s):
+    return np.concatenate([s.Q[0, 0].ravel(), s.V[0, 0]])
+
+
+def followed(field, times, y):
+    found = solve_ivp(field, (0, times[-1]), y, "DOP853", times, rtol=1e-12, atol=1e-15)
+    return found.y.T
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_b_dot_is_that_of_a_plain_program(solved, engine):
+    """Differences of the field at 2 Hz, the dipole cut as a whole: SciPy at instants."""
+    text = TEXT.replace("engine: native", f"engine: {engine}")
+    problem, solution = solved(text, label="b_dot")
+    s = problem.loop.tracking(problem.times, solution.states)
+    y, last, found, dipoles = started(s), None, [started(s)], []
+    for k in range(40):
+        B = body_field(0.5 * k, y[:9].reshape(3, 3))
+        m = np.zeros(3) if last is None else -1e5 * (B - last) / 0.5
+        dipoles.append(m)
+        last, m = B, np.clip(m, -0.2, 0.2)
+
+        def rate(t, y, m=m, begin=0.5 * k):
+            Q = y[:9].reshape(3, 3)
+            return turned(Q, t, y[9:], np.cross(m, body_field(begin + t, Q)))
+
+        y = solve_ivp(rate, (0, 0.5), y, "DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
+        found.append(y)
+    found, dipoles = np.array(found), np.array(dipoles)
+    assert (np.abs(dipoles) > 0.2).any(axis=1).sum() > 5
+    np.testing.assert_allclose(s.Q[0].reshape(-1, 9), found[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], found[:, 9:], rtol=0, atol=1e-9)
+    asked = problem.loop.command(s)[0]
+    np.testing.assert_allclose(asked[:-1], dipoles, rtol=0, atol=1e-9)
+
+
+CONTINUOUS = TEXT.replace("control: {period: 0.5}\n", "").replace("samples: 41", "samples: 11")
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_a_torque_is_projected_across_the_field(solved, engine):
+    """PD on the attitude by the dipole B × τ/|B|², each cut at 0.2 A m²."""
+    text = CONTINUOUS.replace("engine: native", f"engine: {engine}").replace(
+        "takes: dipole", "takes: torque"
+    )
+    text = (
+        text.replace("{kind: b_dot, k: 1.0e+5}", "stabilising")
+        + "gains: {kp: 5.0e-6, kd: 6.0e-5}\n"
+    )
+    problem, solution = solved(text, label="stabilising")
+    s = problem.loop.tracking(problem.times, solution.states)
+    cut = []
+
+    def rate(t, y):
+        Q, w = y[:9].reshape(3, 3), y[9:]
+        B = body_field(t, Q)
+        error = 5e-6 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
+        m = np.cross(B, -error - 6e-5 * w) / (B @ B)
+        cut.append(np.abs(m).max() > 0.2)
+        return turned(Q, t, w, np.cross(np.clip(m, -0.2, 0.2), B))
+
+    found = followed(rate, problem.times, started(s))
+    assert 0 < sum(cut) < len(cut)
+    np.testing.assert_allclose(s.Q[0].reshape(-1, 9), found[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], found[:, 9:], rtol=0, atol=1e-9)
+
+
+AXES = "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+WHEELS = f"{{kind: wheels, axes: {AXES}, start: [4 mN m s, -3 mN m s, 2 mN m s]}}"
+DUMP = (
+    CONTINUOUS.replace("actuators: [", f"actuators: [{WHEELS}, ")
+    .replace("takes: dipole", "dump: 0.01")
+    .replace("{kind: b_dot, k: 1.0e+5}", "stabilising")
+) + "gains: {kp: 1.0e-3, kd: 0.01}\n"
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+def test_dumping_is_that_of_a_plain_program_and_takes_momentum(solved, engine):
+    problem, solution = solved(DUMP.replace("engine: native", f"engine: {engine}"), "stabilising")
+    s = problem.loop.tracking(problem.times, solution.states)
+
+    def rate(t, y):
+        Q, w, h = y[:9].reshape(3, 3), y[9:12], y[12:]
+        B = body_field(t, Q)
+        error = 1e-3 * np.array([(Q - Q.T)[2, 1], (Q - Q.T)[0, 2], (Q - Q.T)[1, 0]])
+        u = -error - 0.01 * w
+        m = np.clip(0.01 * np.cross(h, B) / (B @ B), -0.2, 0.2)
+        return np.concatenate([turned(Q, t, w, np.cross(h, w) + u + np.cross(m, B)), -u])
+
+    y = np.concatenate([started(s), [4e-3, -3e-3, 2e-3]])
+    found = followed(rate, problem.times, y)
+    np.testing.assert_allclose(s.V[0], found[:, 9:12], rtol=0, atol=1e-9)
+    h, _, stored = problem.loop.vehicle.wheel_states(s.G, s.V, s.vehicle)
+    np.testing.assert_allclose(h[0], found[:, 12:], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(stored[0], found[:, 12:], rtol=0, atol=1e-12)
+
+
+def test_dumping_takes_the_part_of_the_momentum_across_the_field():
+    """dH/dt · H < 0 for the total momentum H of body and wheels: the sign of the gain."""
+    torquers = Magnetorquers(limit=1e3, orbit=Orbit(500e3, 1.0), dump=0.5)
+    torquers = torquers.of_run(group_named("SO3"), None)
+    B, h = np.array([1e-5, -2e-5, 2e-5]), np.array([3e-3, 1e-3, -2e-3])
+    torquers = replace_known(torquers, B, h)
+    torque = torquers.output(group_named("SO3"), np.zeros(3), np.zeros(0))
+    b = B / np.linalg.norm(B)
+    np.testing.assert_allclose(torque, -0.5 * (h - b * (b @ h)), rtol=0, atol=1e-15)
+
+
+def replace_known(torquers, B, h):
+    from eqt_cli.numbers.leaves import with_fields
+
+    return with_fields(torquers, known=(B, h))
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+@pytest.mark.parametrize(("sensor", "every", "late"), [
+    ("{kind: noise, std: 200 nT}, {kind: bias, value: [1 uT, 0, 0]}", 1, 0),
+    ("{kind: noise, std: 200 nT, period: 1.0, delay: 1}", 2, 1),
+])  # fmt: skip
+def test_the_law_reads_the_magnetometer_at_its_clock(solved, engine, sensor, every, late):
+    """The dipole at an instant from measurements: B + b of every n-th instant, one period late."""
+    short = {"time": {"duration": 5, "samples": 11}, "solver": {"engine": engine, "rtol": 1e-12}}
+    measuring = {"sensors": {"magnetometer": yaml.safe_load(f"[{sensor}]")}}
+    problem, solution = solved(changed(short | measuring), label="b_dot")
+    s = problem.loop.tracking(problem.times, solution.states)
+    errors = problem.drawn().flux[0]
+    assert np.ptp(errors, axis=0).min() > 1e-7
+    true = [body_field(t, Q) for t, Q in zip(problem.times, s.Q[0], strict=True)]
+    measured = np.array(true)[: len(errors)] + errors[: len(true)]
+    held = [measured[max(k - late, 0) // every * every] for k in range(10)]
+    dipoles = [-1e5 * (held[k] - held[k - 1]) / 0.5 for k in range(1, 10)]
+    asked = problem.loop.command(s)[0]
+    np.testing.assert_allclose(asked[:10], [np.zeros(3), *dipoles], rtol=0, atol=1e-11)
+
+
+def test_a_check_names_the_direction_and_the_mean(experiment_of):
+    """Shares of a torque about the axes of the mean of I − b bᵀ over an orbit, by this program."""
+    [said] = [str(each) for each in remarks(experiment_of(TEXT)) if "magnetorquers" in str(each)]
+    b = np.array([field(t) for t in np.linspace(0, 2 * np.pi / RATE, 2000, endpoint=False)])
+    b /= np.linalg.norm(b, axis=1, keepdims=True)
+    shares = np.linalg.eigvalsh(np.eye(3) - b.T @ b / 2000).round(2)
+    first = f"magnetorquers give no torque along the field, {b[0].round(2)} in space at t = 0; "
+    assert first in said
+    assert f"over {2 * np.pi / RATE:.0f} s, {shares[0]} of one about [" in said
+    assert said.endswith(f"], {shares[1]}, {shares[2]} across")
+
+
+WRONG = """
+{group: SE2, inertia: [1, 1, 1]}
+    controllers[0]: b_dot needs group SO3 or SE3, got SE2
+{group: SE2, inertia: [1, 1, 1]}
+    actuators[0]: magnetorquers needs group SO3 or SE3, got SE2
+{actuators: []}
+    controllers[0]: commands dipole, and actuators take torque; only {kind: magnetorquers, …
+{controllers: [stabilising], gains: {kp: 1, kd: 1}}
+    controllers[0]: commands torque, and actuators take dipole; only {kind: magnetorquers, …
+{actuators: [{kind: magnetorquers, limit: 0.2, takes: dipole}]}
+    actuators[0]: expected either orbit or flux; add orbit, with altitude and inclination
+{actuators: [{kind: magnetorquers, limit: 0.2, takes: dipole, flux: [1, 2]}]}
+    actuators[0].flux: expected 3 expressions for SO3, got 2
+{actuators: [{kind: magnetorquers, limit: 0, takes: dipole, flux: [1, 2, 3]}]}
+    actuators[0].limit: expected a number greater than 0, got 0
+{actuators: [{kind: magnetorquers, limit: [1, 2], takes: dipole, flux: [1, 2, 3]}]}
+    actuators[0].limit: expected a number, or 3 of them, got 2
+{actuators: [{kind: magnetorquers, limit: 1 N m, takes: dipole, flux: [1, 2, 3]}]}
+    actuators[0].limit: expected a number or a number in A m^2, got '1 N m'
+{actuators: [{kind: magnetorquers, limit: 1, takes: dipole, dump: 1, flux: [1, 2, 3]}]}
+    actuators[0].dump: needs takes: torque; remove one of the two
+{actuators: [{kind: magnetorquers, limit: 1, dump: 1, flux: [1, 2, 3]}]}
+    actuators[0].dump: takes the momentum of wheels; put wheels before it
+{actuators: [{kind: wheels, pyramid: 1}, {kind: magnetorquers, limit: 1, flux: [1, 2, 3]}]}
+    actuators[1]: the torque of wheels is final; put it before, or give dump
+{actuators: [], sensors: {magnetometer: [{kind: noise, std: 1 nT}]}}
+    sensors.magnetometer: needs the field of magnetorquers; add them to actuators
+{sensors: {magnetometer: [{kind: noise, std: 1 deg}]}}
+    sensors.magnetometer[0].std: expected a number or a magnetic field in T, uT or nT, got '1 deg'
+{sensors: {magnetometer: [{kind: lag, time_constant: 1}]}}
+    sensors.magnetometer[0]: lag measures velocities; move it to sensors.velocity
+{settling_threshold: {rates: 1}}
+    settling_threshold.rates:
+{settling_threshold: {rate: 1 deg}}
+    settling_threshold.rate: expected
+"""
+
+
+@pytest.mark.parametrize(("changes", "said"), cases(WRONG))
+def test_what_is_wrong_is_said_at_its_place(experiment_of, changes, said):
+    assert said in refusal(ConfigError, experiment_of, changed(yaml.safe_load(changes)))
