@@ -166,7 +166,6 @@ from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions
 from eqt_cli.figures.comparison_figures import Forest as Forest
-from eqt_cli.figures.curves import draw_middle as draw_middle
 from eqt_cli.figures.figure import Figure as Figure
 from eqt_cli.figures.figure import OfMetrics as OfMetrics
 from eqt_cli.figures.figure import OfReference as OfReference
@@ -181,6 +180,7 @@ from eqt_cli.figures.labels import signal_label as signal_label
 from eqt_cli.figures.layout import add_legend as add_legend
 from eqt_cli.figures.layout import add_title as add_title
 from eqt_cli.figures.layout import blank_sheet as blank_sheet
+from eqt_cli.figures.layout import draw_middle as draw_middle
 from eqt_cli.figures.layout import name_scale as name_scale
 from eqt_cli.figures.layout import rows_of as rows_of
 from eqt_cli.figures.layout import sheet as sheet

@@ -207,7 +207,7 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
-    from eqt_cli.figures.bodies import moving_parts
+    from eqt_cli.figures.shown import moving_parts
 
     numbers = result.stored_runs
     if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):

@@ -17,21 +17,22 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.groups import Part, group_named
-from eqt_cli.figures.bodies import (
+from eqt_cli.figures.cells import scale_norm
+from eqt_cli.figures.figure import ShownRuns
+from eqt_cli.figures.labels import quantity, signal_label
+from eqt_cli.figures.layout import freeze, name_scale
+from eqt_cli.figures.shown import (
     CORNERS,
     FACES,
     BodyPath,
+    Chosen,
+    Ensemble,
     course,
     discs,
     moving_parts,
     rotors,
     upright,
 )
-from eqt_cli.figures.cells import scale_norm
-from eqt_cli.figures.figure import ShownRuns
-from eqt_cli.figures.labels import quantity, signal_label
-from eqt_cli.figures.layout import freeze, name_scale
-from eqt_cli.figures.shown import Chosen, Ensemble
 from eqt_cli.figures.style import house_style, ink, line_style, mixed
 from eqt_cli.results.result import Result
 

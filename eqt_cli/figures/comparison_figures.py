@@ -23,10 +23,9 @@ from eqt_cli.analysis.intervals import (
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import even, scale_log, spans_decade
-from eqt_cli.figures.curves import BAND
 from eqt_cli.figures.figure import OfDifferences, OfMetrics
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import add_legend, blank_sheet, hide_inner_scales, rows_of
+from eqt_cli.figures.layout import BAND, add_legend, blank_sheet, hide_inner_scales, rows_of
 from eqt_cli.figures.shown import MetricValues, ShownMetrics, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style
 from eqt_cli.results.result import Result

@@ -18,10 +18,16 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_log, scale_norm, spans_decade
-from eqt_cli.figures.curves import band_look, bound_below, thin_line, thin_line_legend
 from eqt_cli.figures.figure import OverTime, ShownRuns, law_columns
 from eqt_cli.figures.labels import axis_labels, in_words, part_name
-from eqt_cli.figures.layout import add_legend, name_scale
+from eqt_cli.figures.layout import (
+    add_legend,
+    band_look,
+    bound_below,
+    name_scale,
+    thin_line,
+    thin_line_legend,
+)
 from eqt_cli.figures.shown import Ensemble
 from eqt_cli.figures.style import WIDTHS, Look, Width, component_style, ink
 

@@ -16,10 +16,9 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even, scale, scale_along
-from eqt_cli.figures.curves import RESAMPLING
 from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.labels import metric_label
-from eqt_cli.figures.layout import add_legend
+from eqt_cli.figures.layout import RESAMPLING, add_legend
 from eqt_cli.figures.shown import ALL, Chosen, error_of, looks, positions
 from eqt_cli.figures.style import WIDTHS, Look, Width, line_style
 from eqt_cli.results.origin import label_named, law_title

@@ -30,10 +30,19 @@ from eqt_cli.figures.cells import (
     short,
     spans_decade,
 )
-from eqt_cli.figures.curves import BAND, RESAMPLING, beside, draw_points
 from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import OwnPage, add_legend, add_title, one_panel, sheet_of_maps
+from eqt_cli.figures.layout import (
+    BAND,
+    RESAMPLING,
+    OwnPage,
+    add_legend,
+    add_title,
+    beside,
+    draw_points,
+    one_panel,
+    sheet_of_maps,
+)
 from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.results.quantity import SweptKey

@@ -18,16 +18,6 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
-from eqt_cli.figures.curves import (
-    Bands,
-    bound,
-    cut_off,
-    draw_middle,
-    leaving,
-    middle_of,
-    of_bands,
-    open_frame,
-)
 from eqt_cli.figures.figure import LawRow, OfReference, OverTime, Panelled, ShownRuns, law_columns
 from eqt_cli.figures.labels import (
     axis_labels,
@@ -37,7 +27,20 @@ from eqt_cli.figures.labels import (
     part_name,
     quantity,
 )
-from eqt_cli.figures.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.figures.layout import (
+    Bands,
+    add_legend,
+    add_title,
+    bound,
+    cut_off,
+    draw_middle,
+    leaving,
+    middle_of,
+    name_scale,
+    of_bands,
+    open_frame,
+    sheet,
+)
 from eqt_cli.figures.shown import Ensemble, ShownReference, names
 from eqt_cli.figures.style import WIDTHS, Width, component_style, ink
 from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT

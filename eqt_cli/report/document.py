@@ -37,9 +37,9 @@ from eqt_cli.figures.animation import (
     motion,
     scene_of,
 )
-from eqt_cli.figures.bodies import CORNERS, FACES, discs
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
+from eqt_cli.figures.shown import CORNERS, FACES, discs
 from eqt_cli.report import summary
 from eqt_cli.results.quantity import Plain, plain
 from eqt_cli.results.result import Result

@@ -25,7 +25,7 @@ from eqt_cli.figures.animation import (
     scene_of,
     tips,
 )
-from eqt_cli.figures.bodies import CORNERS, FACES, discs
+from eqt_cli.figures.shown import CORNERS, FACES, discs
 from eqt_cli.report.document import animation
 
 

@@ -34,7 +34,7 @@ from eqt_cli.extend import (
     sheet,
 )
 from eqt_cli.figures.cells import even
-from eqt_cli.figures.curves import Bands
+from eqt_cli.figures.layout import Bands
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,9 @@ from eqt_cli.extensions.recordings.logs import QUANTITIES, TrackingErrors, error
 from eqt_cli.extensions.recordings.measured import measured_runs
 from eqt_cli.extensions.recordings.prediction import Growth
 from eqt_cli.figures import layout
-from eqt_cli.figures.curves import band_look
 from eqt_cli.figures.figure import Panelled, Timed
 from eqt_cli.figures.labels import axis_labels, in_words, part_curves, part_name
-from eqt_cli.figures.layout import EMPTY, add_legend, add_title, name_scale, sheet
+from eqt_cli.figures.layout import EMPTY, add_legend, add_title, band_look, name_scale, sheet
 from eqt_cli.figures.render import FORMATS, encode
 from eqt_cli.figures.shown import Chosen, error_of, positions
 from eqt_cli.figures.style import (
