@@ -16,7 +16,7 @@ from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.actuators import told
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import InertiaLaw
-from eqt_cli.components.mechanics import Gains, TimeVarying, Tracking
+from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import structure, with_fields
 
@@ -287,6 +287,11 @@ class Controller(TimeVarying, Component):
     def code(self) -> RunsCode | None:
         """The code that the law runs; None for a formula."""
         return None
+
+    def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        """Return what that code is given of an input, ``(states, …)``."""
+        assert self.code_call is not None
+        return x.rows(self.code_call.reads)
 
     @property
     def code_call(self) -> CodeCall | None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, reduce
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -422,6 +422,9 @@ class TimeVarying:
         return []
 
     # Files of the component.
+
+    reader: ClassVar[str] = ""
+    """The function of an extension that makes texts of its files; "" where they are texts."""
 
     @property
     def files(self) -> dict[str, str]:

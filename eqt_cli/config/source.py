@@ -30,7 +30,7 @@ from eqt_cli.base.errors import (
 )
 from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
 from eqt_cli.base.option_types import shown
-from eqt_cli.base.registry import load_plugin
+from eqt_cli.base.registry import load_plugin, of_extension
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.yaml_source import Source
@@ -533,10 +533,11 @@ DATA_BYTES = 64_000_000
 """Largest size of a file, bytes, because it is kept in memory and in every result."""
 
 
-def data_file(source: ConfigSource, name: str) -> str:
+def data_file(source: ConfigSource, name: str, reader: str = "") -> str:
     """Return the text of a file, whose name is relative to the configuration.
 
-    A result file or folder gives a table of the initial states of its runs.
+    A result file or folder gives a table of the initial states of its runs. The function `reader`
+    of an extension, if one is named, makes the text of other files.
 
     Raises
     ------
@@ -551,7 +552,8 @@ def data_file(source: ConfigSource, name: str) -> str:
             if source.of_folder and not path.resolve().is_relative_to(source.folder.resolve()):
                 raise InputError(f"{path}: is outside the result folder {source.folder}")
             is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
-        source.files[name] = _starts_of(path) if is_result else _text_of_file(path)
+        read = _starts_of if is_result else _text_of_file
+        source.files[name] = (of_extension(reader) if reader else read)(path)
     return source.files[name]
 
 
@@ -560,7 +562,7 @@ def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dic
     texts = {}
     for option, name in part.files.items():
         with problems.catching(option):
-            texts[name] = data_file(source, name)
+            texts[name] = data_file(source, name, part.reader)
     return part.with_files(texts), texts
 
 

@@ -197,7 +197,9 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         named = law._asdict() | ({"state": state} if holds else {})
         arrays = {name: np.asarray(value) for name, value in named.items() if value is not None}
         found = {name: value if name == "t" else value[0] for name, value in arrays.items()}
-        return found if call is None else found | {ROWS: law.rows(call.reads)[0]}
+        return (
+            found if call is None else found | {ROWS: loop.controller.code_rows(loop.group, law)[0]}
+        )
 
     def after(inputs: Arrays) -> Mapping[str, Array]:
         symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]

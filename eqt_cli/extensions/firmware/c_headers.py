@@ -11,6 +11,15 @@ from eqt_cli.numbers.program import FUNCTIONS_HEADER, LANES_HEADER
 FLOAT_HEADER = Path(__file__).with_name("float_functions.h")
 """Header of the types and functions of programs in float."""
 
+PRELUDE = """\
+typedef __UINT32_TYPE__ eqt_uint32;
+typedef __UINT64_TYPE__ eqt_uint64;
+
+#define EQT_INLINE static inline
+#define EQT_RARE static
+"""
+"""What stands before the definitions."""
+
 _DEFINED = re.compile(
     r"^#define (\w+)|^(?:EQT_INLINE|EQT_RARE)[\w ]* \*?(\w+)\(|^static const \w+ (\w+)\["
     r"|^typedef [^;{]*?(\w+)(?: __attribute__.*)?;|^\} (\w+);",

@@ -26,7 +26,7 @@ from eqt_cli.base.version import __version__
 from eqt_cli.config.preflight import remark_on
 from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
-from eqt_cli.extensions.firmware.c_headers import headers, needed
+from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
 from eqt_cli.extensions.firmware.controllers import adapter_of
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic, evaluated
@@ -156,14 +156,6 @@ EXAMPLES = 32
 
 WORST = 4
 """Number of further states: the largest bounds away from singularities; and as many near them."""
-
-PRELUDE = """\
-typedef __UINT32_TYPE__ eqt_uint32;
-typedef __UINT64_TYPE__ eqt_uint64;
-
-#define EQT_INLINE static inline
-#define EQT_RARE static
-"""
 
 INPUT_MEANINGS = {
     "t": "time",

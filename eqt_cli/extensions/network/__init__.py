@@ -1,0 +1,3 @@
+"""Laws that are neural networks, from the files that trainers write."""
+
+COMPONENTS = {"controllers": {"network": "network"}}

@@ -1,0 +1,584 @@
+"""A law that is a neural network: what it observes and commands, and the network as C."""
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, apply_matrix, clip, transpose
+from eqt_cli.base.errors import InputError, Problems, TraceError
+from eqt_cli.base.option_types import Positive, Real
+from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.laws import CodeCall, Controller, RunsCode
+from eqt_cli.components.mechanics import LawInput, Tracking
+from eqt_cli.components.motions import PlantModel
+from eqt_cli.engines import compiler
+from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
+from eqt_cli.extensions.network.reader import network_of
+from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+
+# What a network observes --------------------------------------------------------------------------
+
+LAST = "last_command"
+"""The outputs of the network a period before; 0 at the start."""
+
+Observable = Literal[
+    "position",
+    "position_error",
+    "velocity",
+    "velocity_error",
+    "rotation",
+    "rotation_error",
+    "rates",
+    "rates_error",
+    "last_command",
+]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A signal that a network observes.
+
+    Attributes
+    ----------
+    signal
+        position p, position_error p − p_d, velocity ṗ, velocity_error ṗ − ṗ_d; rotation R and
+        rotation_error R_dᵀR, row by row; rates ω and rates_error ω − RᵀR_d ω_d, or last_command.
+    frame
+        Of a position or velocity: space (default) or body.
+    scale
+        The network is given so many times the signal.
+    clip
+        The signal is clipped to ± so much before, in m, m/s or rad/s.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
+
+    signal: Observable
+    frame: Literal["space", "body"] = "space"
+    scale: Real = 1.0
+    clip: Positive | None = None
+
+    def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        """Return what the network is given of an input, ``(..., n)``."""
+        value = self._signal(G, x)
+        if self.clip is not None:
+            value = clip(value, -self.clip, self.clip)
+        return self.scale * value
+
+    def _signal(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        turning, moving = parts_of_motion(G)
+        if self.signal.startswith("r"):  # of the rotation
+            assert turning is not None
+            R, Rd = (pose[(..., *turning.entries)] for pose in (x.pose, x.desired_pose))
+            w, wd = (V[..., turning.axes] for V in (x.velocity, x.desired_velocity))
+            relative = transpose(Rd) @ R
+            if self.signal.startswith("rotation"):
+                found = relative if self.signal.endswith("error") else R
+                return found.reshape(*found.shape[:-2], -1)
+            plane = w.shape[-1] == 1  # where the rate is the same in all frames
+            of_error = wd if plane else apply_matrix(transpose(relative), wd)
+            return w - of_error if self.signal.endswith("error") else w
+        assert moving is not None
+        value = self._motion(x.pose, x.velocity, turning, moving)
+        if self.signal.endswith("error"):
+            value = value - self._motion(x.desired_pose, x.desired_velocity, turning, moving)
+        if self.frame == "body" and turning is not None:
+            value = apply_matrix(transpose(x.pose[(..., *turning.entries)]), value)
+        return value
+
+    def _motion(self, pose: Array, V: Array, turning: Part | None, moving: Part) -> Array:
+        """Return position or velocity in space."""
+        if self.signal.startswith("position"):
+            return pose[(..., *moving.entries)][..., 0]
+        v = V[..., moving.axes]
+        return v if turning is None else apply_matrix(pose[(..., *turning.entries)], v)
+
+
+def parts_of_motion(G: MatrixLieGroup) -> tuple[Part | None, Part | None]:
+    """Return the first rotation of a group, and its first position in metres."""
+    turning = next((part for part in G.parts if part.turns), None)
+    return turning, next((part for part in G.parts if part.pose_unit == "m"), None)
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """What the outputs y of a network command, each clipped to ±`clip`.
+
+    Attributes
+    ----------
+    as_
+        rotors: thrusts f = c₀ + c₁ y + c₂ y²; wrench: entries of the torque and the force; rates:
+        rates in place of the torque, and entries of the force, each offset + scale y.
+    order
+        Of rotors, their names in the order of the outputs, as in `actuators`. Of the others, axes
+        as `torque x`. Default: all, in their order.
+    thrust
+        Of rotors, [c₀, c₁, c₂], N.
+    scale, offset
+        A number, or one for each output.
+    clip
+        Default: 1.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
+
+    as_: Literal["rotors", "wrench", "rates"] = "wrench"
+    order: list[str] | None = None
+    thrust: list[Real] | None = None
+    scale: Real | list[Real] = 1.0
+    offset: Real | list[Real] = 0.0
+    clip: Positive | None = 1.0
+
+
+# The network in C ---------------------------------------------------------------------------------
+#
+# Each step is a loop over its outputs; a product with a matrix takes its columns one after the
+# other, so that a compiler may take several rows at once without another order of any sum.
+
+_BY_ENTRY = {
+    "relu": "v > 0.0 ? v : 0.0",
+    "tanh": "eqt_tanh(v)",
+    "sigmoid": "1.0 / (1.0 + eqt_exp(-v))",
+    "elu": "v > 0.0 ? v : {a} * (eqt_exp(v) - 1.0)",
+    "leaky_relu": "v > 0.0 ? v : {a} * v",
+    "fast_tanh": "v < -3.0 ? -1.0 : v > 3.0 ? 1.0 : v * (27.0 + v * v) / (27.0 + 9.0 * v * v)",
+    "clip": "v < {low} ? {low} : v > {high} ? {high} : v",
+}
+"""Functions of single numbers."""
+
+_PAIRS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
+
+
+class Emitted:
+    """The steps of a network as C.
+
+    Parameters
+    ----------
+    network
+        As `text_of` of the reader gives it.
+    """
+
+    def __init__(self, network: Mapping[str, Any]) -> None:
+        self.constants: list[str] = []
+        self.lines: list[str] = []
+        self.sizes = {"x": network["inputs"], "h": len(network["start"])}
+        for step in network["steps"]:
+            getattr(self, f"_{step['op']}", self._by_entry)(step)
+
+    def _constant(self, values: Sequence[float]) -> str:
+        name = f"c{len(self.constants)}"
+        listed = ", ".join(repr(float(value)) for value in values)
+        self.constants.append(f"static const double {name}[] = {{{listed}}};")
+        return name
+
+    def _declare(self, step: Mapping[str, Any], size: int) -> str:
+        name = step["out"]
+        self.sizes[name] = size
+        self.lines.append(f"double {name}[{size}];")
+        return name
+
+    def _product(self, name: str, of: str, W: Array, b: Array) -> None:
+        """name = W of + b."""
+        m, n = W.shape
+        weights, bias = self._constant(W.T.ravel().tolist()), self._constant(b.tolist())
+        self.lines += [
+            f"for (i = 0; i < {m}; i++) {name}[i] = {bias}[i];",
+            f"for (j = 0; j < {n}; j++)",
+            f"    for (i = 0; i < {m}; i++) {name}[i] += {weights}[{m} * j + i] * {of}[j];",
+        ]
+
+    def _affine(self, step: Mapping[str, Any]) -> None:
+        W, b = (np.array(step[key], dtype=float) for key in ("W", "b"))
+        self._product(self._declare(step, len(W)), step["of"][0], W, b)
+
+    def _by_entry(self, step: Mapping[str, Any]) -> None:
+        of, numbers = step["of"][0], {k: repr(float(v)) for k, v in step.get("numbers", {}).items()}
+        formula, size = _BY_ENTRY[step["op"]].format(**numbers), self.sizes[of]
+        name = self._declare(step, size)
+        self.lines.append(
+            f"for (i = 0; i < {size}; i++) {{ const double v = {of}[i]; {name}[i] = {formula}; }}"
+        )
+
+    def _pair(self, step: Mapping[str, Any]) -> None:
+        sides, sizes = [], []
+        for each in step["of"]:
+            name = each if isinstance(each, str) else self._constant(each)
+            sizes.append(self.sizes[name] if isinstance(each, str) else len(each))
+            sides.append(f"{name}[{'0' if sizes[-1] == 1 else 'i'}]")
+        size = max(sizes)
+        name = self._declare(step, size)
+        formula = f" {_PAIRS[step['op']]} ".join(sides)
+        self.lines.append(f"for (i = 0; i < {size}; i++) {name}[i] = {formula};")
+
+    _add = _sub = _mul = _div = _pair
+
+    def _concat(self, step: Mapping[str, Any]) -> None:
+        name, at = self._declare(step, sum(self.sizes[of] for of in step["of"])), 0
+        for of in step["of"]:
+            size = self.sizes[of]
+            self.lines.append(f"for (i = 0; i < {size}; i++) {name}[{at} + i] = {of}[i];")
+            at += size
+
+    def _head(self, step: Mapping[str, Any]) -> None:
+        """The first half."""
+        of = step["of"][0]
+        name = self._declare(step, size := self.sizes[of] // 2)
+        self.lines.append(f"for (i = 0; i < {size}; i++) {name}[i] = {of}[i];")
+
+    def _gru(self, step: Mapping[str, Any]) -> None:
+        """h ← (1 − z) n + z h, n = tanh(W_n x + b_n + r (U_n h + d_n)); in the order r, z, n."""
+        W, U, b, d = (np.array(step[key], dtype=float) for key in ("W", "U", "b", "d"))
+        size, at, k = U.shape[1], int(step["at"]), len(self.lines)
+        self.lines += [f"double a{k}[{3 * size}], u{k}[{3 * size}];", f"double *g{k} = h + {at};"]
+        self._product(f"a{k}", step["of"][0], W, b)
+        self._product(f"u{k}", f"g{k}", U, d)
+        self.lines += [
+            f"for (i = 0; i < {size}; i++) {{",
+            f"    const double r = 1.0 / (1.0 + eqt_exp(-(a{k}[i] + u{k}[i])));",
+            f"    const double z = 1.0 / (1.0 + eqt_exp(-(a{k}[{size} + i] + u{k}[{size} + i])));",
+            f"    const double n = eqt_tanh(a{k}[{2 * size} + i] + r * u{k}[{2 * size} + i]);",
+            f"    g{k}[i] = (1.0 - z) * n + z * g{k}[i];",
+            "}",
+        ]
+        name = self._declare(step, size)
+        self.lines.append(f"for (i = 0; i < {size}; i++) {name}[i] = g{k}[i];")
+
+
+CALL = """\
+{functions}
+{constants}
+static const double first[] = {{{first}}}, offset[] = {{{offset}}}, linear[] = {{{linear}}},
+    square[] = {{{square}}}, to_torque[] = {{{matrix}}};
+
+static void network(const double *x, double *h, double *y)
+{{
+    long i, j;
+    (void)h;
+    (void)j;
+{steps}
+    for (i = 0; i < {outputs}; i++) y[i] = {result}[i];
+}}
+
+/* Rows, one a run: the memory is that of the network, and its last outputs. */
+void eqt_code(long runs, int begins, double period, const double *options, double *states,
+              const double *inputs, double *torques, unsigned char *outcomes, double *apart)
+{{
+    long run, i, k;
+    (void)period, (void)options, (void)outcomes, (void)apart;
+    for (run = 0; run < runs; run++) {{
+        double x[{inputs}], y[{outputs}], u[{outputs}];
+        double *h = states + run * {memory}, *last = h + {hidden};
+        for (i = 0; i < {inputs}; i++) x[i] = inputs[run * {inputs} + i];
+        for (i = 0; i < {outputs} * {remembers}; i++) x[{last_at} + i] = {last_scale} * last[i];
+        if (begins & 1) {{
+            for (i = 0; i < {memory}; i++) h[i] = i < {hidden} ? first[i] : 0.0;
+            continue;
+        }}
+        network(x, h, y);
+        for (i = 0; i < {outputs}; i++) {{
+            y[i] = {limited};
+            if ({remembers}) last[i] = y[i];
+            u[i] = offset[i] + (linear[i] + square[i] * y[i]) * y[i];
+        }}
+        for (k = 0; k < {axes}; k++) {{
+            double sum = 0.0;
+            for (i = 0; i < {outputs}; i++) sum += to_torque[{outputs} * k + i] * u[i];
+            torques[run * {axes} + k] = sum;
+        }}
+    }}
+}}
+"""
+
+
+def source_of(network: Mapping[str, Any], **rest: Any) -> str:
+    """Return the C of a law: `eqt_code`, as native calls it, around the network."""
+    made = Emitted(network)
+    listed = {
+        name: ", ".join(map(repr, values)) or "0"
+        for name, values in rest.items()
+        if isinstance(values, list)
+    }
+    text = CALL.format(
+        functions="{functions}",
+        constants="\n".join(made.constants),
+        steps="\n".join(f"    {line}" for line in made.lines),
+        result=network["steps"][-1]["out"],
+        first=", ".join(map(repr, network["start"])) or "0",
+        hidden=len(network["start"]),
+        **(rest | listed),
+    )
+    functions = needed(PRELUDE + text, headers("double"))
+    return text.replace("{functions}", f"{PRELUDE}\n{functions}", 1)
+
+
+@lru_cache(maxsize=64)
+def function_of(source: str) -> Any:
+    """Return the compiled function; raises an `InputError` without a compiler."""
+    if compiler.missing():
+        raise InputError(
+            "a network is compiled, and this machine has no C compiler; install gcc or clang, or "
+            "'pip install ziglang' (extra native), a clang in a wheel"
+        )
+    return compiler.library(source).eqt_code
+
+
+AGREES = 1e-6
+"""Largest mean difference between a network in C and the examples in its file, as RLtools asks."""
+
+
+def check_examples(network: Mapping[str, Any], name: str) -> None:
+    """Raise an `InputError` where the network in C does not give the outputs of its examples."""
+    if not network["examples"]:
+        return
+    given, expected = map(np.array, network["examples"])
+    found, states = np.empty_like(expected), np.array([[*network["start"]]])
+    function = function_of(bare_source(network))
+    for k, row in enumerate(np.ascontiguousarray(given)):
+        called(function, states, row[None], found[k : k + 1])
+    apart = float(np.abs(found - expected).mean())
+    if not apart < AGREES:
+        raise InputError(
+            f"{name}: computed by eqt, its outputs are {apart:.2g} away from its examples, and "
+            f"{AGREES:g} is allowed: the file is damaged, or of another version of RLtools"
+        )
+
+
+def bare_source(network: Mapping[str, Any]) -> str:
+    """Return the C of a network by itself, whose outputs are what it returns."""
+    k, none = network["outputs"], [0.0] * network["outputs"]
+    sizes = {"inputs": network["inputs"], "outputs": k, "axes": k, "memory": len(network["start"])}
+    last = {"remembers": 0, "last_at": 0, "last_scale": 1.0, "limited": "y[i]"}
+    curve = {
+        "offset": none,
+        "linear": [1.0] * k,
+        "square": none,
+        "matrix": np.eye(k).ravel().tolist(),
+    }
+    return source_of(network, **sizes, **last, **curve)
+
+
+def called(function: Any, states: Array, rows: Array, found: Array) -> None:
+    """Call a function of `source_of` for some runs, which changes the states."""
+    addresses = [ctypes.c_void_p(each.ctypes.data) for each in (states, rows, found)]
+    end = ctypes.c_long(len(rows)), 0, ctypes.c_double(0.0), None
+    function(*end, *addresses, None, None)
+
+
+# The law ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Network(Controller):
+    """A neural network that somebody has trained, with its weights; it asks for no gains.
+
+    The file is ONNX (`pip install onnx`, extra network) or a checkpoint of RLtools (`.h5`). It is
+    data: nothing in it runs. A layer of gated recurrent units is the memory of the law.
+
+    Attributes
+    ----------
+    file
+        The file, relative to the configuration.
+    observes
+        What the network is given, in its order: signals, each with a frame, a scale and a clip.
+    commands_
+        What its outputs mean: rotors, wrench or rates.
+    """
+
+    name: ClassVar[str] = "network"
+    title: ClassVar[str] = "network"
+    tasks: ClassVar[tuple[str, ...]] = ()
+    reads_gains: ClassVar[bool] = False
+    reader: ClassVar[str] = "network.reader.network_text"
+
+    file: str
+    observes: list[Observed] = field(metadata=STRUCTURE)
+    commands_: Commanded = field(default=Commanded(), metadata=STRUCTURE)
+    text: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
+    source: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The file."""
+        return {"file": self.file}
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """Return the law with its network."""
+        return with_fields(self, text=texts.get(self.file, ""))
+
+    @property
+    def network(self) -> dict[str, Any]:
+        """The network, checked."""
+        return network_of(self.text, self.file)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note signals that the group has not, and another number of them than the network has."""
+        turning, moving = parts_of_motion(G)
+        for index, each in enumerate(self.observes):
+            if each.signal != LAST and (turning if each.signal[0] == "r" else moving) is None:
+                problems.at("observes", index, "signal").add(f"{G.name} has no {each.signal}")
+        if problems or not self.text:
+            return
+        with problems.catching("file"):
+            check_examples(self.network, self.file)
+        if problems:
+            return
+        given, wanted = self._observation(G, _one_input(G)).shape[-1], self.network["inputs"]
+        if given != wanted:
+            listed = ", ".join(
+                f"{each.signal} {size}"
+                for each, size in zip(self.observes, self._sizes(G), strict=True)
+            )
+            problems.at("observes").add(
+                f"gives {given} numbers ({listed}), and the network in {self.file} takes {wanted}"
+            )
+
+    @property
+    def outputs_of_network(self) -> int:
+        """Number of outputs."""
+        return int(self.network["outputs"])
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it observes its last command."""
+        return any(each.signal == LAST for each in self.observes)
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law in C, with the rotors of the plant."""
+        if problems or not self.text:
+            return self
+        k, at = self.outputs_of_network, problems.at("commands")
+        M, curve = self._commanding(G, plant, at)
+        if problems:
+            return self
+        sizes = self._sizes(G)
+        last = next((i for i, each in enumerate(self.observes) if each.signal == LAST), 0)
+        most = self.commands_.clip
+        source = source_of(
+            self.network,
+            offset=curve[0].tolist(),
+            linear=curve[1].tolist(),
+            square=curve[2].tolist(),
+            matrix=M.ravel().tolist(),
+            inputs=sum(sizes),
+            outputs=k,
+            memory=len(self.network["start"]) + k * self.remembers,
+            remembers=int(self.remembers),
+            last_at=sum(sizes[:last]),
+            last_scale=repr(float(self.observes[last].scale)),
+            limited=f"y[i] < -{most} ? -{most} : y[i] > {most} ? {most} : y[i]" if most else "y[i]",
+            axes=G.dimension,
+        )
+        with problems.catching("file"):
+            function_of(source)
+        return with_fields(self, source=source)
+
+    def _commanding(
+        self, G: MatrixLieGroup, plant: PlantModel, problems: Problems
+    ) -> tuple[Array, Array]:
+        """Return the matrix from commands to the torque, ``(m, k)``, and the rows c₀, c₁, c₂."""
+        said, k = self.commands_, self.outputs_of_network
+        names, B, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
+        if of_rotors:
+            rotors = [each for each in plant.actuators if each.thruster_names]
+            if not rotors:
+                problems.add("as: rotors, and actuators has no thrusters")
+                return np.empty((0, 0)), np.empty((0, 0))
+            names, B = rotors[0].thruster_names, np.asarray(rotors[0].matrix)
+        order = list(names) if said.order is None else said.order
+        for index, name in enumerate(order):
+            if name not in names:
+                problems.at("order", index).add(f"expected one of {', '.join(names)}, got {name}")
+        if not problems and len(order) != k:
+            problems.at("order").add(f"{len(order)} names, and the network has {k} outputs")
+        thrust = said.thrust or [0.0, 1.0, 0.0]
+        if len(thrust) != 3:
+            problems.at("thrust").add(f"expected [c0, c1, c2], got {len(thrust)} numbers")
+        for name in ("scale", "offset"):
+            if np.ndim(value := getattr(said, name)) and len(value) != k:
+                problems.at(name).add(f"expected {k} numbers, got {len(value)}")
+        if problems:
+            return np.empty((0, 0)), np.empty((0, 0))
+        rows = thrust if of_rotors else (said.offset, said.scale, 0.0)
+        curve = np.stack([np.broadcast_to(np.asarray(row, dtype=float), k) for row in rows])
+        return B[:, [names.index(name) for name in order]], curve
+
+    @property
+    def commands(self) -> str:  # type: ignore[override]  # a constant of most laws
+        """Rates, for which it needs a `rate_loop`, or a torque."""
+        return "rates" if self.commands_.as_ == "rates" else "torque"
+
+    @property
+    def code(self) -> RunsCode:
+        """The function in C."""
+        return RunsCode(self.file, "eqt_code", (), (), "double")
+
+    @property
+    def code_call(self) -> CodeCall:
+        """The compiled function."""
+        return CodeCall(function_of(self.source), 0, (), np.empty(0))
+
+    def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        """Return what the network observes, ``(states, n)``; 0 for its last command."""
+        found = self._observation(G, x)
+        return found.reshape(-1, found.shape[-1])
+
+    def _observation(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        batch, none = x.velocity.shape[:-1], 0.0 * x.velocity[..., :1]
+        rows = [
+            np.concatenate([none] * self.outputs_of_network, axis=-1)
+            if each.signal == LAST
+            else each.values(G, x)
+            for each in self.observes
+        ]
+        return np.concatenate(
+            [np.broadcast_to(row, (*batch, row.shape[-1])) for row in rows], axis=-1
+        )
+
+    def _sizes(self, G: MatrixLieGroup) -> list[int]:
+        x = _one_input(G)
+        return [
+            self.outputs_of_network if each.signal == LAST else each.values(G, x).shape[-1]
+            for each in self.observes
+        ]
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the states of recurrent units, and the last command."""
+        named = {
+            "hidden": len(self.network["start"]),
+            LAST: self.outputs_of_network * self.remembers,
+        }
+        return {name: length for name, length in named.items() if length}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """Return the states of recurrent units at the start."""
+        start = np.array(self.network["start"])
+        return {"hidden": start + 0.0 * s.P[..., :1]} if len(start) else {}
+
+    def torque(self, s: Tracking) -> Array:
+        """Return the command of one call of the network."""
+        return self.answer(s, 0.0)[0]
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+        """Return the command, and the memory a period later."""
+        if np.asarray(s.P).dtype == object:
+            raise TraceError(f"{self.file} is a network, which is called at instants of control")
+        rows = np.ascontiguousarray(self.code_rows(s.G, LawInput.of(s)), dtype=float)
+        lengths, batch = self.memory(s.G), s.P.shape[:-1]
+        states = np.zeros((len(rows), sum(lengths.values())))
+        parts = [np.broadcast_to(s.memory[name], (*batch, n)) for name, n in lengths.items()]
+        if parts:
+            states[:] = np.concatenate(parts, axis=-1).reshape(len(rows), -1)
+        torques = np.empty((len(rows), s.G.dimension))
+        called(function_of(self.source), states, rows, torques)
+        later = np.split(states, np.cumsum([*lengths.values()])[:-1], axis=-1)
+        named = {name: part.reshape(*batch, -1) for name, part in zip(lengths, later, strict=False)}
+        return torques.reshape(*batch, -1), named
+
+
+def _one_input(G: MatrixLieGroup) -> LawInput:
+    zero = np.zeros(G.dimension)
+    return LawInput(0.0, G.identity, zero, G.identity, zero, zero)
