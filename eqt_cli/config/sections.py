@@ -56,16 +56,14 @@ from eqt_cli.config.source import ConfigSource, with_data
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
 
 
-def gains_from(
-    section: dict[str, Any], G: MatrixLieGroup, problems: Problems, axes: Any = None
-) -> Gains | None:
+def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = None) -> Gains | None:
     """Return the gains of a section, or None after noting its problems.
 
     Parameters
     ----------
     section
         The keys `kp` and `kd` that are present and have the right type.
-    axes
+    of
         Of `task: point`, the axis in the frames of K and of K_d.
     """
     K = K_d = None
@@ -73,16 +71,16 @@ def gains_from(
         with problems.catching("kp"):
             K = _weight(section["kp"], G)
             require_symmetric(K)
-            if axes is None:
+            if of is None:
                 require_minimum(K, G)
             else:
-                K = _of_axis(K, np.array(axes[0]), isinstance(section["kp"], list))
+                K = _of_axis(K, np.array(of[0]), isinstance(section["kp"], list))
     if "kd" in section:
         with problems.catching("kd"):
             K_d = square(section["kd"], G.dimension, G)
-            c, size = np.array(axes[1] if axes else np.zeros(G.dimension)), np.abs(K_d).max()
+            c, size = np.array(of[1] if of else np.zeros(G.dimension)), np.abs(K_d).max()
             is_left = np.abs((K_d + K_d.T) @ c).max() <= 1e-9 * size
-            or_free = f", or 0 along ({_listed(c)}) in the law's frame" if axes else ""
+            or_free = f", or 0 along ({_listed(c)}) in the law's frame" if of else ""
             require_definite(K_d + is_left * size * np.outer(c, c), or_free)
     return None if K is None or K_d is None else Gains(K, K_d)
 
