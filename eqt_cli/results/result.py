@@ -285,6 +285,7 @@ def lacks(signals: Sequence[str]) -> str:
 
 
 HEADLINE = (
+    "settling_time",
     "mean_pointing_error",
     "final_pointing_error",
     "mean_attitude_error",
@@ -617,12 +618,14 @@ class Result(StoredRuns):
         """The names of the numbers of a summary that all runs have, those of parts if units differ.
 
         The torque is that of the first seconds, as in the paper, if its laws fly the paper's loop;
-        else it is the mean and the largest one.
+        else it is the mean and the largest one. Settling is there where a rate decides on it.
         """
         without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}
         without |= {"final_pose_error"} if self.has("final_attitude_error") else set()
         if self.has("final_pointing_error"):
             without |= {"mean_pose_error", "final_pose_error"}
+        known = self.attributes_of("settling_time") if self.has("settling_time") else {}
+        without |= set() if "threshold_rate" in known else {"settling_time"}
         listed = (*self.own_metrics, *HEADLINE)
         names = (each for name in listed if name not in without for each in self.in_parts(name))
         return [each for each in names if each in self.metrics]

@@ -104,3 +104,25 @@ def test_a_distance_is_not_in_degrees(experiment):
         "c.yaml:10:39: settling_threshold.translation: expected a number or a length in m, cm, mm "
         "or km, got '5 deg', which is 0.0872665 rad"
     )
+
+
+def test_an_angular_velocity_counts_in_units_of_its_threshold():
+    """‖(0.3, 0.4, 0)‖ over 0.1 beside 0.3 m over 0.2 m; no velocity of the translation counts."""
+    G, V = group_named("SE3"), np.array([0.3, 0.4, 0.0, 5.0, 6.0, 7.0])
+    Q = G.exp(np.array([0, 0, 0, 0, 0.3, 0]))
+    found = settling_error(G, Q, G.identity, {"rate": 0.1, "translation": 0.2}, V=V)
+    assert found == pytest.approx(5.0, rel=1e-12)
+    assert settling_error(G, Q, G.identity, {"rate": 0.6}, V=V) == pytest.approx(5 / 6, rel=1e-12)
+
+
+def test_a_summary_begins_with_the_time_of_a_rate(invoke, folder):
+    """A spin about z that K_d ω damps alone: ω₀ exp(−t k_d/J) is at 0.1 after 2 ln 10 s."""
+    (folder / "c.yaml").write_text(
+        "task: stabilise\ngroup: SO3\ninertia: [2, 2, 2]\ngains: {kp: 1.0e-9, kd: 1}\n"
+        "controllers: [stabilising]\ninitial: {velocity: {kind: fixed, coordinates: [0, 0, 1]}}\n"
+        "settling_threshold: {rate: 0.1}\ntime: {duration: 10, samples: 2001}\n"
+    )
+    invoke("run", "c.yaml", "--out", "out")
+    with open_result(folder / "out") as opened:
+        assert opened.headlines[0] == "settling_time"
+        assert opened["settling_time"][0, 0] == pytest.approx(2 * np.log(10), rel=1e-5)
