@@ -69,13 +69,13 @@ from eqt_cli.components.classic_laws import SlotineLi as SlotineLi
 from eqt_cli.components.classic_laws import Stabilising as Stabilising
 from eqt_cli.components.estimators import Complementary as Complementary
 from eqt_cli.components.estimators import Deviations as Deviations
+from eqt_cli.components.estimators import Eqf as Eqf
+from eqt_cli.components.estimators import ErrorStateFilter as ErrorStateFilter
 from eqt_cli.components.estimators import Estimate as Estimate
 from eqt_cli.components.estimators import Estimator as Estimator
 from eqt_cli.components.estimators import Fix as Fix
+from eqt_cli.components.estimators import Invariant as Invariant
 from eqt_cli.components.estimators import Schedule as Schedule
-from eqt_cli.components.filters import Eqf as Eqf
-from eqt_cli.components.filters import ErrorStateFilter as ErrorStateFilter
-from eqt_cli.components.filters import Invariant as Invariant
 from eqt_cli.components.flat import FlatReference as FlatReference
 from eqt_cli.components.forces import ConstantForce as ConstantForce
 from eqt_cli.components.forces import Drag as Drag

@@ -16,7 +16,8 @@ from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import InNotebook, reporter, step
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.preflight import along_reference, check_reference, reference_over_horizon
+from eqt_cli.config.preflight import check_reference, reference_over_horizon
+from eqt_cli.config.remarks import along_reference
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     DERIVATIVE,

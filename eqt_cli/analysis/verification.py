@@ -21,7 +21,8 @@ from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment, build
-from eqt_cli.config.preflight import along_reference, reference_over_horizon, small_loops
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import along_reference, small_loops
 from eqt_cli.config.source import source_of
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution

@@ -306,7 +306,7 @@ def verify(
     []
     """
     from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_stored
-    from eqt_cli.config.preflight import remark_on
+    from eqt_cli.config.remarks import remark_on
 
     if isinstance(target, str | os.PathLike):
         path = Path(target)
@@ -372,7 +372,7 @@ def margins(
     (True, 0.3043)
     """
     from eqt_cli.analysis.margins import margins_of
-    from eqt_cli.config.preflight import remark_on
+    from eqt_cli.config.remarks import remark_on
 
     experiment = experiment_at(target, point, trust_plugins=trust_plugins)
     remark_on(experiment)

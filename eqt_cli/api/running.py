@@ -16,7 +16,7 @@ from eqt_cli.api.loading import (
 )
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
-from eqt_cli.config.preflight import remark_on
+from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.source import config_in
 from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors

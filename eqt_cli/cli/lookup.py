@@ -245,13 +245,8 @@ def check(
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
     from eqt_cli.base.yaml_source import dump
-    from eqt_cli.config.preflight import (
-        check_reference,
-        check_steps,
-        reference_over_horizon,
-        remarks,
-        wheels_needed,
-    )
+    from eqt_cli.config.preflight import check_reference, reference_over_horizon
+    from eqt_cli.config.remarks import check_steps, remarks, wheels_needed
     from eqt_cli.config.study import study
     from eqt_cli.runs.preflight import check_resources, rehearse
 

@@ -49,20 +49,27 @@ from eqt_cli.engines.library import Advance, Measuring, Rows, SampleProgram
 from eqt_cli.engines.solve_ivp import FUNCTIONS, SolveIvp, steps
 from eqt_cli.loop.closed_loop import MEMORY as CONTROLLER
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
-from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER, TORQUE, LawProgram, law_program
-from eqt_cli.numbers.leaves import leaves, with_leaves
+from eqt_cli.loop.law_program import (
+    INPUT,
+    MEMORY,
+    NUMBER,
+    TORQUE,
+    Arrays,
+    LawProgram,
+    RunningPrograms,
+    inputs_of,
+    law_program,
+    running,
+    symbolic_loop,
+)
+from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.program import Chain, Program, traced
-from eqt_cli.numbers.running import MOST_RUNNING, Memory, Running
 
 # The programs of a loop: its field, its control instants, and what is measured --------------------
 
 
 ROWS = "law_rows"
 """Output of a program: the input of the user's code as `LawInput.rows` gives it."""
-
-Arrays = Mapping[str, Array]
-"""Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
-at a control instant ``errors``, the numbers of `Errors` one after the other."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +113,11 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
 
     # A law is promised a leading run axis; here it has one entry.
     def field(inputs: Arrays) -> Mapping[str, Array]:
-        rates = _symbolic(loop, inputs).vector_field(inputs["time"][0], inputs["state"][None])
+        rates = symbolic_loop(loop, inputs).vector_field(inputs["time"][0], inputs["state"][None])
         return {"derivative": rates[0]}
 
     with _explained(loop):
-        program = traced(field, _inputs(loop, loop.moving_length))
+        program = traced(field, inputs_of(loop, loop.moving_length))
     if loop.vehicle.control is None:
         return LoopPrograms(program, None)
     instant = at_instants(loop)
@@ -190,7 +197,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
     """
 
     def law_input(inputs: Arrays) -> Mapping[str, Array]:
-        symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]
+        symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
         errors = _errors(loop, inputs)
         state = symbolic.measured(t, state, errors)
         law = symbolic.law_input(t, state, errors)
@@ -202,7 +209,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         )
 
     def after(inputs: Arrays) -> Mapping[str, Array]:
-        symbolic, (t,), state = _symbolic(loop, inputs), inputs["time"], inputs["state"][None]
+        symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
         lengths = loop.controller.memory(loop.group)
         parts = np.split(inputs["memory"][None], np.cumsum([*lengths.values()]), axis=1)
         memory = dict(zip(lengths, parts, strict=False))
@@ -210,7 +217,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         return {"state": symbolic.after_answer(t, state, inputs["torque"][None], memory, solved)[0]}
 
     m, holds, call = loop.group.dimension, loop.changes_by_measuring, loop.controller.code_call
-    inputs = _inputs(loop, loop.state_length)
+    inputs = inputs_of(loop, loop.state_length)
     measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
     remembered = sum(loop.controller.memory(loop.group).values())
     solved = {"solved": loop.vehicle.solves} if loop.vehicle.solves else {}
@@ -255,110 +262,13 @@ def sampled(
 
     def arrays(inputs: Arrays) -> Mapping[str, Array]:
         rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
-        computed = function(_symbolic(loop, inputs), inputs["time"][0], *rows)
+        computed = function(symbolic_loop(loop, inputs), inputs["time"][0], *rows)
         return {name: np.asarray(values)[0] for name, values in computed.items()}
 
     try:
-        return traced(arrays, _inputs(loop, sum(lengths)))
+        return traced(arrays, inputs_of(loop, sum(lengths)))
     except Exception:
         return None
-
-
-@dataclass(frozen=True)
-class RunningPrograms:
-    """The programs that measure runs, sample by sample.
-
-    Attributes
-    ----------
-    at_sample
-        Program of ``memory`` after a sample and of its ``kept`` numbers. Besides the inputs of the
-        loop, with the rows of `sampled`, it takes ``columns``, numbers of the sample, and
-        ``memory``.
-    ended
-        Program of the numbers of a run, from ``memory``.
-    starts
-        The memory before the first sample.
-    columns : (samples, n)
-        Numbers that belong to each sample.
-    stored
-        Name and shape of each array that is kept of a sample.
-    """
-
-    at_sample: Program
-    ended: Program
-    starts: Array
-    columns: Array
-    stored: tuple[tuple[str, tuple[int, ...]], ...]
-
-
-@lru_cache(maxsize=64)
-def running(
-    function: SampledFunction,
-    reduction: Reduction,
-    loop: ClosedLoop,
-    lengths: tuple[int, ...],
-    stored: tuple[str, ...],
-    times: tuple[float, ...],
-) -> RunningPrograms | None:
-    """Trace a reduction as a running computation; None if it does what programs cannot.
-
-    Parameters
-    ----------
-    stored
-        Names of the function's arrays that are kept.
-    """
-    memory, shapes = Memory(np.empty(0), np.empty(0)), dict[str, tuple[int, ...]]()
-    over = np.array(times)
-
-    def at_sample(inputs: Arrays) -> Mapping[str, Array]:
-        nonlocal memory
-        rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
-        computed = function(_symbolic(loop, inputs), inputs["time"][0], *rows)
-        memory = Memory(inputs["memory"], inputs["columns"])
-        reduction(Running(over, memory), computed)
-        shapes.update({name: np.shape(values) for name, values in computed.items()})
-        stretches = [np.ravel(computed[name]) for name in stored]
-        return {
-            "memory": np.array(memory.after, dtype=object),
-            "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
-        }
-
-    def ended(inputs: Arrays) -> Mapping[str, Array]:
-        blank = {name: np.zeros(shape) for name, shape in shapes.items()}
-        behind = Memory(inputs["memory"], np.zeros(len(memory.columns)), ended=True)
-        numbers = reduction(Running(over, behind), blank)
-        return {name: np.asarray(number)[0] for name, number in numbers.items()}
-
-    inputs = _inputs(loop, sum(lengths))
-    try:
-        traced(at_sample, inputs | {"columns": MOST_RUNNING, "memory": MOST_RUNNING})
-        columns = np.array(memory.columns).reshape(-1, len(times)).T.copy()
-        sizes = {"columns": columns.shape[1], "memory": len(memory.after)}
-        program = traced(at_sample, inputs | sizes)
-        last = traced(ended, {"memory": sizes["memory"]})
-        of_sample = tuple((name, shapes[name][1:]) for name in stored)
-        return RunningPrograms(program, last, np.array(memory.starts), columns, of_sample)
-    except Exception:
-        return None
-
-
-def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
-    parameters, held = (
-        sum(number.size for number in numbers.values())
-        for numbers in (leaves(loop), loop.holding(0.0).held_leaves)
-    )
-    return {"state": length, "time": 1, "parameters": parameters, "held": held}
-
-
-def _symbolic(loop: ClosedLoop, inputs: Arrays) -> ClosedLoop:
-    """Return the loop with symbols for all its numbers, in the order of the rows."""
-    holding = loop.holding(0.0)
-    symbols, numbers = np.concatenate([inputs["parameters"], inputs["held"]]), leaves(holding)
-    ends = np.cumsum([value.size for value in numbers.values()])
-    parts = zip(numbers.items(), np.split(symbols, ends), strict=False)
-    # Each has a leading run axis.
-    cut = {name: part.reshape(1, *value.shape) for (name, value), part in parts}
-    return with_leaves(holding, cut)
 
 
 def _errors(loop: ClosedLoop, inputs: Arrays) -> Errors | None:

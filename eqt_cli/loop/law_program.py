@@ -7,8 +7,9 @@ Engines evaluate it at control instants, and it is exported.
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import Input, Program, distinct, traced
+from eqt_cli.numbers.running import MOST_RUNNING, Memory, Running
 
 INPUT, NUMBER, MEMORY, OUTPUT = "input_", "number_", "memory_", "output_"
 TORQUE, MISSING = "torque", "missing_"
@@ -263,3 +265,109 @@ def _numbers_of_law(loop: ClosedLoop, lengths: Mapping[str, int]) -> tuple[Entry
 
 def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:
     return {MEMORY + entry.name: values[entry.source][0] for entry in memory}
+
+
+# A loop with symbols for its numbers, and the programs that measure its runs on the way -----------
+
+
+Arrays = Mapping[str, Array]
+"""Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
+at a control instant ``errors``, the numbers of `Errors` one after the other."""
+
+
+@dataclass(frozen=True)
+class RunningPrograms:
+    """The programs that measure runs, sample by sample.
+
+    Attributes
+    ----------
+    at_sample
+        Program of ``memory`` after a sample and of its ``kept`` numbers. Besides the inputs of the
+        loop, with the rows of `sampled`, it takes ``columns``, numbers of the sample, and
+        ``memory``.
+    ended
+        Program of the numbers of a run, from ``memory``.
+    starts
+        The memory before the first sample.
+    columns : (samples, n)
+        Numbers that belong to each sample.
+    stored
+        Name and shape of each array that is kept of a sample.
+    """
+
+    at_sample: Program
+    ended: Program
+    starts: Array
+    columns: Array
+    stored: tuple[tuple[str, tuple[int, ...]], ...]
+
+
+@lru_cache(maxsize=64)
+def running(
+    function: Callable[..., Mapping[str, Array]],
+    reduction: Callable[..., Mapping[str, Any]],
+    loop: ClosedLoop,
+    lengths: tuple[int, ...],
+    stored: tuple[str, ...],
+    times: tuple[float, ...],
+) -> RunningPrograms | None:
+    """Trace a reduction as a running computation; None if it does what programs cannot.
+
+    Parameters
+    ----------
+    stored
+        Names of the function's arrays that are kept.
+    """
+    memory, shapes = Memory(np.empty(0), np.empty(0)), dict[str, tuple[int, ...]]()
+    over = np.array(times)
+
+    def at_sample(inputs: Arrays) -> Mapping[str, Array]:
+        nonlocal memory
+        rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
+        computed = function(symbolic_loop(loop, inputs), inputs["time"][0], *rows)
+        memory = Memory(inputs["memory"], inputs["columns"])
+        reduction(Running(over, memory), computed)
+        shapes.update({name: np.shape(values) for name, values in computed.items()})
+        stretches = [np.ravel(computed[name]) for name in stored]
+        return {
+            "memory": np.array(memory.after, dtype=object),
+            "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
+        }
+
+    def ended(inputs: Arrays) -> Mapping[str, Array]:
+        blank = {name: np.zeros(shape) for name, shape in shapes.items()}
+        behind = Memory(inputs["memory"], np.zeros(len(memory.columns)), ended=True)
+        numbers = reduction(Running(over, behind), blank)
+        return {name: np.asarray(number)[0] for name, number in numbers.items()}
+
+    inputs = inputs_of(loop, sum(lengths))
+    try:
+        traced(at_sample, inputs | {"columns": MOST_RUNNING, "memory": MOST_RUNNING})
+        columns = np.array(memory.columns).reshape(-1, len(times)).T.copy()
+        sizes = {"columns": columns.shape[1], "memory": len(memory.after)}
+        program = traced(at_sample, inputs | sizes)
+        last = traced(ended, {"memory": sizes["memory"]})
+        of_sample = tuple((name, shapes[name][1:]) for name in stored)
+        return RunningPrograms(program, last, np.array(memory.starts), columns, of_sample)
+    except Exception:
+        return None
+
+
+def inputs_of(loop: ClosedLoop, length: int) -> dict[str, int]:
+    """Return the lengths of the groups of inputs of a program, for so many numbers of the state."""
+    parameters, held = (
+        sum(number.size for number in numbers.values())
+        for numbers in (leaves(loop), loop.holding(0.0).held_leaves)
+    )
+    return {"state": length, "time": 1, "parameters": parameters, "held": held}
+
+
+def symbolic_loop(loop: ClosedLoop, inputs: Arrays) -> ClosedLoop:
+    """Return the loop with symbols for all its numbers, in the order of the rows."""
+    holding = loop.holding(0.0)
+    symbols, numbers = np.concatenate([inputs["parameters"], inputs["held"]]), leaves(holding)
+    ends = np.cumsum([value.size for value in numbers.values()])
+    parts = zip(numbers.items(), np.split(symbols, ends), strict=False)
+    # Each has a leading run axis.
+    cut = {name: part.reshape(1, *value.shape) for (name, value), part in parts}
+    return with_leaves(holding, cut)

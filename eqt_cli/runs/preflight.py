@@ -18,7 +18,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import ConfigError, InputError, InputProblem, Problems
-from eqt_cli.config.preflight import TOGETHER, check_steps, trial
+from eqt_cli.config.preflight import TOGETHER, trial
+from eqt_cli.config.remarks import check_steps
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import parts_of

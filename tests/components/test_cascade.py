@@ -22,7 +22,8 @@ from eqt_cli.components import cascade
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.preflight import reference_over_horizon, remarks
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import law_names
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.loop.law_program import law_program

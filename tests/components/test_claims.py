@@ -11,7 +11,8 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Family, controllers
 from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.config.preflight import reference_over_horizon, remarks
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import remarks
 
 
 @pytest.mark.parametrize(

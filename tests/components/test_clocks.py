@@ -8,7 +8,8 @@ from case_tables import cases, refusal
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.vehicle_parts import Clock, Sampling
 from eqt_cli.config.experiment import build
-from eqt_cli.config.preflight import along_reference, reference_over_horizon
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import along_reference
 from eqt_cli.config.source import read_config
 from eqt_cli.loop.linearised import linearised
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, chi2
 
-from eqt_cli.components.filters import Eqf, Invariant
+from eqt_cli.components.estimators import Eqf, Invariant
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.sensors import CHANNEL_MEASURED, FIRST, NOTHING, Bias, Errors, Noise
 from eqt_cli.components.vehicle import Vehicle

@@ -14,7 +14,7 @@ from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.forces import Drag, Restoring, in_currents
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.config.preflight import remarks
+from eqt_cli.config.remarks import remarks
 
 SE2, SE3 = group_named("SE2"), group_named("SE3")
 TOLERANCE = 1e-7

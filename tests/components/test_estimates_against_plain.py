@@ -11,8 +11,7 @@ import plain_filters as plain
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from eqt_cli.components.estimators import Complementary
-from eqt_cli.components.filters import Eqf, Invariant
+from eqt_cli.components.estimators import Complementary, Eqf, Invariant
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Bias, Noise

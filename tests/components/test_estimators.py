@@ -6,13 +6,12 @@ from case_tables import slow
 from scipy.linalg import expm
 
 from eqt_cli.base.errors import ConfigError, Problems
-from eqt_cli.components.estimators import Complementary, indefinite, pivots
-from eqt_cli.components.filters import Invariant
+from eqt_cli.components.estimators import Complementary, Invariant, indefinite, pivots
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling
-from eqt_cli.config.preflight import remarks
+from eqt_cli.config.remarks import remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status

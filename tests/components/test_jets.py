@@ -252,7 +252,8 @@ def test_results_have_the_propellant(tmp_path):
 
 def test_margins_do_not_depend_on_the_propellant(experiment_of):
     """They are those of thrusts without limits and pulses, also of thrusts against a push."""
-    from eqt_cli.config.preflight import along_reference, reference_over_horizon
+    from eqt_cli.config.preflight import reference_over_horizon
+    from eqt_cli.config.remarks import along_reference
     from eqt_cli.loop.linearised import linearised
 
     text, found = TEXT.replace("JETS", TRIGGER).replace("ENGINE", "solve_ivp"), []

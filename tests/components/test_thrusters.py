@@ -16,7 +16,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Thruster, Thrusters, unreachable
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
-from eqt_cli.config.preflight import limits_below_reference, remarks
+from eqt_cli.config.remarks import limits_below_reference, remarks
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.executors import Executor, Serial

@@ -18,8 +18,7 @@ from eqt_cli.components.actuators import (
     RateLimit,
     Scaled,
 )
-from eqt_cli.components.estimators import Complementary, Schedule
-from eqt_cli.components.filters import Invariant
+from eqt_cli.components.estimators import Complementary, Invariant, Schedule
 from eqt_cli.components.forces import ConstantForce, Drag, GravityGradient, Gust, Restoring
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia, PrescribedInertia

@@ -11,12 +11,8 @@ from scipy.optimize import linprog
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.wheels import Bias, Friction, Wheels
-from eqt_cli.config.preflight import (
-    along_reference,
-    limits_below_reference,
-    reference_over_horizon,
-    wheels_needed,
-)
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import along_reference, limits_below_reference, wheels_needed
 
 INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
 SPIN = 2e-5

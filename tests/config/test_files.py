@@ -9,7 +9,8 @@ from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.config.experiment import build
-from eqt_cli.config.preflight import reference_over_horizon, remarks
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.run_study import execute

@@ -9,9 +9,10 @@ from slow_cases import mostly_slow
 
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.initial_states import draw_initial_states
-from eqt_cli.config import preflight, shipped
+from eqt_cli.config import shipped
 from eqt_cli.config.experiment import build
-from eqt_cli.config.preflight import reference_over_horizon, remarks
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import check_steps, ill_conditioned, remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.loop.linearised import flow
@@ -88,7 +89,7 @@ def test_a_lag_that_is_short_makes_a_loop_stiff(experiment):
 def test_a_run_that_cannot_end_is_not_begun(experiment, settings, rate, work):
     """With the largest rate λ, a step of DOP853 is at most 6/|λ| or so, of 12 evaluations."""
     made, problems = experiment(*settings, "controllers=[eqt]"), Problems()
-    preflight.check_steps(made, problems)
+    check_steps(made, problems)
     [told] = [str(each.message) for each in problems]
     assert told == (
         f"no run of 'eqt' would end: its errors decay at up to {rate} 1/s, for which "
@@ -102,7 +103,7 @@ def test_a_run_that_cannot_end_is_not_begun(experiment, settings, rate, work):
     "settings", [["gains.kp=1e17", "solver.method=Radau"], ["gains.kd=1e4"], ["control.period=1"]]
 )
 def test_a_run_that_may_end_is_begun(experiment, settings):
-    preflight.check_steps(experiment(*settings), problems := Problems())
+    check_steps(experiment(*settings), problems := Problems())
     assert not problems
 
 
@@ -119,7 +120,7 @@ def test_an_inertia_that_rounding_spoils(experiment):
         "choose other axes, or increase solver.rtol"
     )
     loose = experiment("rigid=false", "solver.rtol=1e-6", inertia=str(NEARLY_DEPENDENT))
-    assert preflight.ill_conditioned(loose) == ""
+    assert ill_conditioned(loose) == ""
 
 
 def test_rounding_changes_velocities_by_as_much():
@@ -134,14 +135,14 @@ def test_rounding_changes_velocities_by_as_much():
 
 def test_units_spoil_nothing(experiment):
     made = experiment("rigid=false", "solver.rtol=1e-9", inertia="[1e-9, 1, 1]")
-    assert preflight.ill_conditioned(made) == ""
+    assert ill_conditioned(made) == ""
 
 
 def test_an_inertia_that_is_ill_later_says_when(experiment):
     entry = "1 - 1e-10 - 0.5*(t - 1)**2"
     matrix = f"[[1, '{entry}', 0], ['{entry}', 1, 0], [0, 0, 1]]"
     made = experiment("rigid=false", "solver.rtol=1e-9", inertia=f"{{matrix: {matrix}}}")
-    assert " at t = 1 s, so that rounding alone" in preflight.ill_conditioned(made)
+    assert " at t = 1 s, so that rounding alone" in ill_conditioned(made)
 
 
 @mostly_slow("name", shipped.names(), ["paper", "se3_bluerov2"], "integrates every reference")

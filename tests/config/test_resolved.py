@@ -16,7 +16,7 @@ from eqt_cli.base.yaml_source import dump, load
 from eqt_cli.config import shipped
 from eqt_cli.config.experiment import build
 from eqt_cli.config.json_schema import json_schema
-from eqt_cli.config.preflight import remarks
+from eqt_cli.config.remarks import remarks
 from eqt_cli.config.source import ConfigSource, read_config
 
 

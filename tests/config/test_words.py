@@ -12,7 +12,8 @@ import pytest
 
 from eqt_cli.api import load_experiment
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.config.preflight import reference_over_horizon, remarks
+from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.remarks import remarks
 
 VARIATIONS = int(os.environ.get("EQT_VARIATIONS", "2"))
 

@@ -1,0 +1,450 @@
+"""Remarks on an experiment: numbers that look wrong, numerics, limits below the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import log
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from eqt_cli.base.arrays import Array, apply_matrix
+from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
+from eqt_cli.base.registry import blamed, is_foreign
+from eqt_cli.base.reporting import reporter
+from eqt_cli.components.forces import Force
+from eqt_cli.components.inertia import in_other_order, over_horizon
+from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.components.vehicle_parts import PlantInertia
+from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import Along, flow, growth, left_out, linearised, size_of
+
+if TYPE_CHECKING:
+    from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import Horizon, reference_over_horizon
+
+# Remarks on an experiment -------------------------------------------------------------------------
+
+
+FORCE_SAMPLES = 4_001
+"""Times over the horizon at which a user's force is compared with itself."""
+
+FORCE_JUMP = 0.2
+"""Share of its range by which a force that changes between two of these times jumps."""
+
+MOST_NOISE = 1.0
+"""Largest standard deviation of a measured rotation without a remark, rad."""
+
+
+def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
+    """Return remarks on an experiment and its reference, to be shown before it is run."""
+    placed = [
+        *experiment.remarks(),
+        *_component_remarks(experiment),
+        *_noise_remarks(experiment),
+        *_numerical_remarks(experiment, shown),
+    ]
+    return [
+        *(EqtWarning(f"{experiment.source.place(k)}: {dotted(k)}: {text}") for k, text in placed),
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ]
+
+
+def remark_on(experiment: Experiment) -> None:
+    """Tell the reporter the remarks on an experiment of which runs or loops are computed."""
+    for known in remarks(experiment):
+        reporter().remark(known)
+
+
+Placed = Iterator[tuple[KeyPath, str]]
+"""Remarks, each with the key that it is about."""
+
+
+def _component_remarks(experiment: Experiment) -> Placed:
+    """Yield the remarks of the reference, the actuators, the forces and the estimator."""
+    loops, G = experiment.loops.values(), experiment.group
+    loop = next(iter(loops))
+    yield from ((("reference",), text) for text in loop.reference.remarks(G))
+    yield from ((("initial", "file"), text) for text in getattr(experiment.poses, "notes", ()))
+    wanted = max((loop.controller.directions(G) for loop in loops), key=len)
+    for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
+        for text in actuator.remarks(G, wanted):
+            yield (ACTUATORS, index), f"{actuator.name} {text}"
+    now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
+    now = true.at(now, 0.0) if isinstance(true, PlantInertia) else now
+    section = "plant" if plant and plant.forces else "model"
+    kinds = [force.name for force in loop.vehicle.forces]
+    for index, force in enumerate(loop.vehicle.forces):
+        for key, text in force.remarks(G, now):
+            if key != "weight" or kinds.count(force.name) == 1:  # several weights are one in all
+                yield (section, "forces", index, key), text
+        if is_foreign(type(force).__module__) and (t := _jump(experiment, force)) is not None:
+            yield (
+                (section, "forces", index),
+                f"jumps at about t = {t:.4g} s, which engines may step over; give its times in "
+                "`instants(self, G, until)`",
+            )
+    for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
+        yield (
+            ("estimator",),
+            f"nothing measures the {part}, so that the error of its estimate "
+            "grows without bound; add an entry for it to sensors.pose",
+        )
+
+
+def _jump(experiment: Experiment, force: Force) -> float | None:
+    """Return where a force jumps in time, at the start of the runs, though it gives no instant."""
+    G, Q, V = experiment.group, experiment.initial_pose[None], experiment.initial_velocity[None]
+    times = np.linspace(0.0, experiment.config.time.duration, FORCE_SAMPLES)
+    with np.errstate(all="ignore"):  # of one run, as engines call it
+        values = np.array([force.in_body(G, t, Q, V)[0] for t in times.tolist()])
+    steps = np.abs(np.diff(values, axis=0)).max(axis=-1)
+    known = np.searchsorted(times, force.instants(G, times[-1]))
+    steps[np.clip(known, 1, len(steps)) - 1] = 0.0
+    jumps = steps.max() > FORCE_JUMP * np.ptp(values, axis=0).max()
+    return float(times[steps.argmax()]) if jumps else None
+
+
+def _noise_remarks(experiment: Experiment) -> Placed:
+    """Remark on a noise of measured rotations that says nothing about them."""
+    vehicle, G = experiment.loop.vehicle, experiment.group
+    for path, sensor in vehicle.sensors().items():
+        if vehicle.control is None or not path.startswith("sensors.pose"):
+            continue
+        std = sensor.drawn(None).white_deviation(G, sensor.period or vehicle.control.period)
+        measured = [part for part in G.parts if part.name == sensor.of] or G.parts
+        turns = [part.turns for part in measured for _ in range(G.dimension)[part.axes]]
+        most = 0.0 if std is None else np.max(std, where=turns, initial=0.0)
+        if most > MOST_NOISE:
+            yield (
+                parse_key(path),
+                f"a noise of {most:g} rad leaves nothing of a measured rotation; "
+                f"if degrees or arc seconds were meant, write '{most:g} deg' or '{most:g} arcsec'",
+            )
+
+
+def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
+    """Remark on the effects of rounding, stiffness and instability, at the section to change."""
+    along, texts = (along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))])
+    loop = experiment.loop
+    texts.append(("inertia", in_other_order(loop.group, loop.inertia)))
+    try:
+        with blamed(), threadpool_limits(1):  # threads slow down small matrices
+            texts.append(("gains", stiff(experiment, along)))
+            texts += [("controllers", text) for text in unstable_or_slow(experiment, along)]
+    except ComponentError as error:
+        texts.append(("controllers", f"loops cannot be linearised: {error}"))
+    yield from (((section,), text) for section, text in texts if text)
+
+
+# Remarks on its numerics: rounding, stiffness, and loops that are unstable or slow ----------------
+
+
+EPSILON = float(np.finfo(float).eps)
+
+ORDINARY = 20_000
+"""Largest number of evaluations of the vector field, or of steps, without a remark: two seconds for
+a single run. For stability, most shipped experiments need some hundreds, `se3_survey` 14,000."""
+
+CERTAINLY = 3.0
+"""Ratio of estimated to allowed work beyond which no run ends, with a margin for the estimate."""
+
+TRIAL = 1_500
+"""Number of evaluations of a trial with an implicit method: half a second."""
+
+ENOUGH = 0.02
+"""Share of the horizon that a trial must reach to extrapolate its evaluations. On SO(3), a
+trial over 1 % of the horizon was right to 20 %. On the submersible, the first millisecond alone
+takes 3,000 evaluations."""
+
+TRIAL_SAMPLES = 4_001
+"""Number of samples that show how far the trial came."""
+
+
+def ill_conditioned(experiment: Experiment) -> str:
+    """Return the words for a remark on an ill-conditioned inertia; empty if it is not.
+
+    V = 𝕀⁻¹P is accurate to about ε κ, with ε = 2.2e-16 and the condition number κ of the inertia in
+    units that make its diagonal 1 (Higham 2002, Theorem 7.2 and Section 7.3). So units do not
+    matter, but nearly dependent axes do. If ε κ exceeds `rtol`, no step can be that accurate.
+    """
+    loop, rtol = experiment.loop, experiment.engine.rtol
+    times, matrices = over_horizon(loop.inertia, experiment.config.time.duration)
+    roots = np.sqrt(np.diagonal(matrices, axis1=-2, axis2=-1))
+    numbers = np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
+    worst = int(numbers.argmax())
+    if numbers[worst] * EPSILON <= rtol:
+        return ""
+    when = "" if len(times) == 1 else f" at t = {times[worst]:.4g} s"
+    return (
+        f"its condition number is {numbers[worst]:.2g}{when}, so that rounding alone changes "
+        f"velocities by {numbers[worst] * EPSILON:.1g} of their size, more than solver.rtol = "
+        f"{rtol:g}; choose other axes, or increase solver.rtol"
+    )
+
+
+def stiff(experiment: Experiment, along: Along) -> str:
+    """Return the words for a remark on the work for a stiff loop; empty if no loop is stiff.
+
+    A loop is stiff if the fastest decay of its errors needs more than `ORDINARY` evaluations, and
+    an implicit method needs fewer (Hairer and Wanner 1996, Section IV.1).
+
+    Parameters
+    ----------
+    along
+        Points of the reference at which loops are linearised.
+    """
+    chosen, (work, label, rates) = experiment.engine, _most_work(experiment, along)
+    if work <= ORDINARY:
+        return ""
+    explicit = SolveIvp(rtol=chosen.rtol).work_for_stability(rates, experiment.config.time.duration)
+    implicit, reached = _radau_evaluations(experiment, experiment.loops[label])
+    # With fewer evaluations by the explicit method, the horizon is long, but the loop is not stiff.
+    if not implicit < min(explicit, work):
+        return ""
+    count = f"about {_rounded(implicit)} evaluations" if reached > ENOUGH else "fewer"
+    return (
+        f"the loop of '{label}' is stiff: its errors decay at up to "
+        f"{np.abs(rates).max():.2g} 1/s, for which engine {chosen.name} takes about "
+        f"{_rounded(work)} {chosen.counted} a run; `solver.method: Radau` {count}"
+    )
+
+
+def _most_work(experiment: Experiment, along: Along) -> tuple[float, str, Array]:
+    """Return the most work that the decay of a loop demands, its label and its eigenvalues."""
+    chosen = experiment.engine
+    worst: tuple[float, str, Array] = (0.0, "", np.zeros(1))
+    for label, loop in small_loops(experiment, along).items():
+        matrices = flow(loop, *along)
+        if np.isfinite(matrices).all():
+            rates = np.linalg.eigvals(matrices)
+            work = chosen.work_for_stability(rates, experiment.config.time.duration)
+            worst = max(worst, (work, label, rates), key=lambda each: each[0])
+    return worst
+
+
+def check_steps(experiment: Experiment, problems: Problems) -> None:
+    """Note a loop that needs many more steps than a run may take, so that no run would end."""
+    most = getattr(experiment.engine, "max_steps", np.inf)
+    with blamed(), threadpool_limits(1):
+        work, label, rates = _most_work(experiment, along_reference(experiment, None))
+    if work > CERTAINLY * most:
+        problems.at("time", "duration").add(
+            f"no run of '{label}' would end: its errors decay at up to {np.abs(rates).max():.2g} "
+            f"1/s, for which {experiment.config.time.duration:g} s take about {_rounded(work)} "
+            f"{experiment.engine.counted}, and solver.max_steps is {most:,}; check gains, inertia "
+            "and time constants, take a shorter duration, or `solver.method: Radau`"
+        )
+
+
+def _rounded(count: float) -> str:
+    """Format a number with two digits: ``46,000``."""
+    return f"{float(f'{count:.2g}'):,.0f}"
+
+
+def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:
+    """Estimate the evaluations of a run by an implicit method from the progress of a trial.
+
+    The trial starts without errors, because fast errors decay at once. The estimate is infinite if
+    the trial makes no progress. The second value is the share of the horizon that it reached.
+    """
+    Qd, Vd, stop = experiment.initial_pose, experiment.initial_velocity, experiment.times[-1]
+    engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)
+    states = loop.initial_state(Qd, Vd, Qd, Vd)[None]
+    problem = Problem(loop, states, np.linspace(0.0, stop, TRIAL_SAMPLES))
+    solution = engine.solve(problem)
+    known = int(np.isfinite(solution.states[0]).all(axis=-1).sum()) - 1
+    reached = known / (TRIAL_SAMPLES - 1)
+    return (solution.steps[0] / reached if known else np.inf), reached
+
+
+LINEARISED = 9
+"""Number of times at which a loop is linearised."""
+
+GOLDEN = (5**0.5 - 1) / 2
+"""Golden ratio. The fractional parts of its multiples are spread evenly without equal gaps."""
+
+CERTAIN = 1.1
+"""Growth in a cycle, at each single time, beyond which a sampled loop that changes is unstable."""
+
+HOPELESS = 100.0
+"""Growth in a cycle at the start of the reference alone, beyond which a run will not recover."""
+
+MOST_ENTRIES = 200_000
+"""Largest number of matrix entries over all times; at 9 times, this allows 149 states."""
+
+
+def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
+    """Yield sentences on unstable loops, and on slow ones, that do not depend on time."""
+    horizon = experiment.config.time.duration
+    for label, loop in small_loops(experiment, along).items():
+        with np.errstate(all="ignore"):
+            linear = linearised(loop, *along)
+        if not np.isfinite(linear.closed).all():
+            continue
+        begins = len(along.times) == 1
+        if begins or not linear.is_constant:
+            sizes = np.abs(np.linalg.eigvals(linear.closed)).max(axis=-1)
+            if linear.cycle is not None and sizes.min() > (HOPELESS if begins else CERTAIN):
+                where = "where the reference begins" if begins else "wherever the reference is held"
+                yield (
+                    f"the loop of '{label}' is unstable {where}: small "
+                    f"errors grow by {sizes.min():.4g} or more in {linear.cycle:g} s; check the "
+                    "sizes of its gains, and the delays; `eqt margins` shows more"
+                )
+            continue
+        largest = growth(linear)
+        if largest.is_stable and -largest.rate * horizon < log(2.0):
+            yield (
+                f"the loop of '{label}' is slower than the runs last: small errors take "
+                f"{log(2.0) / -largest.rate:.3g} s to halve, and time.duration is {horizon:g} s; "
+                "check the sizes of its gains, or take a longer duration"
+            )
+        if largest.is_stable is not False:
+            continue
+        size = size_of(largest, linear)
+        per = "a period" if linear.period == linear.cycle else f"in {linear.cycle:g} s"
+        many = "" if linear.period is None else f" (eigenvalue {size:.4g} {per})"
+        omitted = ", ".join(each.words for each in left_out(loop))
+        yield (
+            f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
+            + (f", leaving out {omitted}" if omitted else "")
+            + "; check the signs and sizes of its gains, and the delays; `eqt margins` shows more"
+        )
+
+
+def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
+    """Return the loops whose matrices at all times are small enough, by label."""
+    return {
+        label: loop
+        for label, loop in experiment.loops.items()
+        if len(along.times) * loop.state_length**2 <= MOST_ENTRIES
+    }
+
+
+def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
+    """Return the reference at its start or, if it is known, at times spread over the horizon.
+
+    The times are not multiples of each other, so that a rotating reference is sampled at different
+    angles.
+    """
+    finite = np.flatnonzero(shown.finite) if shown is not None else ()
+    if shown is None or not 1 < len(finite) == len(shown.times):
+        start = np.zeros(1), experiment.initial_pose[None], experiment.initial_velocity[None]
+        return Along(*start)
+    shares = np.sort(np.arange(LINEARISED) * GOLDEN % 1.0)
+    where = np.searchsorted(shown.times, shares * shown.times[-1])
+    return Along(shown.times[where], shown.pose[where], shown.velocity[where])
+
+
+# Remarks on limits below the torque of the reference ----------------------------------------------
+
+
+class WheelsNeeded(NamedTuple):
+    """What each wheel needs to follow the reference exactly, under the forces of the plant.
+
+    Attributes
+    ----------
+    momentum, torque : (times, k)
+        N m s and N m.
+    limits
+        Largest momentum and torque, ``(k,)`` each; None without one.
+    """
+
+    times: Array
+    momentum: Array
+    torque: Array
+    limits: tuple[Array | None, Array | None]
+
+    @property
+    def in_words(self) -> str:
+        """``8.2 of 15 mN m s (wheel 1, t = 120 s) and 0.9 of 4 mN m (wheel 2, t = 35 s)``."""
+        words = []
+        pairs = zip((self.momentum, self.torque), self.limits, ("mN m s", "mN m"), strict=True)
+        for values, limit, unit in pairs:
+            share = np.abs(values) / (1.0 if limit is None else limit)
+            when, wheel = np.unravel_index(np.argmax(share), share.shape)
+            of = "" if limit is None else f" of {1e3 * limit[wheel]:.3g}"
+            size = 1e3 * abs(values[when, wheel])
+            words.append(f"{size:.3g}{of} {unit} (wheel {wheel + 1}, t = {self.times[when]:.4g} s)")
+        return " and ".join(words)
+
+    @property
+    def are_too_much(self) -> bool:
+        """Whether a limit is below what is needed."""
+        pairs = zip((self.momentum, self.torque), self.limits, strict=True)
+        return any(bool((np.abs(v) > limit).any()) for v, limit in pairs if limit is not None)
+
+
+def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None:
+    """Return what wheels need along the reference, by the balance of momentum; None without any.
+
+    In space, the momentum of body and wheels is that of the start and the integral of all forces.
+    Numbers that are drawn for each run have their mean values.
+    """
+    loop = experiment.loop
+    if loop.vehicle.wheels is None or not shown.finite.all():
+        return None
+    G, wheels, t, Q, V = loop.group, loop.vehicle.wheels[1], shown.times, shown.pose, shown.velocity
+    forces = np.zeros_like(V)
+    for force in loop.vehicle.forces:
+        forces = forces + force.in_body(G, t, Q, V)
+    body = loop.inertia.at(t).momentum(V)
+    there = G.Ad_star(G.inverse(Q), forces)
+    gained = np.cumsum(np.diff(t)[:, None] * (there[1:] + there[:-1]) / 2, axis=0)
+    start = wheels.matrix @ wheels.start
+    total = G.Ad_star(G.inverse(Q), body + start)[:1]
+    total = total + np.concatenate([0.0 * gained[:1], gained])
+    carried = G.Ad_star(Q, total) - body
+    torque = shown.torque - forces - G.ad_star(V, carried)
+    limits = wheels.momentum, wheels.limit
+    momentum = wheels.start + apply_matrix(wheels.inverse, carried - start)
+    return WheelsNeeded(t, momentum, wheels.allocated(torque), limits)
+
+
+def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
+    """Return sentences on actuators whose limits are below the torque of the reference alone.
+
+    Numbers that are drawn for each run have their mean values.
+    """
+    loop = experiment.loop
+    if not loop.vehicle.limits:
+        return []
+    shown = shown or reference_over_horizon(experiment)
+    parts = (shown.times, shown.torque, shown.pose, shown.velocity)
+    times, torque, pose, velocity = (part[shown.finite] for part in parts)
+    for force in loop.reference.known_forces:
+        torque = torque - force.in_body(loop.group, times, pose, velocity)
+    texts, wheels = [], wheels_needed(experiment, shown)
+    if wheels is not None and wheels.are_too_much and not loop.vehicle.magnet:  # which dumps it
+        place = experiment.source.place((ACTUATORS,))
+        texts.append(
+            f"{place}: {ACTUATORS}: the reference, with the forces of the plant, needs "
+            f"{wheels.in_words}; no law can follow it there"
+        )
+    for index, actuator in enumerate(loop.vehicle.actuators):
+        found = actuator.needed(loop.group, times, torque) if actuator.limits else None
+        if found is None or not len(found[0]):
+            continue
+        needed, low, high = np.broadcast_arrays(*found)
+        beyond = np.maximum(needed - high, low - needed)
+        limits = np.where(needed > high, high, low)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0
+            share = np.where(beyond > 0, beyond / np.abs(limits), 0.0)
+        axis = int(np.argmax(share.max(axis=0)))
+        when = int(np.argmax(beyond[:, axis]))
+        if beyond[when, axis] > 0:
+            t = times[len(times) - len(needed) + when]
+            most = "most" if needed[when, axis] > high[when, axis] else "least"
+            names = actuator.thruster_names
+            name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
+            place = experiment.source.place((ACTUATORS, index))
+            texts.append(
+                f"{place}: {ACTUATORS}[{index}]: {name} gives at {most} {actuator.limited}"
+                f"{limits[when, axis]:.4g}{unit}, but the reference alone needs "
+                f"{needed[when, axis]:.4g}{unit} at t = {t:.4g} s; no law can follow it there"
+            )
+    return texts
