@@ -304,7 +304,7 @@ actuators = Registry(
     "actuator",
     "actuators",
     Actuator,
-    ("components.actuators", "components.thrusters", "components.wheels", "components.magnetic"),
+    ("components.actuators", "components.thrusters", "components.wheels"),
 )
 
 

@@ -390,7 +390,7 @@ controllers = Registry(
     "controller",
     "controllers",
     Controller,
-    (*map("components.{}".format, "laws cascade lqr classic_laws magnetic".split()),),
+    tuple(f"components.{each}" for each in "laws cascade lqr classic_laws wheels".split()),
 )
 
 

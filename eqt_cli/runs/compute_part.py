@@ -20,7 +20,8 @@ from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.mechanics import Tracking, settling_error
-from eqt_cli.config.study import Study, StudyPart
+from eqt_cli.config.parts import StudyPart
+from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Measured, Problem, Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
 from eqt_cli.loop.signals import (

@@ -23,7 +23,7 @@ from eqt_cli.base import files
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, HarmWarning, Remedy
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import OTHERS, __version__, numeric
-from eqt_cli.config.study import Plans
+from eqt_cli.config.parts import Plans
 
 if sys.platform != "win32":
     import fcntl

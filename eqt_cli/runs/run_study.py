@@ -21,7 +21,8 @@ from eqt_cli.base.reporting import RUNS_DONE, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
 from eqt_cli.base.version import OTHERS, differences
-from eqt_cli.config.study import Study, StudyPart
+from eqt_cli.config.parts import StudyPart
+from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs import lock

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.magnetic import Magnetorquers, Orbit
+from eqt_cli.components.wheels import Magnetorquers, Orbit
 from eqt_cli.config.remarks import remarks
 
 J = np.diag([0.042, 0.040, 0.0067])

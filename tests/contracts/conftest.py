@@ -23,11 +23,11 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import controllers
-from eqt_cli.components.magnetic import Magnetorquers
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.references import PathFactor, references
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.waypoints import Waypoint
+from eqt_cli.components.wheels import Magnetorquers
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 

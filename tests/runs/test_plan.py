@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eqt_cli.config.study import Plan, Plans
+from eqt_cli.config.parts import Plan, Plans
 
 PLANS = st.builds(
     Plan, points=st.integers(1, 9), runs=st.integers(1, 9), controllers=st.integers(1, 3),

@@ -354,7 +354,7 @@ class UserCode(RunsCode):
         if self.adapted:
             return {name: math.prod(shape) for name, shape in self.adapted}
         q, m, n = self.entries, self.axes, self.space
-        lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3)
+        lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3, 3)
         length_of = dict(zip(LawInput._fields, lengths, strict=True))
         known = self.fields(f"{self.prefix}_input") or ()
         flat = n and POSITION in known
