@@ -349,8 +349,8 @@ NAMELESS = (
         ({"function": "vee"}, "vee in lee.py: TypeError: vee() missing 1 required positional "
          "argument: 'M'"),
         ({"adapter": {"inputs": {"q": {"signal": "speed"}}}}, "signal: expected t, pose, velocity, "
-         "desired_pose, desired_velocity, desired_acceleration, position, heading, flux, or a part, "
-         "got 'speed'"),
+         "desired_pose, desired_velocity, desired_acceleration, position, heading, flux, or a "
+         "part, got 'speed'"),
         ({"adapter": {"inputs": {"q": {"signal": "t", "unit": "miles"}}}}, "unit: expected a unit "
          "such as deg/s, got miles"),
         ({"memory": ["integral"]}, "compute in lee.py: KeyError: 'integral'"),
