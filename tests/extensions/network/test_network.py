@@ -19,6 +19,12 @@ FLOAT = onnx.TensorProto.FLOAT
 RANDOM = np.random.default_rng(5)
 
 
+@pytest.fixture(autouse=True)
+def _same_numbers(monkeypatch):
+    """Whatever other tests have drawn before."""
+    monkeypatch.setitem(globals(), "RANDOM", np.random.default_rng(5))
+
+
 def weights(*shape):
     return (0.5 * RANDOM.standard_normal(shape)).astype(np.float32)
 
@@ -157,7 +163,7 @@ def checkpoint(path, change=lambda file: None):
     """A checkpoint of 5 inputs, 4 recurrent units and 2 outputs, with examples."""
     W, b, V, c = weights(6, 5), weights(6), weights(2, 4), weights(2)
     Wi, Wh, bi, bh, h = weights(12, 6), weights(12, 4), weights(12), weights(12), weights(4)
-    given, wanted, state = RANDOM.standard_normal((9, 2, 5)), np.zeros((9, 2, 2)), h
+    given, wanted, state = RANDOM.standard_normal((9, 2, 5)), np.zeros((9, 2, 2)), h.astype(float)
 
     def sigmoid(x):
         return 1 / (1 + np.exp(-x))
