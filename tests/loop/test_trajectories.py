@@ -380,6 +380,7 @@ def test_what_is_stored_of_a_vehicle():
     }
     kept = "pose velocity torque pose_error velocity_error torque_norm lyapunov position_error"
     more_of_some = {"attitude_angle", "heading_error", "attitude_command_error", "law_output"}
+    more_of_some |= {"pointing_error"}
     assert always == {*kept.split(), *more_of_some}
     assert more == {
         "ideal": set(),
