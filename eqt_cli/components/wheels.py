@@ -641,7 +641,12 @@ class Magnetorquers(Actuator):
         return outside(self.dipoles(command)[1], -self.limit, self.limit)
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
-        """Yield the direction without a torque, and what there is about others in the mean."""
+        """Yield the direction without a torque, and what there is about others in the mean.
+
+        With `dump`, the wheels give what the law asks for, in every direction.
+        """
+        if self.dump is not None:
+            return
         span = 5400.0 if self.flux else 2 * np.pi / self.rates[0]
         b = np.array([x / norm(x) for x in map(self.in_space, np.linspace(0.0, span, 2001)[:-1])])
         share, across = (each.round(2) for each in np.linalg.eigh(np.eye(3) - b.T @ b / len(b)))
