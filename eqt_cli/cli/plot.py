@@ -207,12 +207,10 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
-    from eqt_cli.figures.shown import moving_parts
-
     numbers = result.stored_runs
     if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):
         return ["paper"]
-    _, moving = moving_parts(result.group) if result.group else (None, None)
+    _, moving = result.group.moving_parts if result.group else (None, None)
     placed = moving is not None and moving.axes.stop - moving.axes.start > 1
     commanded = ["commands"] if result.has("command") else []
     return [*(["path"] if placed else []), "paper", *(["pose"] if placed else []), *commanded]

@@ -114,6 +114,12 @@ class MatrixLieGroup(ABC):
         return moving[0] if len(moving) == 1 else None
 
     @property
+    def moving_parts(self) -> tuple[Part | None, Part | None]:
+        """The first rotation, and the first position in metres."""
+        turning = next((part for part in self.parts if part.turns), None)
+        return turning, next((part for part in self.parts if part.pose_unit == "m"), None)
+
+    @property
     def compact(self) -> bool | None:
         """Whether the group is compact, so that every trajectory is bounded; None: not known."""
         return None

@@ -29,7 +29,6 @@ from eqt_cli.figures.shown import (
     Ensemble,
     course,
     discs,
-    moving_parts,
     rotors,
     upright,
 )
@@ -113,7 +112,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         source = ShownRuns([results], "animation", Chosen(controllers))
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]
-    turning, moving = moving_parts(group_named(results.group_name))
+    turning, moving = group_named(results.group_name).moving_parts
     if turning is None and moving is None:
         raise results.error(
             f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "

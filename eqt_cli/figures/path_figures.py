@@ -24,7 +24,7 @@ from eqt_cli.figures.cells import even
 from eqt_cli.figures.figure import OverTime, ShownRuns
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.layout import THIN, cut_off, leaving, open_frame, thin_line
-from eqt_cli.figures.shown import Ensemble, course, moving_parts, outline, upright
+from eqt_cli.figures.shown import Ensemble, course, outline, upright
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 
 # Figure of paths, in planes, in space, or of an axis on the sphere --------------------------------
@@ -182,7 +182,7 @@ class PathFigure(OverTime):
     def _view(self, runs: ShownRuns) -> str:
         """Return the view; empty for planes to choose from the data. Refuse what there is not."""
         G = runs.known_group()
-        turning, moving = moving_parts(G)
+        turning, moving = G.moving_parts
         placed = moving is not None and moving.entries[0].stop - moving.entries[0].start > 1
         spatial = turning is not None and turning.entries[0].stop - turning.entries[0].start == 3
         view = self.view or ("" if (placed and not self.error) or not spatial else "sphere")
@@ -205,7 +205,7 @@ class PathFigure(OverTime):
 
     def _flown(self, runs: ShownRuns, law: Ensemble, view: str, most: int, factor: float) -> Flown:
         """Return the paths of the first runs of a law."""
-        parts, axis = moving_parts(runs.known_group()), self._axis(runs)[1]
+        parts, axis = runs.known_group().moving_parts, self._axis(runs)[1]
         poses = runs.values("pose", law, most), runs.desired("pose", law)
         frame = upright(law.results) if view == "space" else None
         actual, desired = (course(each, *parts, frame) for each in poses)

@@ -738,12 +738,6 @@ class BodyPath(NamedTuple):
     position: Array
 
 
-def moving_parts(G: MatrixLieGroup) -> tuple[Part | None, Part | None]:
-    """Return the first rotation of a group and its first position in metres."""
-    turning = next((part for part in G.parts if part.turns), None)
-    return turning, next((part for part in G.parts if part.pose_unit == "m"), None)
-
-
 def upright(result: Result) -> Array:
     """Return what turns the axes of space so that the last one points up, ``(3, 3)``."""
     return np.diag([1.0, -1.0, -1.0]) if result.described.down else np.eye(3)

@@ -70,7 +70,7 @@ class Observed:
         return self.scale * value
 
     def _signal(self, G: MatrixLieGroup, x: LawInput) -> Array:
-        turning, moving = parts_of_motion(G)
+        turning, moving = G.moving_parts
         if self.signal.startswith("r"):  # of the rotation
             assert turning is not None
             R, Rd = (pose[(..., *turning.entries)] for pose in (x.pose, x.desired_pose))
@@ -96,12 +96,6 @@ class Observed:
             return pose[(..., *moving.entries)][..., 0]
         v = V[..., moving.axes]
         return v if turning is None else apply_matrix(pose[(..., *turning.entries)], v)
-
-
-def parts_of_motion(G: MatrixLieGroup) -> tuple[Part | None, Part | None]:
-    """Return the first rotation of a group, and its first position in metres."""
-    turning = next((part for part in G.parts if part.turns), None)
-    return turning, next((part for part in G.parts if part.pose_unit == "m"), None)
 
 
 @dataclass(frozen=True)
@@ -416,7 +410,7 @@ class Network(Controller):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note signals that the group has not, and another number of them than the network has."""
-        turning, moving = parts_of_motion(G)
+        turning, moving = G.moving_parts
         for index, each in enumerate(self.observes):
             if each.signal != LAST and (turning if each.signal[0] == "r" else moving) is None:
                 problems.at("observes", index, "signal").add(f"{G.name} has no {each.signal}")
