@@ -48,19 +48,33 @@ class Observed:
         position p, position_error p − p_d, velocity ṗ, velocity_error ṗ − ṗ_d; rotation R and
         rotation_error R_dᵀR, row by row; rates ω and rates_error ω − RᵀR_d ω_d, or last_command.
     frame
-        Of a position or velocity: space (default) or body.
+        Of a position or velocity only: space (default) or body.
     scale
         The network is given so many times the signal.
     clip
-        The signal is clipped to ± so much before, in m, m/s or rad/s.
+        The signal is clipped to ± so much before, in m, m/s or rad/s. Not for last_command, which
+        `clip` of the commands limits.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
 
     signal: Observable
-    frame: Literal["space", "body"] = "space"
+    frame: Literal["space", "body"] | None = None
     scale: Real = 1.0
     clip: Positive | None = None
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note a signal that the group has not, and options that the signal does not take."""
+        turning, moving = G.moving_parts
+        if self.signal == LAST:
+            if self.clip is not None:
+                problems.at("clip").add("last_command is limited by commands.clip; leave this out")
+        elif (turning if self.signal[0] == "r" else moving) is None:
+            problems.at("signal").add(f"{G.name} has no {self.signal}")
+        if self.frame and self.signal[0] not in "pv":
+            problems.at("frame").add(
+                f"applies to positions and velocities, not to {self.signal}; leave it out"
+            )
 
     def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return what the network is given of an input, ``(..., n)``."""
@@ -134,7 +148,7 @@ class Commanded:
 # other, so that a compiler may take several rows at once without another order of any sum.
 
 _BY_ENTRY = {
-    "relu": "v > 0.0 ? v : 0.0",
+    "relu": "v < 0.0 ? 0.0 : v",
     "tanh": "eqt_tanh(v)",
     "sigmoid": "1.0 / (1.0 + eqt_exp(-v))",
     "elu": "v > 0.0 ? v : {a} * (eqt_exp(v) - 1.0)",
@@ -142,7 +156,7 @@ _BY_ENTRY = {
     "fast_tanh": "v < -3.0 ? -1.0 : v > 3.0 ? 1.0 : v * (27.0 + v * v) / (27.0 + 9.0 * v * v)",
     "clip": "v < {low} ? {low} : v > {high} ? {high} : v",
 }
-"""Functions of single numbers."""
+"""Functions of single numbers, each NaN of NaN."""
 
 _PAIRS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
@@ -245,7 +259,7 @@ class Emitted:
 CALL = """\
 {functions}
 {constants}
-static const double first[] = {{{first}}}, offset[] = {{{offset}}}, linear[] = {{{linear}}},
+static const double offset[] = {{{offset}}}, linear[] = {{{linear}}},
     square[] = {{{square}}}, to_torque[] = {{{matrix}}};
 
 static void network(const double *x, double *h, double *y)
@@ -257,21 +271,17 @@ static void network(const double *x, double *h, double *y)
     for (i = 0; i < {outputs}; i++) y[i] = {result}[i];
 }}
 
-/* Rows, one a run: the memory is that of the network, and its last outputs. */
-void eqt_code(long runs, int begins, double period, const double *options, double *states,
+/* Rows, one a run; states are those of the network, and its last outputs. */
+void eqt_code(long runs, int how, double period, const double *options, double *states,
               const double *inputs, double *torques, unsigned char *outcomes, double *apart)
 {{
     long run, i, k;
-    (void)period, (void)options, (void)outcomes, (void)apart;
+    (void)how, (void)period, (void)options, (void)outcomes, (void)apart;
     for (run = 0; run < runs; run++) {{
         double x[{inputs}], y[{outputs}], u[{outputs}];
         double *h = states + run * {memory}, *last = h + {hidden};
         for (i = 0; i < {inputs}; i++) x[i] = inputs[run * {inputs} + i];
         for (i = 0; i < {outputs} * {remembers}; i++) x[{last_at} + i] = {last_scale} * last[i];
-        if (begins & 1) {{
-            for (i = 0; i < {memory}; i++) h[i] = i < {hidden} ? first[i] : 0.0;
-            continue;
-        }}
         network(x, h, y);
         for (i = 0; i < {outputs}; i++) {{
             y[i] = {limited};
@@ -301,7 +311,6 @@ def source_of(network: Mapping[str, Any], **rest: Any) -> str:
         constants="\n".join(made.constants),
         steps="\n".join(f"    {line}" for line in made.lines),
         result=network["steps"][-1]["out"],
-        first=", ".join(map(repr, network["start"])) or "0",
         hidden=len(network["start"]),
         **(rest | listed),
     )
@@ -410,24 +419,23 @@ class Network(Controller):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note signals that the group has not, and another number of them than the network has."""
-        turning, moving = G.moving_parts
         for index, each in enumerate(self.observes):
-            if each.signal != LAST and (turning if each.signal[0] == "r" else moving) is None:
-                problems.at("observes", index, "signal").add(f"{G.name} has no {each.signal}")
+            each.check(G, problems.at("observes", index))
+            if each.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:
+                problems.at("observes", index).add("last_command stands there before; name it once")
         if problems or not self.text:
             return
         with problems.catching("file"):
             check_examples(self.network, self.file)
         if problems:
             return
-        given, wanted = self._observation(G, _one_input(G)).shape[-1], self.network["inputs"]
-        if given != wanted:
-            listed = ", ".join(
-                f"{each.signal} {size}"
-                for each, size in zip(self.observes, self._sizes(G), strict=True)
-            )
+        sizes, wanted = self._sizes(G), self.network["inputs"]
+        if sum(sizes) != wanted:
+            pairs = zip(self.observes, sizes, strict=True)
+            listed = ", ".join(f"{each.signal} {size}" for each, size in pairs)
             problems.at("observes").add(
-                f"gives {given} numbers ({listed}), and the network in {self.file} takes {wanted}"
+                f"gives {sum(sizes)} numbers ({listed}), and the network in {self.file} takes "
+                f"{wanted}"
             )
 
     @property

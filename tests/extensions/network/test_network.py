@@ -143,6 +143,12 @@ def test_every_operation_is_that_of_onnxruntime(read):
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
+def test_no_activation_makes_a_number_of_nan(read):
+    for op in ("Relu", "Tanh", "Sigmoid", "Elu", "LeakyRelu"):
+        made = graph([node(op, "x")], {}, {"x": [1, 1]}, {"y": [1, 1]})
+        assert np.isnan(outputs_of(network_of(read(made), "policy.onnx"), [[np.nan]])).all()
+
+
 def test_recurrent_units_are_those_of_onnxruntime(read):
     runtime = pytest.importorskip("onnxruntime")
     made = recurrent()
@@ -462,6 +468,15 @@ def test_a_changed_network_in_a_result_is_refused_or_computed_as_data(policy, ki
 LAWS = {
     "observes[1].signal: expected 'position'": {"observes": [{"signal": "rates"}, {"signal": "v"}]},
     "observes[0].signal: SO3 has no position_error": {"observes": [{"signal": "position_error"}]},
+    "observes[0].clip: last_command is limited by commands.clip; leave this out": {
+        "observes": [{"signal": "last_command", "clip": 0.5}]
+    },
+    "observes[1]: last_command stands there before; name it once": {
+        "observes": [{"signal": "last_command"}, {"signal": "last_command", "scale": 2}]
+    },
+    "observes[0].frame: applies to positions and velocities, not to rates; leave it out": {
+        "observes": [{"signal": "rates", "frame": "body"}]
+    },
     "observes: gives 3 numbers (rates 3), and the network in policy.onnx takes 12": {
         "observes": [{"signal": "rates"}]
     },
