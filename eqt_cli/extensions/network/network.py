@@ -174,6 +174,7 @@ class Emitted:
         self.constants: list[str] = []
         self.lines: list[str] = []
         self.sizes = {"x": network["inputs"], "h": len(network["start"])}
+        self.result = str(network["steps"][-1]["out"])
         for step in network["steps"]:
             getattr(self, f"_{step['op']}", self._by_entry)(step)
 
@@ -298,9 +299,14 @@ void eqt_code(long runs, int how, double period, const double *options, double *
 """
 
 
-def source_of(network: Mapping[str, Any], **rest: Any) -> str:
-    """Return the C of a law: `eqt_code`, as native calls it, around the network."""
-    made = Emitted(network)
+@lru_cache(maxsize=16)
+def emitted(text: str, name: str) -> Emitted:
+    """Return the steps of the network of a text, which many points of a sweep share."""
+    return Emitted(network_of(text, name))
+
+
+def source_of(made: Emitted, **rest: Any) -> str:
+    """Return the C of a law: `eqt_code`, as native calls it, around the steps of a network."""
     listed = {
         name: ", ".join(map(repr, values)) or "0"
         for name, values in rest.items()
@@ -308,14 +314,19 @@ def source_of(network: Mapping[str, Any], **rest: Any) -> str:
     }
     text = CALL.format(
         functions="{functions}",
-        constants="\n".join(made.constants),
+        constants="{constants}",
         steps="\n".join(f"    {line}" for line in made.lines),
-        result=network["steps"][-1]["out"],
-        hidden=len(network["start"]),
+        result=made.result,
+        inputs=made.sizes["x"],
+        outputs=made.sizes[made.result],
+        hidden=made.sizes["h"],
         **(rest | listed),
     )
     functions = needed(PRELUDE + text, headers("double"))
-    return text.replace("{functions}", f"{PRELUDE}\n{functions}", 1)
+    constants = "\n".join(made.constants)
+    return text.replace("{functions}", f"{PRELUDE}\n{functions}", 1).replace(
+        "{constants}", constants, 1
+    )
 
 
 @lru_cache(maxsize=64)
@@ -333,13 +344,15 @@ AGREES = 1e-6
 """Largest mean difference between a network in C and the examples in its file, as RLtools asks."""
 
 
-def check_examples(network: Mapping[str, Any], name: str) -> None:
+@lru_cache(maxsize=16)
+def check_examples(text: str, name: str) -> None:
     """Raise an `InputError` where the network in C does not give the outputs of its examples."""
+    network = network_of(text, name)
     if not network["examples"]:
         return
     given, expected = map(np.array, network["examples"])
     found, states = np.empty_like(expected), np.array([[*network["start"]]])
-    function = function_of(bare_source(network))
+    function = function_of(bare_source(emitted(text, name)))
     for k, row in enumerate(np.ascontiguousarray(given)):
         called(function, states, row[None], found[k : k + 1])
     apart = float(np.abs(found - expected).mean())
@@ -350,10 +363,10 @@ def check_examples(network: Mapping[str, Any], name: str) -> None:
         )
 
 
-def bare_source(network: Mapping[str, Any]) -> str:
+def bare_source(made: Emitted) -> str:
     """Return the C of a network by itself, whose outputs are what it returns."""
-    k, none = network["outputs"], [0.0] * network["outputs"]
-    sizes = {"inputs": network["inputs"], "outputs": k, "axes": k, "memory": len(network["start"])}
+    k = made.sizes[made.result]
+    none, sizes = [0.0] * k, {"axes": k, "memory": made.sizes["h"]}
     last = {"remembers": 0, "last_at": 0, "last_scale": 1.0, "limited": "y[i]"}
     curve = {
         "offset": none,
@@ -361,7 +374,7 @@ def bare_source(network: Mapping[str, Any]) -> str:
         "square": none,
         "matrix": np.eye(k).ravel().tolist(),
     }
-    return source_of(network, **sizes, **last, **curve)
+    return source_of(made, **sizes, **last, **curve)
 
 
 def called(function: Any, states: Array, rows: Array, found: Array) -> None:
@@ -426,7 +439,7 @@ class Network(Controller):
         if problems or not self.text:
             return
         with problems.catching("file"):
-            check_examples(self.network, self.file)
+            check_examples(self.text, self.file)
         if problems:
             return
         sizes, wanted = self._sizes(G), self.network["inputs"]
@@ -460,13 +473,11 @@ class Network(Controller):
         last = next((i for i, each in enumerate(self.observes) if each.signal == LAST), 0)
         most = self.commands_.clip
         source = source_of(
-            self.network,
+            emitted(self.text, self.file),
             offset=curve[0].tolist(),
             linear=curve[1].tolist(),
             square=curve[2].tolist(),
             matrix=M.ravel().tolist(),
-            inputs=sum(sizes),
-            outputs=k,
             memory=len(self.network["start"]) + k * self.remembers,
             remembers=int(self.remembers),
             last_at=sum(sizes[:last]),
