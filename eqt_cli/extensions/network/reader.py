@@ -194,10 +194,16 @@ def of_onnx(made: bytes, name: str) -> Built:
             f"{name}: reading ONNX needs the package onnx", Remedy("pip install 'eqt-cli[network]'")
         ) from None
     try:
-        graph = onnx.load_model_from_string(made).graph
+        model = onnx.load_model_from_string(made)
     except Exception as error:
         raise InputError(f"{name}: is no ONNX file: {error}") from error
-    return _OfGraph(graph, name, onnx).built
+    read = _OfGraph(model.graph, name, onnx)
+    try:
+        known = onnx.shape_inference.infer_shapes(model).graph
+    except Exception as error:
+        raise InputError(f"{name}: has shapes that do not fit: {error}") from error
+    read.check_shapes([*known.value_info, *known.output])
+    return read.built
 
 
 class _OfGraph:
@@ -222,6 +228,21 @@ class _OfGraph:
         first = graph.output[0].name if graph.output else ""
         if self.vectors.get(first) != (self.built.steps or [{"out": None}])[-1]["out"]:
             self.built.refuse(f"the output {first or 'none'}, which is not its last operation")
+
+    def check_shapes(self, values: Sequence[Any]) -> None:
+        """Raise an `InputError` where a value is no vector with axes of length 1 before it.
+
+        Only then a change of its shape, and a concatenation, are those of vectors.
+        """
+        for each in values:
+            shape = [axis.dim_value for axis in each.type.tensor_type.shape.dim]  # 0: not known
+            of = self.vectors.get(each.name)
+            if (
+                of
+                and shape
+                and (shape[-1] not in (0, self.built.length[of]) or max(shape[:-1], default=0) > 1)
+            ):
+                self.built.refuse(f"{each.name} of the shape {shape}")
 
     def _array(self, tensor: Any) -> Array:
         if tensor.data_location == self.onnx.TensorProto.EXTERNAL or tensor.external_data:
@@ -259,7 +280,7 @@ class _OfGraph:
                 f"{self.name}: {op} takes {missing[0]}, which nothing before it gives (a cycle?)"
             )
         if not isinstance(values[0] if values else None, str) and op not in _PAIRS:
-            self.built.refuse(f"{op} of constants alone")
+            self.built.refuse(f"{op} whose first input is constant")
         self.vectors[node.output[0]] = self._made(op, values, options, node)
 
     def _made(self, op: str, values: list[Any], options: Mapping[str, Any], node: Any) -> str:
@@ -318,7 +339,8 @@ class _OfGraph:
     def _recurrent(self, values: list[Any], options: Mapping[str, Any], node: Any) -> str:
         """GRU, whose gates are in the order z, r, h; PyTorch's has the reset behind the product."""
         plain = options.get("direction", b"forward") in (b"forward", "forward")
-        if not options.get("linear_before_reset") or not plain or "activations" in options:
+        more = options.keys() - {"hidden_size", "linear_before_reset", "direction"}
+        if not options.get("linear_before_reset") or not plain or more:
             self.built.refuse("GRU other than PyTorch's (linear_before_reset = 1, forward)")
         size = int(options["hidden_size"])
 

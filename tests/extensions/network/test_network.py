@@ -358,6 +358,15 @@ def huge():
 
 
 X, Y = {"x": [1, 4]}, {"y": [1, 4]}
+
+
+def shaped(op, out, *of, **more):
+    """Operations that a reader of vectors alone would take for others."""
+    arrays = {name: np.array(value, dtype=np.int64) for name, value in more.pop("to", {}).items()}
+    nodes = [node(op, "x", *of, *arrays, out="a", **more), node("Tanh", "a")]
+    return graph(nodes, arrays, X, {"y": out})
+
+
 REFUSED = {
     "external": (external, "the weights W1 are in another file; write all into one"),
     "huge": (huge, "W1 has more than 4,000,000 numbers"),
@@ -365,6 +374,22 @@ REFUSED = {
     "empty": (
         lambda: graph([], {}, X, {"x": [1, 4]}),
         "has the output x, which is not its last operation",
+    ),
+    "column": (
+        lambda: shaped("Reshape", [4, 1], to={"shape": [4, 1]}),
+        "has a of the shape [4, 1], which eqt does not compute",
+    ),
+    "behind": (
+        lambda: shaped("Unsqueeze", [1, 4, 1], to={"axes": [-1]}),
+        "has a of the shape [1, 4, 1], which eqt does not compute",
+    ),
+    "stacked": (
+        lambda: shaped("Concat", [2, 4], "x", axis=0),
+        "has a of the shape [2, 4], which eqt does not compute",
+    ),
+    "constant": (
+        lambda: graph([node("MatMul", "W", "x")], {"W": weights(4, 4)}, X, Y),
+        "has MatMul whose first input is constant, which eqt does not compute",
     ),
     "unknown": (lambda: graph([node("Sin", "x")], {}, X, Y), "has Sin, which eqt does not compute"),
     "cycle": (
