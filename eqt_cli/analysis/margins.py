@@ -359,7 +359,8 @@ def margins_of(experiment: Experiment) -> Margins:
     ConfigError
         If the reference is not finite.
     InputError
-        If a loop has no derivative about its reference.
+        If a loop has no derivative about its reference, or a law of no known formula a memory that
+        follows a reference.
     ComponentError
         If a plugin fails.
     """
@@ -381,9 +382,14 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
             "its law jumps there; leave this law out"
         )
+    law, changes = loop.controller, linear.at_rest is None
+    if changes and law.formula is None and law.memory(loop.group):
+        raise InputError(
+            f"the memory of '{label}' is not known where all errors are 0, because the reference "
+            "moves; give a reference that rests, or leave this law out"
+        )
     largest, omitted = growth(linear.at_rest or linear), list(left_out(loop, linear))
     delay, is_least, gains = None, False, dict[str, GainMargin]()
-    changes = linear.at_rest is None
     # The command turns in coordinates at rest; a delay margin is that of its own coordinates.
     at_times = largest if changes or linear.is_constant else growth(linear)
     if largest.is_stable and at_times.is_stable:

@@ -145,7 +145,7 @@ class Controller(TimeVarying, Component):
         The body axis along which it pushes a rigid body, if there is only one.
     commands
         What it commands: a torque, the rates that a `rate_loop` takes, or a dipole, for which it
-        reads the measured magnetic field.
+        reads the measured magnetic field; empty where that is not known.
     acting, anti_windup
         The actuators whose limits an anti-windup reads, and which it is.
     undefined

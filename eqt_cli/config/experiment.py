@@ -606,7 +606,7 @@ class _Sections:
         for label, entry in laws.items():
             laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))
             commands = entry.law.commands
-            if commands != takes and entry.law.code is None:
+            if commands and commands != takes:
                 which = takes if commands == "torque" else commands
                 put = f"only {TAKEN_BY[which]} takes {which}"
                 self._at(entry).add(f"commands {commands}, and actuators take {takes}; {put}")

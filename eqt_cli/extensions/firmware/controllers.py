@@ -258,6 +258,7 @@ class Code(_Numbers):
 
     name: ClassVar[str] = "code"
     tasks: ClassVar[tuple[str, ...]] = ()
+    commands: ClassVar[str] = ""  # the code does not say
 
     file: str
     function: str | None = None
@@ -553,8 +554,7 @@ def with_code(
     listed = source.data.get("controllers")
     entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
     known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
-    kind = next(kind.name for kind in controllers.all() if kind.code is not Controller.code)
-    entry = {**(known[0] if known else {"kind": kind, "file": name, "label": file.stem})}
+    entry = {**(known[0] if known else {"kind": Code.name, "file": name, "label": file.stem})}
     entry |= {"function": function} if function else {}
     if adapter:
         entry["adapter"] = load(text_of(adapter, "it is an adapter", InputError), str(adapter)).data

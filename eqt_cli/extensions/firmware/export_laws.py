@@ -672,9 +672,10 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
 def _program(experiment: Experiment, label: str) -> LawProgram:
     loop = experiment.loops[label]
     if code := loop.controller.code:
+        claimed = ", or export the law that it claims to be" * bool(loop.controller.formula)
         raise EqtError(
-            f"{label}: the law is in C already, in {code.file}",
-            Remedy("leave it out, or export the law that it claims to be"),
+            f"{label}: the law is no formula, it is in {code.file}",
+            Remedy(f"leave it out{claimed}"),
         )
     program = law_of(loop)
     if not {entry.source for entry in program.numbers[:-1]} <= leaves(loop).keys():

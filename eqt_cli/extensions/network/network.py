@@ -525,6 +525,11 @@ class Network(Controller):
         return "rates" if self.commands_.as_ == "rates" else "torque"
 
     @property
+    def formula(self) -> None:
+        """None: nothing is claimed of a network."""
+        return None
+
+    @property
     def code(self) -> RunsCode:
         """The function in C."""
         return RunsCode(self.file, "eqt_code", (), (), "double")

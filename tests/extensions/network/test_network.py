@@ -528,6 +528,27 @@ def test_what_is_wrong_with_a_law_is_said_at_its_place(policy, said):
     assert said.replace("in policy.onnx", f"in {policy}") in found.replace("policy.txt: ", "")
 
 
+def test_a_network_of_rates_needs_a_rate_loop(policy):
+    law = {"commands": {"as": "rates"}}
+    said = error_of(eqt_cli.load_experiment, experiment(policy, law=law))
+    assert "commands rates, and actuators take torque" in said
+    loop = [{"kind": "rate_loop", "bandwidth": 40}]
+    assert "commands torque, and actuators take rates" in error_of(
+        eqt_cli.load_experiment, experiment(policy, actuators=loop)
+    )
+    eqt_cli.load_experiment(experiment(policy, law=law, actuators=loop))
+
+
+def test_a_network_with_a_memory_has_no_margins_beside_a_motion(tmp_path):
+    """Its memory on the reference is not known; margins about 0 would be those of another loop."""
+    path = tmp_path / "recurrent.onnx"
+    law = {"observes": [{"signal": "rates"}, {"signal": "rates"}], "commands": {"as": "wrench"}}
+    path.write_bytes(recurrent(inputs=6))
+    loaded = eqt_cli.load_experiment(experiment(path, law=law))
+    said = error_of(eqt_cli.margins, loaded, kind=InputError)
+    assert "memory of 'network' is not known where all errors are 0" in said
+
+
 def test_a_network_needs_a_clock(policy):
     said = error_of(eqt_cli.load_experiment, experiment(policy, control=None))
     assert "answers at control instants only; set control.period" in said
