@@ -108,14 +108,16 @@ def require_metric(name: str, base: Experiment) -> None:
     known = [q.name for q in METRICS if q.name in stored or q.implied_by in stored]
     # Those of one part of the group, such as ``effort_rotation``.
     in_parts = tuple(f"{q.name}_" for q in METRICS if q.stored_by_part)
-    own = tuple(each.name for each in base.metrics)
-    known += [part for part in stored if part.startswith((*in_parts, *own))]
+    own = tuple(f"{metric.name}_" for metric in base.metrics)
+    known += [part for part in stored if part.startswith(in_parts) or f"{part}_".startswith(own)]
     if name not in known:
         hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")
-    for metric in base.metrics if name.startswith(own or ("-",)) else ():
+    for metric in base.metrics:
+        if not f"{name}_".startswith(f"{metric.name}_"):  # neither it nor one of its parts
+            continue
         for label, loop in base.loops.items():
-            if name.startswith(metric.name) and (lacks := metric.lacking(loop)):
+            if lacks := metric.lacking(loop):
                 raise InputError(
                     f"{name} reads {', '.join(lacks)}, which the law '{label}' has not; leave this "
                     "law out"

@@ -1,4 +1,4 @@
-"""Estimators of pose and velocity: their base class, their schedule, complementary filters."""
+"""Estimators of pose and velocity: base class, schedule, complementary and Kalman filters."""
 
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence

@@ -515,9 +515,9 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 """Stored quantities that are computed from the signals of a run."""
 
 
-def own_quantity(metric: type[Metric], name: str, **more: Any) -> Quantity:
+def own_quantity(metric: type[Metric], **more: Any) -> Quantity:
     """Return the row of a metric of the user's own, which is `better` in the file, too."""
-    words, better = summary(metric).removesuffix("."), metric.better
+    name, words, better = metric.name, summary(metric).removesuffix("."), metric.better
     more |= {"units": metric.units, "signals": metric.signals}
     return _own(name, words, better, metric.censored, **more)
 
@@ -546,7 +546,7 @@ def quantity_of(
         if row.stored_by_part and name.startswith(f"{row.name}_"):
             return row.part(name.removeprefix(f"{row.name}_"))
     if name in metrics.names():
-        return own_quantity(metrics.get(name), name)
+        return own_quantity(metrics.get(name))
     if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")

@@ -387,7 +387,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
 
 def own_row(metric: Metric) -> Quantity:
     """Return the row of a metric of the user's own, with its formula."""
-    return own_quantity(type(metric), metric.name, of=metric.of)
+    return own_quantity(type(metric), of=metric.of)
 
 
 def _unit_of(name: str, laws: Iterable[Controller], G: MatrixLieGroup) -> str:

@@ -164,7 +164,7 @@ SEEN = {"over": {"gains.kp": [1, 2]}, "budget": 1, "population": 5, "seeds": 1}
 
 
 def test_a_search_of_a_law_without_the_signal_leaves_the_metric_out(result_of, tmp_path):
-    result_of()
+    result_of(EVERY + metric("eff", "over.final(a)", "budget"))  # `effort` is no part of it
     data = mapping(controllers=["adaptive", "gt"], plugins=[str(tmp_path / "mine.py")])
     search = SEEN | {"objective": "effort", "confirm": {"runs": 5}}
     tuned = eqt_cli.tune(data | {"tune": search}, tmp_path / "t")
