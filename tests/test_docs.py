@@ -142,8 +142,7 @@ GALLERY = re.findall(
 
 def test_the_gallery_has_every_picture():
     pictures = {path.name for path in (DOCS / "figures").glob("*.png")}
-    of_benchmarks = {"whole_commands.png"}  # no command of eqt draws it
-    assert {picture for picture, *_ in GALLERY} == pictures - of_benchmarks
+    assert {picture for picture, *_ in GALLERY} == pictures
 
 
 def test_the_gallery_has_every_kind_of_figure():
