@@ -20,11 +20,13 @@ extensions = [
     "math_as_mathml",
     "docstrings",
     "tables",
+    "redirects",
     "offline",
 ]
 
 # Pages.
-exclude_patterns = ["_ext", "_static/*.txt", "reference/*.py"]
+templates_path = ["_templates"]
+exclude_patterns = ["_ext", "_templates", "_static/*.txt", "reference/*.py"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
 html_math_renderer = "mathml"
