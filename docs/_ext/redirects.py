@@ -1,4 +1,4 @@
-"""Old addresses: for each line `old/page: new/page#section` of `redirects.yaml`, a page that leads on.
+"""Old addresses: each line `old/page: new/page#section` of `redirects.yaml` gives a page there.
 
 Paths are below `docs`, without a suffix; the section may be missing.
 """
