@@ -487,7 +487,7 @@ def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeyp
 
 # The table of all of them -------------------------------------------------------------------------
 
-PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "planted_faults.md"
+PAGE = Path(__file__).parents[1] / "README.md"
 
 ELSEWHERE = {
     "settling time: not interpolated": "results/test_metrics.py",
