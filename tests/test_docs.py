@@ -64,7 +64,7 @@ def test_commands_and_snippets(page, folder, monkeypatch):
 
 NOTEBOOKS = re.findall(
     r"^```\{literalinclude\} \.\./\.\./(examples/notebooks/\w+\.py)\n.*?^```output\n(.*?)^```$",
-    (DOCS / "howto" / "notebooks.md").read_text(encoding="utf-8"),
+    (DOCS / "howto" / "notebook.md").read_text(encoding="utf-8"),
     re.MULTILINE | re.DOTALL,
 )
 WRITTEN = {"sweep": ["gains.pdf"], "tuned": ["tuned.md", "tuned.tex"]}

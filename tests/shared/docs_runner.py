@@ -101,6 +101,8 @@ def carry_out(page):
             printed = "".join(run_command(line, shows_digits) for line in lines)
         elif block.language == "yaml":
             check_part(block.text)
+        elif block.language.startswith("{literalinclude}"):
+            printed = None  # another test runs the file
 
 
 def read(page):
