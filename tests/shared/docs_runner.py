@@ -249,4 +249,5 @@ def check_part(text):
     if task == "stabilise" or (isinstance(task, dict) and "at" in task):
         del whole["reference"]
     Path("part.yaml").write_text(dump(whole), encoding="utf-8")
-    build(read_config(Path("part.yaml"), ()))
+    check = study if "sweep" in part else build
+    check(read_config(Path("part.yaml"), ()))
