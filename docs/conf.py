@@ -20,6 +20,7 @@ extensions = [
     "math_as_mathml",
     "docstrings",
     "tables",
+    "long_names",
     "redirects",
     "offline",
 ]
