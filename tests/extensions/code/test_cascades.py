@@ -1,7 +1,6 @@
-"""A whole cascade in C: the one that the documentation types, and faults that are named."""
+"""A whole cascade in C: the example, and faults that are named."""
 
 import dataclasses
-import re
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained_cascade
 from eqt_cli.numbers.leaves import with_fields
 
-PAGE = (Path(__file__).parents[3] / "docs/howto/code.md").read_text(encoding="utf-8")
+TYPED = (Path(__file__).parents[3] / "examples/code/quad.c").read_text(encoding="utf-8")
 LAW = {"kind": "cascade", "attitude": "lee2010", "along": [0, 0, 1], "position": {"kx": 6, "kv": 4}}
 EXPERIMENT = {
     "group": "SE3",
@@ -37,8 +36,8 @@ CODE = {
 
 
 def typed(*changes):
-    """Write the C of the documentation, with changes."""
-    text = re.search(r":caption: quad.c\n(.*?)```", PAGE, re.DOTALL)[1]
+    """Write the C of the example, with changes."""
+    text = TYPED
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
