@@ -22,6 +22,7 @@ extensions = [
     "tables",
     "long_names",
     "redirects",
+    "descriptions",
     "offline",
 ]
 
@@ -55,10 +56,17 @@ copybutton_selector = "div:not(.highlight-output) > div.highlight > pre"
 html_theme = "pydata_sphinx_theme"
 html_title = "eqt"
 html_static_path = ["_static"]
+html_favicon = "_static/favicon.svg"
 html_css_files = ["eqt.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
+    "logo": {
+        "image_light": "_static/favicon.svg",
+        "image_dark": "_static/favicon.svg",
+        "text": "eqt",
+    },
+    "header_links_before_dropdown": 5,
     "navigation_with_keys": False,
     "show_nav_level": 2,
     "secondary_sidebar_items": ["page-toc"],
@@ -67,4 +75,4 @@ html_theme_options = {
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
-html_sidebars = {page: [] for page in ("index", "install", "gallery", "cite", "changelog")}
+html_sidebars = {page: [] for page in ("index", "gallery")}
