@@ -139,6 +139,8 @@ class Controller(TimeVarying, Component):
         How a loop with this law departs from the assumptions of the theorems, in a few words.
     reads_flat_output
         Whether it reads the flat output of the reference.
+    preview
+        The times from now at which it knows the reference, s.
     commands_attitude
         Whether it commands an attitude R_c, to which an attitude law turns the body.
     direction
@@ -166,6 +168,7 @@ class Controller(TimeVarying, Component):
     weight: ClassVar[Literal["spatial", "body", ""]] = ""
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
+    preview: ClassVar[Any] = ()
     commands_attitude: ClassVar[bool] = False
     commands: ClassVar[str] = "torque"
     direction: ClassVar[Any] = ()

@@ -227,6 +227,9 @@ class Tracking:
         The flat output of the reference, for laws that read it.
     flux : (..., 3)
         The magnetic field in the body, T, likewise.
+    ahead
+        For laws with a `preview`: returns Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)`` at later
+        times. A function, because a sampled law needs them at its instants only.
     """
 
     G: MatrixLieGroup
@@ -242,6 +245,7 @@ class Tracking:
     vehicle: Mapping[str, Array] = field(default_factory=dict)
     flat: FlatOutput | None = None
     flux: Any = None
+    ahead: Callable[[], tuple[Array, Array]] | None = None
 
     @cached_property
     def V(self) -> Array:
@@ -454,8 +458,11 @@ class TimeVarying:
 # Besides it, a law needs only its own numbers and its memory, in a simulation as in firmware.
 
 
-AXES = {"t": 0, "pose": 2, "desired_pose": 2, "position": 2}
+AXES = {"t": 0, "pose": 2, "desired_pose": 2, "position": 2, "later_pose": 3, "later_velocity": 2}
 """The number of axes of each part of an input that is not a vector."""
+
+LATER = ("later_pose", "later_velocity")
+"""The parts of an input that no law in C has."""
 
 
 class LawInput(NamedTuple):
@@ -475,6 +482,8 @@ class LawInput(NamedTuple):
         ψ and its derivatives to the second; None also where the heading is free.
     flux : (..., 3)
         The measured magnetic field; only for laws that read it.
+    later_pose, later_velocity : (..., k, d, d) and (..., k, m)
+        Q_d and V_d at k later times; only for laws with a `preview`.
     """
 
     t: Any
@@ -486,11 +495,15 @@ class LawInput(NamedTuple):
     position: Any = None  # Array | None, as the next
     heading: Any = None
     flux: Any = None
+    later_pose: Any = None
+    later_velocity: Any = None
 
     @classmethod
     def of(cls, s: Tracking) -> LawInput:
         """Return the input of a law at a tracking state."""
-        return cls._make((s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *(s.flat or (None, None)), s.flux))
+        later = s.ahead() if s.ahead else (None, None)
+        optional = *(s.flat or (None, None)), s.flux, *later
+        return cls._make((s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *optional))
 
     def each(self, function: Callable[[Any], Any]) -> LawInput:
         """Return the input with a function applied to every part that there is."""
@@ -499,6 +512,11 @@ class LawInput(NamedTuple):
     def zeroed(self, *names: str) -> LawInput:
         """Return the input with some of its parts set to 0."""
         return self._replace(**{name: 0 * getattr(self, name) for name in names})
+
+    def at_later(self, k: int) -> LawInput:
+        """Return the input with the reference of a later time in place of the one now."""
+        Q, V = self.later_pose[..., k, :, :], self.later_velocity[..., k, :]
+        return self._replace(desired_pose=Q, desired_velocity=V)
 
     def rows(self, names: Iterable[str]) -> Array:
         """Return some parts side by side, ``(states, …)``; matrices are row by row."""
@@ -516,7 +534,11 @@ class LawInput(NamedTuple):
         now, Q, Qd = inertia.at(self.t), self.pose, self.desired_pose
         P = now.momentum(self.velocity)
         flat = None if self.position is None else FlatOutput(self.position, self.heading)
+        later = self.later_pose, self.later_velocity
+        ahead = None if self.later_pose is None else lambda: later
         # In place of P_d and τ_d, until `following` gives them, is P.
-        tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, flat, self.flux)
+        tracking = Tracking(
+            G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, flat, self.flux, ahead
+        )
         tracking = with_fields(tracking, V=self.velocity)
         return tracking.following(self.desired_velocity, self.desired_acceleration)

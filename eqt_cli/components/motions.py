@@ -369,6 +369,8 @@ class PlantModel(NamedTuple):
         Control period, s; None for laws that act continuously.
     actuators
         The actuators with their mean numbers, which neither fail nor empty a battery.
+    foreseen
+        Whether the reference is a function of time, so that its later motion is known.
     """
 
     inertia: InertiaLaw
@@ -380,6 +382,7 @@ class PlantModel(NamedTuple):
     along: Any = None
     period: float | None = None
     actuators: tuple[Any, ...] = ()
+    foreseen: bool = True
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar
@@ -282,6 +282,43 @@ class InPiece(ClosedReference):
 
     def _piece(self, G: MatrixLieGroup) -> motions.Piece:
         return self.whole.prepared(G, self.whole.pieces).piece(self.since, self.numbers)
+
+
+@dataclass(frozen=True)
+class ReferenceAhead(TimeVarying):
+    """A reference at later times, which a law with a preview knows.
+
+    Attributes
+    ----------
+    after
+        The times from now, s.
+    pieces
+        The reference in its piece at each of them; () where it has none.
+    """
+
+    reference: ClosedReference = field(metadata=STRUCTURE)
+    after: tuple[float, ...] = field(metadata=STRUCTURE)
+    pieces: tuple[Any, ...] = ()
+
+    def motion(self, G: MatrixLieGroup, t: Any, batch: tuple[int, ...]) -> tuple[Array, Array]:
+        """Return Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)``."""
+        pieces = self.pieces or [self.reference] * len(self.after)
+        found = [each.motion(G, t + s) for each, s in zip(pieces, self.after, strict=True)]
+        shapes = (G.size, G.size), (G.dimension,)
+        Q, V = (
+            [np.broadcast_to(each[part], (*batch, *shape)) for each in found]
+            for part, shape in enumerate(shapes)
+        )
+        return np.stack(Q, axis=-3), np.stack(V, axis=-2)
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which the reference changes at one of the later times."""
+        return np.concatenate([self.reference.instants(G, until + s) - s for s in self.after])
+
+    def held(self, G: MatrixLieGroup, t: Any) -> Self | None:
+        """Return the reference in its pieces."""
+        held = tuple(self.reference.held(G, t + s) for s in self.after)
+        return None if held[0] is None else replace(self, pieces=held)
 
 
 references = Registry(

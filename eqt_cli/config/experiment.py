@@ -47,6 +47,7 @@ from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.recording import read_starts
+from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
 from eqt_cli.config.preflight import (
@@ -601,7 +602,10 @@ class _Sections:
         period = vehicle.control.period if vehicle.control else None
         acting = () if self.problems else (vehicle.configured or vehicle).actuators
         known = tuple(part.nominal.of_run(G, None) for part in acting)
-        plant = PlantModel(inertia, forces, pushes, exact, horizon, flat, None, period, known)
+        foreseen = isinstance(desired.reference, ClosedReference)
+        plant = PlantModel(
+            inertia, forces, pushes, exact, horizon, flat, None, period, known, foreseen
+        )
         takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
         for label, entry in laws.items():
             laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))

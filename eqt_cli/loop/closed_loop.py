@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate
 from typing import Any, NamedTuple, Self
 
@@ -20,7 +20,13 @@ from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import BODY_ENERGY, Controller
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
 from eqt_cli.components.motions import FlatOutput
-from eqt_cli.components.references import Desired, Reference, TorqueReference
+from eqt_cli.components.references import (
+    ClosedReference,
+    Desired,
+    Reference,
+    ReferenceAhead,
+    TorqueReference,
+)
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
@@ -100,8 +106,8 @@ class ClosedLoop:
     ----------
     axis
         The body axis that `task: point` turns, of length 1; () where the whole pose counts.
-    held_reference, held_law
-        Reference and law with their numbers between two known instants; see `holding`.
+    held_reference, held_law, held_ahead
+        Reference, law and preview with their numbers between two known instants; see `holding`.
     """
 
     group: MatrixLieGroup = field(metadata=STRUCTURE)
@@ -113,6 +119,7 @@ class ClosedLoop:
     axis: tuple[float, ...] = field(default=(), kw_only=True, metadata=STRUCTURE)
     held_reference: Reference | None = field(default=None, kw_only=True)
     held_law: Any = field(default=None, kw_only=True)
+    held_ahead: ReferenceAhead | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, loop: "ClosedLoop") -> Self:
@@ -261,7 +268,16 @@ class ClosedLoop:
     @property
     def over_time(self) -> dict[str, TimeVarying]:
         """The parts that may hold numbers, by the field of their held version."""
-        return {"held_reference": self.reference, "held_law": self.controller}
+        parts: dict[str, TimeVarying] = {
+            "held_reference": self.reference,
+            "held_law": self.controller,
+        }
+        return parts | ({"held_ahead": self._ahead} if self.controller.preview else {})
+
+    @property
+    def _ahead(self) -> ReferenceAhead:
+        assert isinstance(self.reference, ClosedReference)  # as the configuration was checked for
+        return ReferenceAhead(self.reference, tuple(self.controller.preview))
 
     @cached_property
     def holds(self) -> bool:
@@ -357,6 +373,9 @@ class ClosedLoop:
         )
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
+        if self.controller.preview:
+            ahead = self.held_ahead or self._ahead
+            s = dataclasses.replace(s, ahead=partial(ahead.motion, self.group, t, state.shape[:-1]))
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
             return s
         batch = state.shape[:-1]

@@ -16,7 +16,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.mechanics import LawInput
+from eqt_cli.components.mechanics import LATER, LawInput
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -219,7 +219,7 @@ def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
     }
     shapes: dict[str, tuple[int, ...]] = {"t": (), "flux": (3,)}
     shapes |= dict.fromkeys(("pose", "desired_pose"), (d, d))
-    others = (*FlatOutput._fields, "flux" * (loop.controller.commands != "dipole"))
+    others = (*FlatOutput._fields, *LATER, "flux" * (loop.controller.commands != "dipole"))
     names = [name for name in LawInput._fields if name not in others]
     if loop.controller.reads_flat_output:
         output = loop.reference.flat_output(G, 0.0)

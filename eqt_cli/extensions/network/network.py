@@ -4,13 +4,14 @@ import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import Field
 
 from eqt_cli.base.arrays import Array, apply_matrix, clip, transpose
 from eqt_cli.base.errors import InputError, Problems, TraceError
-from eqt_cli.base.option_types import Positive, Real
+from eqt_cli.base.option_types import Keys, Positive, Real, Unit
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, Controller, RunsCode
 from eqt_cli.components.mechanics import LawInput, Tracking
@@ -38,6 +39,31 @@ Observable = Literal[
 ]
 
 
+MOST_AHEAD = 1000
+"""Most steps of a preview."""
+
+
+@dataclass(frozen=True)
+class Preview(Keys):
+    """Later times of the reference.
+
+    Attributes
+    ----------
+    steps
+        Number of times.
+    every
+        Time from one to the next, and from now to the first, s.
+    """
+
+    steps: Annotated[int, Field(ge=1, le=MOST_AHEAD)]
+    every: Annotated[Positive, Unit("s")]
+
+    @property
+    def times(self) -> list[float]:
+        """The times from now, s."""
+        return [self.every * k for k in range(1, self.steps + 1)]
+
+
 @dataclass(frozen=True)
 class Observed:
     """A signal that a network observes.
@@ -54,6 +80,9 @@ class Observed:
     clip
         The signal is clipped to ± so much before, in m, m/s or rad/s. Not for last_command, which
         `clip` of the commands limits.
+    preview
+        Of an error only: it is given to the reference at so many later `steps`, `every` so long, in
+        the order of time, in place of the reference now.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
@@ -62,6 +91,7 @@ class Observed:
     frame: Literal["space", "body"] | None = None
     scale: Real = 1.0
     clip: Positive | None = None
+    preview: Preview | None = None
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a signal that the group has not, and options that the signal does not take."""
@@ -75,10 +105,26 @@ class Observed:
             problems.at("frame").add(
                 f"applies to positions and velocities, not to {self.signal}; leave it out"
             )
+        if self.preview and not self.signal.endswith("error"):
+            problems.at("preview").add(
+                f"applies to errors, such as position_error, not to {self.signal}; leave it out"
+            )
 
-    def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
-        """Return what the network is given of an input, ``(..., n)``."""
-        value = self._signal(G, x)
+    @property
+    def ahead(self) -> list[float]:
+        """The times from now at which it reads the reference, s."""
+        return self.preview.times if self.preview else []
+
+    def values(self, G: MatrixLieGroup, x: LawInput, first: int = 0) -> Array:
+        """Return what the network is given of an input, ``(..., n)``.
+
+        A preview reads the later times of the input from the place `first` on.
+        """
+        if self.preview is None:
+            value = self._signal(G, x)
+        else:
+            later = range(first, first + self.preview.steps)
+            value = np.concatenate([self._signal(G, x.at_later(k)) for k in later], axis=-1)
         if self.clip is not None:
             value = clip(value, -self.clip, self.clip)
         return self.scale * value
@@ -457,12 +503,23 @@ class Network(Controller):
         return int(self.network["outputs"])
 
     @property
+    def preview(self) -> tuple[float, ...]:
+        """The times from now at which it knows the reference, s."""
+        return tuple(time for each in self.observes for time in each.ahead)
+
+    @property
     def remembers(self) -> bool:
         """Whether it observes its last command."""
         return any(each.signal == LAST for each in self.observes)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law in C, with the rotors of the plant."""
+        if self.preview and not plant.foreseen:
+            index = next(i for i, each in enumerate(self.observes) if each.preview)
+            problems.at("observes", index, "preview").add(
+                "the reference is integrated, so that nobody knows it later; use one that is a "
+                "function of time: path, flat, waypoints, log, slew or constant"
+            )
         if problems or not self.text:
             return self
         k, at = self.outputs_of_network, problems.at("commands")
@@ -546,11 +603,12 @@ class Network(Controller):
 
     def _observation(self, G: MatrixLieGroup, x: LawInput) -> Array:
         batch, none = x.velocity.shape[:-1], 0.0 * x.velocity[..., :1]
+        ends = np.cumsum([0, *(len(each.ahead) for each in self.observes)]).tolist()
         rows = [
             np.concatenate([none] * self.outputs_of_network, axis=-1)
             if each.signal == LAST
-            else each.values(G, x)
-            for each in self.observes
+            else each.values(G, x, first)
+            for each, first in zip(self.observes, ends, strict=False)
         ]
         return np.concatenate(
             [np.broadcast_to(row, (*batch, row.shape[-1])) for row in rows], axis=-1
@@ -598,5 +656,7 @@ class Network(Controller):
 
 
 def _one_input(G: MatrixLieGroup) -> LawInput:
-    zero = np.zeros(G.dimension)
-    return LawInput(0.0, G.identity, zero, G.identity, zero, zero)
+    zero, later = np.zeros(G.dimension), MOST_AHEAD
+    x = LawInput(0.0, G.identity, zero, G.identity, zero, zero)
+    ahead = np.broadcast_to(G.identity, (later, G.size, G.size)), np.zeros((later, G.dimension))
+    return x._replace(later_pose=ahead[0], later_velocity=ahead[1])

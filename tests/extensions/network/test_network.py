@@ -299,6 +299,40 @@ def test_a_loop_is_that_of_a_plain_program(policy, tmp_path, engine):
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
+PATH = {
+    "kind": "path",
+    "factors": [
+        {"axis": [0, 0, 1], "by": "where(t < 1, 0, (t-1)**3)"},
+        {"axis": [1, 0, 0], "by": "sin(t)"},
+    ],
+}
+TURNS = (
+    {"t": 0, "pose": {"rotvec": [0, 0, 0]}},
+    {"t": 0.7, "pose": {"rotvec": [0.5, 0, 0]}},
+    {"t": 1.5, "pose": {"rotvec": [0, 1, 0]}},
+)
+WAYPOINTS = {"kind": "waypoints", "points": [*TURNS, {"t": 2.5, "pose": {"rotvec": [0, 0.2, 0.3]}}]}
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+@pytest.mark.parametrize("reference", [PATH, WAYPOINTS], ids=["path", "waypoints"])
+def test_a_preview_is_the_reference_that_comes(policy, tmp_path, engine, reference):
+    """Its torques follow from the stored poses, and from the desired ones of later samples."""
+    signal = {"signal": "rates_error", "scale": 0.5, "clip": 1.5}
+    ahead = signal | {"preview": {"steps": 3, "every": "100 ms"}}
+    data = experiment(policy, law={"observes": [signal, ahead]}, reference=reference)
+    data["solver"] |= {"engine": engine}
+    data["initial"].pop("desired", None)
+    result = eqt_cli.run(data, tmp_path / "out")
+    R, w, torque = (result.read(name, run=0)[0] for name in ("pose", "velocity", "torque"))
+    Rd, wd = (result.read(f"desired_{name}") for name in ("pose", "velocity"))
+    for k in range(17):
+        seen = [w[k] - R[k].T @ Rd[k + j] @ wd[k + j] for j in range(4)]
+        x = 0.5 * np.clip(np.concatenate(seen), -1.5, 1.5)
+        y = np.clip(W2.astype(float) @ np.tanh(W1.astype(float) @ x + B1), -0.8, 0.8)
+        np.testing.assert_allclose(torque[k], 0.1 + np.array([-1, -2, -0.5]) * y, atol=1e-12)
+
+
 def test_a_run_has_the_same_bits_beside_any_others(policy, tmp_path):
     found = []
     for runs in (19, 3):
@@ -502,6 +536,15 @@ LAWS = {
     },
     "observes[0].frame: applies to positions and velocities, not to rates; leave it out": {
         "observes": [{"signal": "rates", "frame": "body"}]
+    },
+    "observes[0].preview: applies to errors, such as position_error, not to rates; leave it out": {
+        "observes": [{"signal": "rates", "preview": {"steps": 2, "every": 0.1}}]
+    },
+    "observes[0].preview: the reference is integrated, so that nobody knows it later": {
+        "observes": [{"signal": "rates_error", "preview": {"steps": 4, "every": 0.1}}]
+    },
+    "observes[0].preview.steps: expected": {
+        "observes": [{"signal": "rates_error", "preview": {"steps": 0, "every": 0.1}}]
     },
     "observes: gives 3 numbers (rates 3), and the network in policy.onnx takes 12": {
         "observes": [{"signal": "rates"}]
