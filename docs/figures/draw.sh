@@ -220,6 +220,15 @@ sweep_family() {
 	picture sweep_family sweep
 }
 
+fronts() {
+	if [ "$task" = draw ]; then # The search takes ten minutes of a core.
+		computed tune fronts configs/tune_paper.yaml --engine native --set tune.objective=null \
+			--set "tune.objectives=[effort, mean_pose_error]" --set tune.subject_to={}
+		picture fronts fronts --width page
+		picture equal_effort fronts --controller eqt --controller gt
+	fi
+}
+
 quadrotor_recovery() {
 	sweep quadrotor_recovery configs/quadrotor_recovery.yaml --engine native
 	numbers sweep
@@ -240,7 +249,7 @@ fi
 # The longest first.
 all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
-	all=(se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
+	all=(fronts se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
 		satellite_breaks quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family quadrotor_recovery)
 elif [ $# = 0 ]; then
