@@ -1,18 +1,22 @@
 """Every command and snippet of the documentation works as it stands, and says what is true."""
 
 import ast
+import os
 import re
 import shutil
 import subprocess
 import sys
+from decimal import Decimal
 from pathlib import Path
 from pkgutil import resolve_name
 
 import docs_runner
+import numpy as np
 import pytest
 import yaml
 from slow_cases import mostly_slow
 
+from eqt_cli import open_result
 from eqt_cli.engines.native import Native
 from eqt_cli.extensions.recordings import figures as growth
 from eqt_cli.figures.figure import figures
@@ -101,20 +105,100 @@ def test_a_notebook_prints_what_the_page_shows(file, shown, folder, monkeypatch)
     assert written == WRITTEN[Path(file).stem]
 
 
+FIRST = "tutorials/paper.md"
+NEEDS_COMPILER = pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory):
+    """The folder with the paper's 800 runs, and what `eqt run` prints of them."""
+    folder = tmp_path_factory.mktemp("paper")
+    shutil.copytree(ROOT / "configs", folder / "configs")
+    return folder, _printed(folder, "run", "configs/paper.yaml", "--engine", "native")
+
+
+def _printed(folder, *arguments, **environment):
+    command = [sys.executable, "-m", "eqt_cli", *arguments]
+    environment = {**os.environ, **environment}
+    done = subprocess.run(command, stdout=-1, text=True, check=True, cwd=folder, env=environment)
+    return done.stdout
+
+
 @pytest.mark.slow("computes the 800 runs of the paper")
-@pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
-def test_table_of_the_first_tutorial(folder):
+@NEEDS_COMPILER
+@pytest.mark.parametrize("page", [FIRST, "index.md"])
+def test_table_of_the_paper(page, paper):
     """Its digits do not depend on the engine; the energy residuals, in the last column, do."""
-    command = [sys.executable, "-m", "eqt_cli", "run", "configs/paper.yaml", "--engine", "native"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder)
-    shown = _rows((DOCS / "tutorials" / "paper.md").read_text(encoding="utf-8"))
+    shown = _rows(_text(page))
     assert len(shown) == 4
-    assert _rows(done.stdout) == shown
+    assert _rows(paper[1]) == shown
 
 
 def _rows(text):
     lines = re.findall(r"^(?:EqT|GT|nog|asym) +\d+/200 .*", text, re.MULTILINE)
     return [line.split()[:-1] for line in lines]
+
+
+@pytest.mark.slow("computes the 800 runs of the paper")
+@NEEDS_COMPILER
+@pytest.mark.parametrize("page", [FIRST, "index.md", "../README.md"])
+def test_comparison_of_the_paper(page, paper):
+    printed = _printed(paper[0], "compare", "results/paper", COLUMNS="80")
+    texts = [block.text for block in docs_runner.blocks(_text(page)) if block.language == "text"]
+    (shown,) = [text for text in texts if text.startswith("GT against EqT")]
+    assert docs_runner.matches(shown, printed)
+
+
+COLUMNS = re.findall(
+    r"^\| ([^|]+) \| (count|mean|largest) \| [^|]*\(`(\w+)`\) \|$", _text(FIRST), re.MULTILINE
+)
+OVER_RUNS = {"count": np.sum, "mean": np.mean, "largest": np.max}
+
+
+@pytest.mark.slow("computes the 800 runs of the paper")
+@NEEDS_COMPILER
+def test_words_of_the_first_tutorial(paper):
+    """What the page calls a mean or the largest is that of the metric it names, in its unit."""
+    folder, printed = paper
+    lines = printed.splitlines()
+    start = next(number for number, line in enumerate(lines) if line.startswith("law "))
+    assert re.split(r"  +", lines[start].strip()) == ["law", *(heading for heading, *_ in COLUMNS)]
+    with open_result(folder / "results" / "paper") as result:
+        for row, line in enumerate(lines[start + 2 : start + 6]):
+            for (heading, word, metric), cell in zip(COLUMNS, line.split()[1:], strict=True):
+                unit = heading.partition(", ")[2] or "1"
+                assert result.units(metric) == unit, heading
+                number = Decimal(cell.partition("/")[0])
+                value = OVER_RUNS[word](result.metric(metric)[row])
+                last = Decimal(1).scaleb(number.as_tuple().exponent)
+                assert abs(Decimal(float(value)) - number) <= last * Decimal("0.51"), (row, heading)
+
+
+SHOWN = [page for page in PAGES if page.startswith("tutorials/")]
+
+
+@pytest.mark.parametrize("page", SHOWN)
+def test_a_tutorial_explains_the_columns_of_its_tables(page):
+    """Each heading of a printed table, without its unit, stands in the text around the table."""
+    text = _text(page)
+    prose = " ".join(docs_runner.BLOCK.sub(" ", text).replace("`", "").replace("*", "").split())
+    for block in docs_runner.blocks(text):
+        if block.language in ("text", "output"):
+            for heading in _headings(block.text):
+                assert heading.partition(",")[0].lower() in prose.lower(), heading
+
+
+def _headings(printed):
+    """Those of every table in a text: what stands above each piece of its rule."""
+    lines = printed.splitlines()
+    for number, line in enumerate(lines):
+        if re.fullmatch(r" *─+(  ─+)+", line):
+            first = number
+            while first and lines[first - 1].strip() not in ("", "…"):
+                first -= 1
+            for column in re.finditer("─+", line):
+                pieces = [above[slice(*column.span())].strip() for above in lines[first:number]]
+                yield " ".join(filter(None, pieces))
 
 
 @pytest.mark.parametrize("entry", EQUATIONS, ids=lambda entry: entry["paper"])
