@@ -296,6 +296,15 @@ class Controller(TimeVarying, Component):
         assert self.code_call is not None
         return x.rows(self.code_call.reads)
 
+    def answer_rows(
+        self, G: MatrixLieGroup, rows: Array, memory: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array]] | None:
+        """Return what the code answers to its rows; None where they are parts of the input.
+
+        A law that computes its rows answers to those of the engine, so that it has their bits.
+        """
+        return None
+
     @property
     def code_call(self) -> CodeCall | None:
         """How C calls that code without Python; None for a formula."""

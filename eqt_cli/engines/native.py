@@ -527,9 +527,9 @@ class Lanes(Integrator):
             return outputs["torque"], outputs.get("memory", none), outputs.get("state", states)
         outputs = self._evaluated(around.input, runs, inputs)
         states = outputs.pop("state", states)
-        outputs.pop(ROWS, None)
+        rows = outputs.pop(ROWS, None)
         law_input = LawInput(**outputs)._replace(t=t)
-        torque, memory = self.loop.answer_if_due(law_input, states)
+        torque, memory = self.loop.answer_if_due(law_input, states, rows)
         return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:

@@ -512,12 +512,18 @@ class ClosedLoop:
         inputs = self.law_input(t, state, errors)
         return self.after_answer(t, state, *self.answer_if_due(inputs, state))
 
-    def answer_if_due(self, inputs: LawInput, state: Array) -> tuple[Array, dict[str, Array]]:
-        """Return the `answer` at a tick; a law that does not act is not called."""
+    def answer_if_due(
+        self, inputs: LawInput, state: Array, rows: Array | None = None
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the `answer` at a tick; a law that does not act is not called.
+
+        `rows` is the law's `code_rows` where an engine has computed it.
+        """
         acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
         memory = self.memory(state)
         if acts is None or acts.any():  # all runs have the same clocks
-            return self.answer(inputs, memory, self.period)
+            found = None if rows is None else self.law.answer_rows(self.group, rows, memory)
+            return found or self.answer(inputs, memory, self.period)
         return 0.0 * inputs.velocity, memory
 
     @property

@@ -642,17 +642,27 @@ class Network(Controller):
         """Return the command, and the memory a period later."""
         if np.asarray(s.P).dtype == object:
             raise TraceError(f"{self.file} is a network, which is called at instants of control")
-        rows = np.ascontiguousarray(self.code_rows(s.G, LawInput.of(s)), dtype=float)
         lengths, batch = self.memory(s.G), s.P.shape[:-1]
-        states = np.zeros((len(rows), sum(lengths.values())))
-        parts = [np.broadcast_to(s.memory[name], (*batch, n)) for name, n in lengths.items()]
-        if parts:
-            states[:] = np.concatenate(parts, axis=-1).reshape(len(rows), -1)
-        torques = np.empty((len(rows), s.G.dimension))
+        rows = self.code_rows(s.G, LawInput.of(s))
+        memory = {
+            name: np.broadcast_to(s.memory[name], (*batch, n)).reshape(len(rows), -1)
+            for name, n in lengths.items()
+        }
+        torques, later = self.answer_rows(s.G, rows, memory)
+        named = {name: part.reshape(*batch, -1) for name, part in later.items()}
+        return torques.reshape(*batch, -1), named
+
+    def answer_rows(
+        self, G: MatrixLieGroup, rows: Array, memory: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the command for each row of observations, and the memory a period later."""
+        lengths, rows = self.memory(G), np.ascontiguousarray(rows, dtype=float)
+        parts = [np.empty((len(rows), 0)), *(memory[name] for name in lengths)]
+        states = np.ascontiguousarray(np.concatenate(parts, axis=-1))
+        torques = np.empty((len(rows), G.dimension))
         called(function_of(self.source), states, rows, torques)
         later = np.split(states, np.cumsum([*lengths.values()])[:-1], axis=-1)
-        named = {name: part.reshape(*batch, -1) for name, part in zip(lengths, later, strict=False)}
-        return torques.reshape(*batch, -1), named
+        return torques, dict(zip(lengths, later, strict=False))
 
 
 def _one_input(G: MatrixLieGroup) -> LawInput:
