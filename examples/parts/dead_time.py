@@ -52,5 +52,5 @@ class DeadTime(Actuator):
         return x[..., -G.dimension :]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """1 where the command is beyond its limit, else 0: a late answer is not at a limit."""
+        """1 where the command is beyond its limit; a late answer is not."""
         return outside(command, -self.limit, self.limit)

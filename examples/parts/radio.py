@@ -38,7 +38,8 @@ class Radio(Sensor):
     ) -> Array:
         """std · N(0, 1) along each coordinate that it measures."""
         part = self.drawn(random)
-        return self.entries(part.std, G) * random.standard_normal((instants, self.coordinates(G)))
+        normals = random.standard_normal((instants, self.coordinates(G)))
+        return self.entries(part.std, G) * normals
 
     def lost(self, measurements: int, random: np.random.Generator) -> Array:
         """Every fix while the radio has failed."""
@@ -53,4 +54,4 @@ class Radio(Sensor):
         self.check_entries(self.std, G, problems.at("std"), deviations=True)
         for name in ("fails", "recovers"):
             if not 0 <= getattr(self, name) <= 1:
-                problems.at(name).add(f"expected a probability, got {getattr(self, name):g}")
+                problems.at(name).add("expected a probability")

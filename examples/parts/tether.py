@@ -52,7 +52,7 @@ class Tether(Force):
         pull = self.stiffness * maximum(distance - self.length, 0.0) / distance
         force = apply_matrix(transpose(R), -pull * away)
         torque = cross(self.at, force)
-        return stack([*(torque[..., k] for k in range(3)), *(force[..., k] for k in range(3))])
+        return stack([both[..., k] for both in (torque, force) for k in range(3)])
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Another group than SE3, points of another length."""
@@ -60,4 +60,4 @@ class Tether(Force):
             problems.add(f"tether needs group SE3, got {G.name}")
         for name in ("anchor", "at"):
             if len(getattr(self, name)) != 3:
-                problems.at(name).add(f"expected 3 numbers, got {len(getattr(self, name))}")
+                problems.at(name).add("expected 3 numbers")
