@@ -712,12 +712,14 @@ class _Sections:
 
 def _reads_gains(entry: Any) -> bool:
     """Whether an entry of `controllers` needs the section `gains`."""
-    gains = entry.get("gains") if isinstance(entry, dict) else None
-    name = entry.get("kind") if isinstance(entry, dict) else entry
+    options = entry if isinstance(entry, dict) else {"kind": entry}
+    gains, name = options.get("gains"), options.get("kind")
     kind = controllers.get(name) if name in controllers.names() else None
-    return (
-        kind is not None and kind.reads_gains and not (isinstance(gains, dict) and len(gains) > 1)
-    )
+    if kind is None or (isinstance(gains, dict) and len(gains) > 1):
+        return False
+    reads: Any = kind.reads_gains
+    # Code reads those of the law that it claims to be, if it claims any.
+    return _reads_gains(options.get("as")) if isinstance(reads, property) else bool(reads)
 
 
 def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:

@@ -450,6 +450,11 @@ class Code(_Numbers):
 
     # The claims.
 
+    @property
+    def reads_gains(self) -> bool:  # type: ignore[override]  # a constant of all other laws
+        """Whether the law that it claims to be reads gains."""
+        return self.claimed is not None and self.claimed.reads_gains
+
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the law that it claims to be with the options that follow its gains."""
         if self.claimed is None:
@@ -506,7 +511,7 @@ def _of_claimed(name: str) -> property:
 for _name in (
     "energy matched claims_decrease claims feedforward_torque lyapunov velocity_error dissipation "
     "memory_rate memory_gradient gains_group inside commands_attitude attitude_error direction "
-    "cycle undefined reads_gains inside_reads_gains weight"
+    "cycle undefined inside_reads_gains weight"
 ).split():
     setattr(Code, _name, _of_claimed(_name))
 

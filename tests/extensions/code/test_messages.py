@@ -273,3 +273,13 @@ def test_a_header_of_another_folder_is_not_kept(written, config, told, tmp_path_
 def test_of_a_file_of_another_system_nothing_is_known_without_nm(monkeypatch):
     monkeypatch.setattr(user_code.shutil, "which", lambda name: None)
     assert user_code.static_state(b"\xcf\xfa\xed\xfe") is None
+
+
+def test_code_that_claims_no_law_needs_no_gains(written, config):
+    written()
+    alone = config(**{"as": None})
+    alone.pop("gains")
+    eqt_cli.load_experiment(alone)
+    lee = config()
+    lee.pop("gains")
+    assert "gains: missing" in error_of(eqt_cli.load_experiment, lee)
