@@ -3,7 +3,7 @@
     python docs/reference/generate.py            write the pages (make reference)
     python docs/reference/generate.py --check    exit 1 where a page is not current (make docs)
 
-What is written stands between `<!-- generated: NAME [ARGUMENT] -->` and `<!-- end -->`. It is
+What is written stands between `<!-- generated: NAME [ARGUMENTS] -->` and `<!-- end -->`. It is
 committed, so that the pages can be read without a build.
 """
 
@@ -26,7 +26,7 @@ from typing import Any
 import yaml
 
 DOCS = Path(__file__).parents[1]
-PART = re.compile(r"(<!-- generated: (\w+)(?: (\w+))? -->\n).*?(<!-- end -->)", re.S)
+PART = re.compile(r"(<!-- generated: (\w+)((?: \w+)*) -->\n).*?(<!-- end -->)", re.S)
 PARTS: dict[str, Callable[..., Iterable[str]]] = {}
 
 
@@ -41,8 +41,8 @@ def written(page: str) -> str:
     return PART.sub(lambda found: f"{found[1]}{_text(found[2], found[3])}{found[4]}", page)
 
 
-def _text(name: str, argument: str | None) -> str:
-    lines = "\n".join(PARTS[name](*filter(None, [argument])))
+def _text(name: str, arguments: str) -> str:
+    lines = "\n".join(PARTS[name](*arguments.split()))
     return re.sub(r"\n{3,}", "\n\n", f"\n{lines.strip()}\n\n")
 
 
@@ -171,18 +171,56 @@ def configuration() -> Iterator[str]:
     from eqt_cli.config.json_schema import default_of, described, json_schema, value_of
 
     schema = json_schema()
-    required = schema["required"]
-    for key, entry in schema["properties"].items():
-        yield f"## {key}"
+    required, entries = schema["required"], dict(schema["properties"])
+    for section, keys in SECTIONS.items():
+        yield f"## {section}"
         yield ""
-        default = default_of(key, entry, required)
-        words = f"default {default}" if default.startswith("`") else default
-        yield f"{value_of(entry, schema).capitalize()}; {words}."
-        yield ""
-        yield escaped(described(entry, schema))
-        yield ""
-        yield from _members(entry, schema)
-        yield from _kinds(entry, schema)
+        for key in keys.split():
+            entry = entries.pop(key)
+            default = default_of(key, entry, required)
+            words = f"default {default}" if default.startswith("`") else default
+            yield f"### {key}"
+            yield ""
+            yield f"{value_of(entry, schema).capitalize()}; {words}."
+            yield ""
+            yield escaped(described(entry, schema))
+            yield ""
+            yield from _members(entry, schema)
+            if page := COMPONENTS.get(key):
+                title = page.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")
+                yield f"Kinds and their options: [{title}]({page.name})."
+                yield ""
+    if entries:
+        raise KeyError(f"keys without a section: {', '.join(entries)}")
+
+
+SECTIONS = {
+    "System": "name task group inertia rigid gains",
+    "Desired motion": "reference target",
+    "Laws": "controllers model",
+    "Vehicle": "plant actuators control sensors estimator",
+    "Runs": "initial ensemble time solver store",
+    "Sweeps and searches": "sweep tune worst",
+    "Metrics": "settling_threshold early_window closing_window metrics",
+    "Plugins": "plugins",
+}
+"""The keys of a configuration in the order of its page; a new key needs a section."""
+
+COMPONENTS = {
+    key: Path(__file__).with_name(f"{page}.md")
+    for key, page in {
+        "group": "groups",
+        "reference": "references",
+        "controllers": "laws",
+        "plant": "forces",
+        "actuators": "actuators",
+        "sensors": "sensors",
+        "estimator": "estimators",
+        "initial": "starts",
+        "solver": "engines",
+        "sweep": "designs",
+    }.items()
+}
 
 
 TASKS = ("point",)
@@ -198,7 +236,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
             continue
         kind = option["properties"].get("kind", {}).get("const")
         if kind and kind not in TASKS:
-            continue  # a component; these have a page of their own
+            continue  # a component; its kind has a page
         if option is not dereferenced(entry, schema):
             yield escaped(option.get("description", "").partition("\n")[0])
         rows = [
@@ -213,72 +251,184 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
         yield from table(["key", "value", "default", "meaning"], rows)
 
 
-def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
-    """Which components an entry, or each of its items or members, may be."""
-    from eqt_cli.config.json_schema import choices, dereferenced
-
-    inner = [
-        entry,
-        entry.get("items", {}),
-        *dereferenced(entry, schema).get("properties", {}).values(),
-    ]
-    names = [
-        option["properties"]["kind"]["const"]
-        for value in inner
-        for option in choices(value, schema)
-        if option.get("properties", {}).get("kind", {}).get("const", "point") not in TASKS
-    ]
-    if names:
-        listed = ", ".join(map(code, dict.fromkeys(names)))
-        yield f"Kinds: {listed}; their options are among the [components](components.md)."
-        yield ""
-
-
 # Components ---------------------------------------------------------------------------------------
 
 
 @part
-def components(kind: str) -> Iterator[str]:
-    """The components of one kind with their options, or the properties of every group."""
+def components(kind: str, level: str = "2") -> Iterator[str]:
+    """The components of one kind with their options, or the properties of every group.
+
+    Without options of its own, a component takes a line; else a heading of this level.
+    """
     from eqt_cli.base.registry import registry, summary
 
     if kind == "groups":
         yield from _groups()
         return
     rows = {component: _options(component) for component in registry(kind).all()}
-    counts = Counter(tuple(row) for own in rows.values() for row in own)
-    everywhere = [list(row) for row, count in counts.items() if count == len(rows) > 1]
-    shared = [list(row) for row, count in counts.items() if SEVERAL <= count < len(rows)]
-    header = ["option", "value", "default", "meaning"]
+    counts = Counter(row for own in rows.values() for row in own)
+    everywhere = [row for row, count in counts.items() if count == len(rows) > 1]
+    shared = [row for row, count in counts.items() if SEVERAL <= count < len(rows)]
+    plain = not any(set(options) - set(everywhere) for options in rows.values())
     for words, common in (("All", everywhere), ("Several", shared)):
         if common:
             yield f"{words} of them have:"
-            yield from table(header, common)
+            yield ""
+            yield from _listed(common)
     for component, all_options in rows.items():
-        yield f"### {component.name}"
+        if plain:
+            yield f"- **{escaped(component.name)}**: {escaped(summary(component))}"
+            continue
+        yield f"{'#' * int(level)} {component.name}"
         yield ""
         yield escaped(summary(component))
         yield ""
         if also := ", ".join(row[0] for row in all_options if row in shared):
             yield f"Also: {also}."
             yield ""
-        if own := [row for row in all_options if row not in (*everywhere, *shared)]:
-            yield from table(header, own)
+        yield from _listed([row for row in all_options if row not in (*everywhere, *shared)])
 
 
-SEVERAL = 3
+SEVERAL = 2
 """An option of so many components that is the same in all of them is described once."""
 
+Option = tuple[str, str, str, str]
 
-def _options(component: type) -> list[list[str]]:
+
+def _listed(options: list[Option]) -> Iterator[str]:
+    """A line for each option; those that share a description, such as bounds, have one line."""
+    names: dict[Option, list[str]] = {}
+    for name, *rest in options:
+        names.setdefault(("", *rest), []).append(name)
+    for (_, value, default, meaning), several in names.items():
+        yield f"- {_shown(several, value, default, meaning)}: {meaning}"
+    yield ""
+
+
+def _shown(names: list[str], value: str, default: str, meaning: str) -> str:
+    """``slope: 0.5``, or name and value; without a value that default or meaning tell."""
+    value = value.replace("``, ", "")
+    told = all(word in meaning for word in re.findall("`[^`]+`", value) or [value])
+    if default.startswith("`") and default != "`''`":
+        shown = ", ".join(f"{name[:-1]}: {default[1:]}" for name in names)
+        told |= value in ("number", "whole number", "true or false", "mapping")
+        return shown if told else f"{shown}, {value}"
+    required = " (required)" if default == "required" else ""
+    return ", ".join([*names, *([] if told else [value])]) + required
+
+
+VALUES = {
+    "number, mapping or list of numbers or mappings": "numbers",
+    "number, mapping, list of numbers or mappings or list of lists of numbers or mappings": (
+        "matrix"
+    ),
+    "number or mapping": "number",
+    "list of numbers or mappings": "list",
+    "list of numbers, text or mappings": "list of expressions",
+    "`true`, `false`": "true or false",
+}
+"""Words of values, each number of which may be drawn; configuration.md explains them."""
+
+
+def _options(component: type) -> list[Option]:
     """Name, value, default and meaning of each option."""
     from eqt_cli.config.json_schema import keys_of_component
 
     return [
-        [code(each.key), each.value, each.default, escaped(each.meaning)]
+        (
+            code(each.key),
+            VALUES.get(each.value, each.value),
+            re.sub(r"\b([a-z]+)_: ", r"\1: ", each.default),
+            " ".join(escaped(each.meaning).split()),
+        )
         for each in keys_of_component(component)
         if "." not in each.key
     ]
+
+
+@part
+def laws() -> Iterator[str]:
+    """A row for each law, to choose one by."""
+    from eqt_cli.components.groups import group_named, groups
+    from eqt_cli.components.laws import controllers
+
+    kept = json.loads(Path(__file__).with_name("exported_laws.json").read_text(encoding="utf-8"))
+    operations = {each["law"]: str(each["operations"]) for each in kept if each["group"] == "SO3"}
+    known = [group_named(name) for kind in groups.all() for name in kind.examples()]
+    rows = []
+    for kind in controllers.all():
+        words = UNUSUAL.get(kind.name, {})
+        if not kind.tasks and not words:
+            raise KeyError(f"law {kind.name} needs a line in UNUSUAL")
+        law = kind(**words.get("options", {})) if "groups" not in words else None
+        fitting = [G for G in known if law and law.fits(G)]
+        names = [G.name for G in fitting if "*" not in G.name]
+        rows.append(
+            [
+                f"[{code(kind.name)}](#{kind.name})",
+                words.get("groups") or ("all" if len(fitting) == len(known) else ", ".join(names)),
+                words.get("reads") or _read(law, fitting[0]),
+                words.get("gains") or _gains(law),
+                words.get("source") or _authors(kind.bibtex),
+                "L falls" if law and law.claims_decrease else "–",
+                operations.get(kind.title, "–"),
+            ]
+        )
+    header = ["law", "groups", "reads", "gains", "source", "claim", "operations"]
+    yield from table(header, rows)
+
+
+UNUSUAL: dict[str, dict[str, Any]] = {
+    "b_dot": {
+        "groups": "SO3, SE3",
+        "reads": "magnetic field",
+        "gains": "own",
+        "source": "Stickler, Alfriend 1976",
+    },
+    "cascade": {
+        "groups": "SE2, SE3",
+        "reads": "state, flat output",
+        "gains": "own",
+        "source": "Lee, Leok, McClamroch 2010",
+    },
+    "code": {
+        "groups": "all",
+        "reads": "arguments of the code",
+        "gains": "of its law",
+        "source": "your own",
+    },
+    "eqr": {"source": "–"},
+    "lqr": {"source": "–"},
+    "network": {"groups": "all", "reads": "`observes`", "gains": "–", "source": "your own"},
+    "rate": {
+        "options": {"kp": 1.0},
+        "reads": "pose, Q\\_d, V\\_d",
+        "source": "Brescianini, Hehn, D'Andrea 2013",
+    },
+    "replay": {"groups": "all", "reads": "a recording", "gains": "–", "source": "your own"},
+}
+"""Of laws that need options or name no source; a law without tasks has to be described here."""
+
+
+def _read(law: Any, G: Any) -> str:
+    memory = [name for name, length in law.memory(G).items() if length]
+    return ", ".join(["state", "reference" if "track" in law.tasks else "target", *memory])
+
+
+def _gains(law: Any) -> str:
+    if not law.reads_gains:
+        return "own"
+    return "matched" if law.matched else "not matched"
+
+
+def _authors(bibtex: str) -> str:
+    """``Lee, Leok, McClamroch 2010``; the paper where there is no entry."""
+    author = re.search(r"author *= *\{(.*?)\},\n", bibtex, re.S)
+    year = re.search(r"year *= *\{(\d+)", bibtex)
+    if not author or not year:
+        return "the paper"
+    names = [name.partition(",")[0] for name in author[1].split(" and ")]
+    return f"{', '.join(names)} {year[1]}"
 
 
 def _groups() -> Iterator[str]:

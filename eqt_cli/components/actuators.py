@@ -52,10 +52,10 @@ class Actuator(VehiclePart):
     Attributes
     ----------
     period
-        Time between two instants at which it takes its input, s, a whole number of ticks of
-        `control`. If left out, it acts at every tick.
+        Time between samples of its input, s, a whole number of ticks of `control`. Default: every
+        tick.
     offset
-        Time of the first of them, s, a whole number of ticks.
+        Time of the first sample, s, a whole number of ticks.
     """
 
     period: Annotated[Positive | None, Scale("period of the actuator", "s")] = field(
@@ -315,10 +315,10 @@ class Scaled(Actuator):
     Attributes
     ----------
     factor
-        Torque or force by a command of 1; along every axis, or a list of m.
+        Torque or force per unit of command.
     curve
-        Share f of the square in the thrust curve: a command u gives factor · ((1 − f) u + f |u| u).
-        PX4's `THR_MDL_FAC` is such a share.
+        Share f of the square in the thrust curve factor · ((1 − f) u + f |u| u), as PX4's
+        `THR_MDL_FAC`.
     """
 
     name: ClassVar[str] = "scale"
@@ -354,7 +354,7 @@ class Deadband(Actuator):
     Attributes
     ----------
     width
-        Along each axis, or a list of m.
+        Width along each axis.
     """
 
     name: ClassVar[str] = "deadband"
@@ -378,7 +378,7 @@ class Lag(Actuator):
     Attributes
     ----------
     time_constant
-        T, s; along every axis, or a list of m.
+        T, s.
     """
 
     name: ClassVar[str] = "lag"
@@ -430,19 +430,19 @@ class RateLoop(Actuator):
     Attributes
     ----------
     bandwidth
-        b, rad/s, about each axis, or a list of 3: ω follows ω_c with a lag of 1/b.
+        b about each axis, rad/s: ω follows ω_c with a lag of 1/b.
     gains
-        K instead, N m s (per rad), likewise: for a 𝕁 that laws do not know right.
+        Instead: K, N m s (per rad), for a 𝕁 that the laws do not know exactly.
     cutoff
-        f of the filter of the gyro, Hz; PX4's `IMU_GYRO_CUTOFF`. Needs `gains`.
+        f of the gyro filter, Hz; PX4's `IMU_GYRO_CUTOFF`. Needs `gains`.
     ki
-        k_i of the integral z, N m (per rad), about each axis, or a list of 3.
+        k_i of the integral z, N m (per rad).
     kd
-        k_d, N m s² (per rad), likewise.
+        k_d, N m s² (per rad).
     feedforward
-        k_ff, N m s (per rad), likewise.
+        k_ff, N m s (per rad).
     i_limit
-        Largest size of the integral z, N m, likewise; none if left out.
+        Largest |z|, N m. Default: no limit.
     d_cutoff
         f_d of the filter of the D term, Hz; PX4's `IMU_DGYRO_CUTOFF`.
     """
@@ -540,12 +540,12 @@ class Limit(Actuator):
     Attributes
     ----------
     limit
-        The largest value along each axis in both directions, or a list of m.
+        Largest value along each axis, in both directions.
     norm
-        Limit the Euclidean norm instead; the direction is kept. Along different axes, limits then
-        count in proportion. Only with `limit`.
+        Limit the Euclidean norm instead, relative to the limits of the axes; the direction is kept.
+        Only with `limit`.
     low, high
-        Instead of `limit`: the least and the largest value along each axis, or lists of m.
+        Instead of `limit`: smallest and largest value along each axis.
     """
 
     name: ClassVar[str] = "limit"
@@ -623,7 +623,7 @@ class MomentumLimit(Actuator):
     Attributes
     ----------
     momentum
-        The largest integral along each axis, in the unit of the torque times s, or a list of m.
+        Largest integral along each axis, in the unit of torque times s.
     """
 
     name: ClassVar[str] = "momentum_limit"
@@ -669,7 +669,7 @@ class Quantisation(Actuator):
     Attributes
     ----------
     resolution
-        The step along each axis, or a list of m.
+        Step along each axis.
     """
 
     name: ClassVar[str] = "quantisation"
@@ -697,7 +697,7 @@ class RateLimit(Actuator):
     Attributes
     ----------
     rate
-        The largest rate along each axis, per second, or a list of m.
+        Largest rate along each axis, per second.
     """
 
     name: ClassVar[str] = "rate_limit"

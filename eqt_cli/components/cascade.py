@@ -181,12 +181,12 @@ class Cascade(Controller):
     attitude
         The attitude law: a kind of SO3 (SO2 in the plane), or a mapping with `kind` and options.
     position
-        Gains of the position, and its limit.
+        Gains and limit of the position loop.
     rates
-        Rates of R_c: `model` from the law and the model; `filter` from a filter of second order on
-        F; `reference` those of the reference; `heading` ψ̇ about the third axis; `none` 0.
+        Rates of R_c: `model`, from the law and the model; `filter`, from a second-order filter of
+        F; `reference`; `heading`, ψ̇ about the third axis; `none`, 0.
     bandwidth
-        Of the filter, rad/s; both its poles are there.
+        Both poles of the filter, rad/s.
     along
         b in the body, such as [0, 0, -1]. Default: the only direction in which actuators push.
     """
@@ -581,7 +581,7 @@ class Rate(Controller):
     Attributes
     ----------
     kp
-        k_p, 1/s: a number, or one about each axis.
+        k_p, 1/s: one, or one about each axis.
     error
         `full` or `reduced`.
     """

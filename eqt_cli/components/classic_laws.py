@@ -232,9 +232,9 @@ class Sliding(SlidingVariable):
     Attributes
     ----------
     gain
-        The largest force against s, N m (N for translations).
+        Largest force against s, N m (translations: N).
     layer
-        Thickness of the boundary layer, rad/s (m/s for translations).
+        Thickness of the boundary layer, rad/s (translations: m/s).
     """
 
     name: ClassVar[str] = "sliding"
@@ -357,16 +357,15 @@ class Goodarzi2013(Controller):
     Attributes
     ----------
     ki
-        k_I, N m/rad. Where a configuration leaves it out, a tenth of the least stiffness H of Υ:
-        0.2 on SO(3) with K = I.
+        k_I, N m/rad. Default: a tenth of the least stiffness H of Υ, 0.2 on SO(3) with K = I.
     c2
         c₂, 1/s.
     bound
-        b, the bound of the integral in the torque, rad. Default: none.
+        b, bound of the integral in the torque, rad. Default: none.
     anti_windup
-        Where limits of the actuators, as the law is told them, cut the torque: `clamp` stops the
-        integral along each axis where it would go further beyond the limit, and
-        `{back_calculation: 1 s}` takes it back, with this time constant. Default: `none`.
+        At actuator limits that the law knows: `clamp` stops the integral along each axis where it
+        would grow further beyond the limit, `{back_calculation: 1 s}` reduces it with this time
+        constant, `none` does nothing.
     """
 
     name: ClassVar[str] = "goodarzi2013"
@@ -479,7 +478,7 @@ class Stabilising(_Compensation):
     Attributes
     ----------
     feedforward
-        Whether the term Ṡ*S⁻* P, which compensates the change of the inertia, is applied.
+        Whether to add Ṡ*S⁻* P, which compensates the change of the inertia.
     """
 
     name: ClassVar[str] = "stabilising"

@@ -210,8 +210,8 @@ class Estimator(VehiclePart):
     Attributes
     ----------
     initial_error
-        log(Q̂⁻¹Q) at the start, in the coordinates of the algebra: a number or a list, or
-        distributions. Q̂ then starts with this error, and the first fix corrects it.
+        log(Q̂⁻¹Q) at the start, or its distribution. Q̂ then starts with this error, and the first
+        fix corrects it.
     """
 
     departs: ClassVar[str] = "estimated state"
@@ -496,9 +496,9 @@ class Complementary(Estimator):
     Attributes
     ----------
     kp
-        k_P, 1/s; one number, or one for each coordinate.
+        k_P, 1/s.
     ki
-        k_I, 1/s²; likewise.
+        k_I, 1/s².
     """
 
     name: ClassVar[str] = "complementary"
@@ -574,20 +574,19 @@ class ErrorStateFilter(Estimator):
     Attributes
     ----------
     pose_std
-        Standard deviation of a fix, in the coordinates of the algebra; one number, or a list.
-        Default: the deviation of the noise of `sensors.pose`.
+        Standard deviation of a fix, in the coordinates of the algebra. Default: that of the noise
+        of `sensors.pose`.
     velocity_std
-        Standard deviation of one measurement of the velocity. Default: the deviation of the noise
-        of `sensors.velocity`.
+        Standard deviation of a velocity measurement. Default: that of the noise of
+        `sensors.velocity`.
     bias_walk
         Standard deviation of the drift of the bias after one second. Default: the `walk` of the
         bias of `sensors.velocity`.
     initial_pose_std
-        Standard deviation of log(Q̂⁻¹Q) at the start; each run then draws its Q̂ with it. Default:
-        Q̂ starts at the first fix, with the deviation of a fix.
+        Standard deviation of log(Q̂⁻¹Q) at the start, with which each run draws Q̂. Default: Q̂
+        starts at the first fix, with its deviation.
     initial_bias_std
-        Standard deviation of the bias at the start. Default: the root mean square of the `value` of
-        the bias.
+        Standard deviation of the bias at the start. Default: the rms of the `value` of the bias.
     """
 
     vectors: ClassVar[tuple[str, ...]] = (*DEVIATIONS, "initial_error")

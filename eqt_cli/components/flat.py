@@ -81,18 +81,17 @@ class FlatReference(ClosedReference):
         p_d in space, m: an expression in t for each axis.
     minimum_snap
         Instead: two or more positions in the order of time, `{t: 0, position: [0, 0, 1]}` each. The
-        motion through them has the least ∫|d⁴p/dt⁴|² dt, at rest before the first and after the
-        last: polynomials of degree 7, whose first six derivatives have no jumps in between.
+        motion through them minimises ∫|d⁴p/dt⁴|² dt and is at rest at both ends: polynomials of
+        degree 7 with six continuous derivatives.
     of
-        Instead, the positions of a reference: of a `path`, or, through the poses of `waypoints` or
-        of a `log`, a motion of minimum snap; through those of a file with its velocities at the
-        ends.
+        Instead: the positions of a `path`, or a motion of minimum snap through the poses of
+        `waypoints` or of a `log`; poses of a file come with the velocities at the ends.
     heading
         ψ in space, rad: an expression in t (default 0); `velocity`: horizontally along ṗ_d; `free`:
-        no law is to follow it, and Q_d has ψ = 0. SE3 only.
+        no law follows it, and Q_d has ψ = 0. SE3 only.
     along
-        The axis of the body along which it is pushed. Default: that of the law, or the only
-        direction in which the actuators push.
+        The body axis along which it is pushed. Default: the axis of the law, or the only direction
+        in which the actuators push.
     """
 
     name: ClassVar[str] = "flat"

@@ -163,14 +163,14 @@ class Drag(Force):
     Attributes
     ----------
     linear
-        D₁: a number, a list (the diagonal) or a matrix.
+        D₁.
     quadratic
-        D₂, likewise.
+        D₂.
     current
-        c, the velocity of the medium in the spatial frame, m/s: numbers or expressions in t, one
-        for each axis of the translation of the group; at rest if left out.
+        c, the velocity of the medium in the spatial frame, m/s: a number or an expression in t for
+        each translation. Default: 0.
     drag_only
-        true: the current moves no added and no displaced mass, as the wind on a boat.
+        Whether the current moves no added or displaced mass, as wind on a boat.
     """
 
     name: ClassVar[str] = "drag"
@@ -363,9 +363,9 @@ class GravityGradient(Force):
     Attributes
     ----------
     rate
-        n, the rate of the orbit, rad/s.
+        n, rate of the orbit, rad/s.
     inertia
-        𝕁 about the centre of mass, kg m²: a list (its diagonal) or three rows.
+        𝕁 about the centre of mass, kg m².
     """
 
     name: ClassVar[str] = "gravity_gradient"
@@ -434,9 +434,9 @@ class Gust(Force):
     Attributes
     ----------
     std
-        σ of every coordinate, or a list of m.
+        σ of the coordinates.
     time_constant
-        T, s: after this time the correlation has come down to 1/e.
+        T, s, after which the correlation is 1/e.
     """
 
     name: ClassVar[str] = "gust"
@@ -518,8 +518,8 @@ class Restoring(Force):
     centre_of_mass, centre_of_buoyancy
         r_G and r_B in the body frame, m.
     up
-        The direction upwards in the spatial frame; its length does not matter. Default: the last
-        axis, [0, 0, 1] on SE3 and [0, 1] on SE2.
+        The direction upwards in the spatial frame, of any length. Default: the last axis, [0, 0, 1]
+        on SE3 and [0, 1] on SE2.
     """
 
     name: ClassVar[str] = "restoring"

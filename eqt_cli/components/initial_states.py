@@ -258,7 +258,8 @@ class AnglePose(RotationDistribution):
     Attributes
     ----------
     angle
-        The angle, from 0 to 180 deg, in rad or such as 170 deg; uniform between the two of a list.
+        From 0 to 180 deg, in rad or such as 170 deg; a list of two gives the bounds of a uniform
+        angle.
     axis
         `random`, uniform over all directions, or a vector in the frame of the desired pose; in the
         plane [1] or [-1].
@@ -299,8 +300,7 @@ class Euler(RotationDistribution):
     Attributes
     ----------
     sequence
-        Axes as in SciPy: upper case rotates about the moving axes (intrinsic), lower case about
-        the fixed ones.
+        Axes as in SciPy: upper case for moving (intrinsic), lower case for fixed axes.
     low, high
         Bounds of each angle, rad, or such as 90 deg.
     """
@@ -344,9 +344,9 @@ class ExpNormal(NormalCoordinates, PoseDistribution):
     Attributes
     ----------
     std
-        Standard deviation of every coordinate, or a list of m; angles also such as 5 deg.
+        Standard deviation of the coordinates; angles also such as 5 deg.
     centre
-        m algebra coordinates of the central pose. Default: the identity.
+        Coordinates of the central pose. Default: the identity.
     """
 
     name: ClassVar[str] = "exp_normal"
@@ -372,7 +372,7 @@ class FixedPose(Coordinates, PoseDistribution):
     Attributes
     ----------
     coordinates
-        m algebra coordinates; on SO3 a rotation vector, rad, or such as 30 deg.
+        Coordinates of the algebra; on SO3 a rotation vector, rad, or such as 30 deg.
     """
 
     name: ClassVar[str] = "fixed"
@@ -419,7 +419,7 @@ class FixedVelocity(Coordinates, VelocityDistribution):
     Attributes
     ----------
     coordinates
-        m velocity coordinates.
+        m coordinates.
     """
 
     name: ClassVar[str] = "fixed"
@@ -434,7 +434,7 @@ class Normal(NormalCoordinates, VelocityDistribution):
     Attributes
     ----------
     std
-        Standard deviation of every coordinate, or a list of m.
+        Standard deviation of the coordinates.
     """
 
     name: ClassVar[str] = "normal"
@@ -470,7 +470,7 @@ class SpeedVelocity(VelocityDistribution):
     Attributes
     ----------
     speed
-        The angular speed, rad/s; uniform between the two of a list.
+        Angular speed, rad/s; a list of two gives the bounds of a uniform speed.
     axis
         `random`, uniform over all directions, or a vector in the body frame; in the plane [1] or
         [-1].

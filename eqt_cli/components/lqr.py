@@ -171,7 +171,8 @@ class Lqr(Controller):
     pieces
         Number of pieces of the horizon, from knot to knot.
     periodic
-        Whether the motion begins again after the horizon; Q_d, V_d and τ_d must be there again.
+        Whether the motion repeats after the horizon; Q_d, V_d and τ_d must then be equal at both
+        ends.
     """
 
     name: ClassVar[str] = "lqr"

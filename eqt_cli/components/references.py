@@ -338,7 +338,7 @@ class ConstantReference(PiecewiseReference):
     pose
         Q_0 = Q_d(0).
     velocity
-        V_d, body frame: a number for all coordinates, or m numbers.
+        V_d, body frame.
     """
 
     name: ClassVar[str] = "constant"
@@ -453,8 +453,8 @@ class PathReference(ClosedReference):
     Attributes
     ----------
     factors
-        The axes ξ_k, each constant in the frame moved by the factors before it, and the
-        displacements a_k(t) along them.
+        Axes ξ_k, each constant in the frame moved by the factors before it, and displacements
+        a_k(t) along them.
     pose
         Q_0.
     """
@@ -551,8 +551,7 @@ class SlewReference(PiecewiseReference):
     start
         Start time, s.
     profile
-        a(t): ``quintic``, 10s³ − 15s⁴ + 6s⁵, which minimises the jerk; velocity and
-        acceleration are 0 at both ends.
+        a(t): ``quintic``, 10s³ − 15s⁴ + 6s⁵, which minimises the jerk; at rest at both ends.
     """
 
     name: ClassVar[str] = "slew"

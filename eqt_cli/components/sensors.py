@@ -31,18 +31,17 @@ class Sensor(vehicle_parts.VehiclePart):
     Attributes
     ----------
     of
-        The part of the pose or velocity that is measured, as the group calls it; all of them if
-        left out.
+        Part of the pose or velocity that is measured, by its name in the group. Default: all.
     period
         Time between measurements, s, a whole number of ticks of `control`; the law reads the last
-        one. If left out, there is one at each instant of the law.
+        one. Default: one at each instant of the law.
     offset
-        Time of the first measurement after that of t = 0, s, a whole number of ticks.
+        Time of the first measurement after t = 0, s, a whole number of ticks.
     delay
-        Number of control periods after which a measurement arrives, or a time such as 50 ms. The
-        first one, at t = 0, is there from the start.
+        Delay of a measurement, in control periods or as a time such as 50 ms. The first one, at t =
+        0, arrives at once.
     dropout
-        The probability that a measurement never arrives; the first one always does.
+        Probability that a measurement never arrives; the first one always does.
     """
 
     of: str | None = field(default=None, kw_only=True)
@@ -143,7 +142,7 @@ class Bias(Sensor):
     Attributes
     ----------
     value
-        The offset at t = 0; one number for every coordinate, or a list.
+        Offset at t = 0.
     walk
         Standard deviation of the drift after one second; it grows with √t.
     """
@@ -185,7 +184,7 @@ class SensorLag(Sensor):
     Attributes
     ----------
     time_constant
-        T, s; one number for every coordinate, or a list.
+        T, s.
     """
 
     name: ClassVar[str] = "lag"
@@ -230,10 +229,10 @@ class Noise(Sensor):
     Attributes
     ----------
     std
-        Standard deviation of one measurement, whatever the period; one number, or a list.
+        Standard deviation of one measurement, at any period.
     density
-        Instead: the deviation of one measurement times √period, so that a mean over a second has
-        the same deviation at any period.
+        Instead: the standard deviation times √period, so that a mean over a second has the same
+        deviation at any period.
     """
 
     name: ClassVar[str] = "noise"

@@ -186,48 +186,48 @@ class Thrusters(Actuator):
     Attributes
     ----------
     matrix
-        B, m rows of k numbers: what each N of thrust gives along each axis.
+        B, m × k: torque or force along each axis per newton of each thruster.
     thrusters
         Instead of `matrix`, on SE2 and SE3: place and direction of each thruster in the body frame,
         `{at: [x, y, z], along: [x, y, z], turns: 0, name: left}`.
     low, high
-        The least and the largest thrust of each, N, or lists of k; none if left out.
+        Smallest and largest thrust, N. Default: no limit.
     time_constant
-        T of a lag of first order, s, of each, or a list of k; none if left out.
+        T of a first-order lag, s. Default: no lag.
     thrust_constant
-        k_η of rotors, the thrust over the square of the speed, N s²/rad², of each, or a list of k.
+        k_η of rotors, thrust over speed squared, N s²/rad².
     moment_constant
-        k_m of rotors, the torque over the square of the speed, N m s²/rad², likewise.
+        k_m of rotors, torque over speed squared, N m s²/rad².
     low_speed, high_speed
-        The least and the largest speed of rotors, rad/s, instead of `low` and `high`.
+        Instead of `low` and `high`: smallest and largest rotor speed, rad/s.
     rotor_inertia
-        J_r of rotors that lag, about `along`, kg m², likewise: they have the momentum
-        h = Σ ∓J_r η a, against the torque of `turns`, and the body the torque h × ω − ḣ; SE3 only.
+        J_r of lagging rotors about `along`, kg m²; SE3 only. Their momentum h = Σ ∓J_r η a,
+        opposite to the torque of `turns`, exerts the torque h × ω − ḣ on the body.
     fails
-        `{rotor: 2, at: 3 s, to: 0}`: from then on, of the thrust that is asked of a thruster, this
-        share is left. One that lags goes there by its lag.
+        `{rotor: 2, at: 3 s, to: 0}`: from then on, a thruster gives this share of its commanded
+        thrust, after its lag if it has one.
     sag
-        What is left to all thrusters as the battery empties, by an expression in t, likewise.
+        The share of the commanded thrust that all thrusters give as the battery empties, an
+        expression in t.
     told
-        Whether the allocation knows `fails` and `sag`: it is then B⁺ of the columns that are left.
+        Whether the allocation knows `fails` and `sag`; it then uses B⁺ of the remaining columns.
     jets
-        `{minimum: 20 ms, every: 0.1 s}`: thrusters that are on or off, by pulses.
+        `{minimum: 20 ms, every: 0.1 s}`: on-off thrusters, driven by pulses.
     isp
-        Specific impulse, s, of each, or a list of k: results then have the propellant that is
-        burnt, ∫Σ|f|/(g₀ isp) dt with g₀ = 9.80665 m/s².
+        Specific impulse, s. Results then contain the propellant burnt, ∫Σ|f|/(g₀ isp) dt with g₀ =
+        9.80665 m/s².
     weights
-        The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
+        The allocation minimises the sum of weight · thrust².
     allocation
-        `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits, which changes the
-        torque in every direction. `bounded`: thrusts within the limits whose torque is nearest to
-        the command, by least squares over its m numbers as they are: N m and N count alike, so
-        that a light body loses its torque. `{kind: priority, order: [[torque x, torque y], force,
-        torque z]}`: each group of directions is met as far as those before it allow; a group of
-        several keeps its direction, and all its numbers have the largest common factor up to 1.
+        `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits, which changes the torque
+        in every direction. `bounded`: thrusts within the limits whose torque is nearest to the
+        command in least squares; N m and N count alike, so a light body loses torque. `{kind:
+        priority, order: [[torque x, torque y], force, torque z]}`: meets each group of directions
+        as far as the groups before it allow, and scales a group of several by one factor up to 1.
         The last two act at control instants.
     least
-        Least singular value, relative to the largest, of B with each row divided by its norm. Below
-        it, a direction is not commanded, because small torques there would take large thrusts.
+        Smallest singular value of B, with each row divided by its norm, relative to the largest.
+        Weaker directions are not commanded, because small torques there need large thrusts.
     """
 
     name: ClassVar[str] = "thrusters"

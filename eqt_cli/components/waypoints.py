@@ -292,13 +292,13 @@ class WaypointsReference(InFile, PiecewiseReference):
     Attributes
     ----------
     points
-        Two or more waypoints in the order of time, `{t: …, pose: …}` each.
+        Two or more waypoints `{t: …, pose: …}` in the order of time.
     file
-        A file that holds the waypoints instead of `points`, relative to the configuration.
+        Instead of `points`: a file with the waypoints, relative to the configuration.
     smoothing
-        The distance of the motion from the waypoints, as the root mean square for each part of the
-        group: ``{rotation: 2 deg, translation: 0.02}``; ``auto`` finds it by cross-validation.
-        Without it, the motion goes through all waypoints.
+        The rms distance of the motion from the waypoints for each part of the group, ``{rotation: 2
+        deg, translation: 0.02}``, or ``auto`` to find it by cross-validation. Default: the motion
+        goes through all waypoints.
     """
 
     name: ClassVar[str] = "waypoints"

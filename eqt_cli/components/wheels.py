@@ -127,37 +127,36 @@ class Wheels(Actuator):
     Attributes
     ----------
     axes
-        The axis of each wheel in the body frame; the length does not matter.
+        Axis of each wheel in the body frame, of any length.
     pyramid
-        Instead of `axes`: the angle of four axes from z; from above, at 45°, 135°, 225° and 315°
-        from x.
+        Instead of `axes`: the angle of four axes from z; seen from above, at 45°, 135°, 225° and
+        315° from x.
     limit
-        The largest torque of each, N m, or a list of k.
+        Largest torque, N m.
     momentum
-        The largest momentum of each, N m s, or a list of k.
+        Largest momentum, N m s.
     inertia
-        J_w of each about its axis, kg m²; gives speeds h_i/J_w − a_iᵀω relative to the body.
+        J_w about the axis, kg m²; gives speeds h_i/J_w − a_iᵀω relative to the body.
     speed
         Instead of `momentum`: the largest |h_i|/J_w, rad/s.
     start
-        Momentum of each at t = 0, N m s; 0 if left out.
+        Momentum at t = 0, N m s. Default: 0.
     friction
-        `{viscous: …, coulomb: …, static: …, breakaway: …}` of each wheel; needs `inertia`.
+        `{viscous: …, coulomb: …, static: …, breakaway: …}`; needs `inertia`.
     command
-        `torque`, or `speed` for wheels with drives that follow a speed; needs `inertia`, `gain`.
+        `torque`, or `speed` for drives that track a speed; needs `inertia`, `gain`.
     gain
-        g of the drives, N m s (per rad), of each, or a list of k: a speed is followed with a lag
-        of J_w/g.
+        g of the drives, N m s (per rad): a speed is tracked with a lag of J_w/g.
     ki
-        k_i of the drives, N m (per rad), likewise; none if left out.
+        k_i of the drives, N m (per rad). Default: none.
     allocation
-        `pseudo_inverse`: the torques of least sum of squares. `min_max`: those of which the largest
+        `pseudo_inverse`: the torques with the least sum of squares. `min_max`: those whose largest
         is least.
     least
-        With `pseudo_inverse`, as of `thrusters`: the weakest direction that is commanded.
+        With `pseudo_inverse`, as `least` of `thrusters`.
     bias
-        `{momentum: […], time_constant: …}`: momenta to which wheels are brought, without an effect
-        on the body, to keep them away from speed 0.
+        `{momentum: […], time_constant: …}`: momenta to which wheels are driven, without torque on
+        the body, to keep them away from speed 0.
     """
 
     name: ClassVar[str] = "wheels"
@@ -559,11 +558,11 @@ class Magnetorquers(Actuator):
     flux
         Instead: B_s as three expressions in t, T.
     limit
-        Largest dipole along each body axis, A m², or a list of 3.
+        Largest dipole along each body axis, A m².
     takes
-        What it is asked for: a torque, or a dipole, as by the law `b_dot`.
+        The command: `torque`, or `dipole` as from the law `b_dot`.
     dump
-        k, 1/s.
+        k of dumping the momentum of `wheels`, 1/s.
     """
 
     name: ClassVar[str] = "magnetorquers"

@@ -684,12 +684,12 @@ class Native(Engine):
     Attributes
     ----------
     rtol, atol
-        Relative and absolute accuracy that the results are judged by; a step keeps its error below
-        a thirtieth of it.
+        Relative and absolute accuracy of the results; a step keeps its error below a thirtieth of
+        it.
     max_steps
-        Most steps that a run may take.
+        Most steps of a run.
     device
-        Where runs are integrated: ``cpu``, ``opencl`` or ``opencl:NUMBER``. It changes no bit.
+        ``cpu``, ``opencl`` or ``opencl:NUMBER``. All give the same bits.
     """
 
     name: ClassVar[str] = "native"

@@ -467,14 +467,14 @@ class SolveIvp(Engine):
     Attributes
     ----------
     method
-        SciPy's name of the integration method.
+        SciPy's integration method.
     rtol, atol
         Relative and absolute tolerance of a single run.
     block
         Runs per call of `solve_ivp`. Default: 200 for explicit methods, 1 for implicit ones, whose
         Jacobians grow with the block.
     max_steps
-        Most evaluations of the vector field that a block may take.
+        Most evaluations of the vector field for a block.
     """
 
     name: ClassVar[str] = "solve_ivp"

@@ -164,7 +164,7 @@ class Distributions(OfMetrics):
     kind
         ``box``, or ``ecdf`` for the fraction of runs up to a value.
     log
-        Logarithmic scales; by default, of the metrics that span more than a decade.
+        Logarithmic scales. Default: for metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "distributions"

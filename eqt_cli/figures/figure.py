@@ -418,11 +418,11 @@ class Figure(Component, Generic[S]):
     name
         Name after ``--figure`` and of the files.
     controllers
-        Labels of the controllers to show; all if empty.
+        Labels of the laws to show. Default: all.
     focus
-        Controllers in colour, with the others in grey; the first six laws if empty.
+        Laws in colour; the others are grey. Default: the first six.
     colours
-        Colours by controller, as Matplotlib names them; those of the style for the others.
+        Colours by law, as Matplotlib names them.
     """
 
     needs_runs: ClassVar[bool] = True
@@ -528,7 +528,7 @@ class Timed(Figure[S]):
     Attributes
     ----------
     start, end
-        Range of time that is drawn, s; all by default.
+        Time range, s. Default: all.
     """
 
     start: float | None = None
@@ -547,7 +547,7 @@ class Panelled:
     Attributes
     ----------
     panels
-        Panels to draw, by name; all if empty.
+        Names of the panels. Default: all.
     """
 
     name: ClassVar[str]
@@ -587,7 +587,7 @@ class OfMetrics(Figure[ShownMetrics]):
     Attributes
     ----------
     metrics
-        Metrics to show, by names in the result; a selection of those it holds if empty.
+        Names of metrics in the result. Default: a selection.
     """
 
     metrics: Sequence[str] = ()
@@ -613,8 +613,8 @@ class OfOneMetric(OfSweep):
     Attributes
     ----------
     metric
-        Metric to show, by its name in the result; by default the error by which laws are compared:
-        the rms of ‖p − p_d‖, the mean angle of the attitude, or the mean pose error.
+        Name of a metric in the result. Default: the error that laws are compared by, the rms of ‖p
+        − p_d‖, the mean attitude angle, or the mean pose error.
     """
 
     metric: str = ""
@@ -631,7 +631,7 @@ class OfDifferences(OfOneMetric):
     Attributes
     ----------
     confidence
-        Confidence of each interval on its own; of a map, 1 minus the probability of any false win.
+        Confidence of each interval; of a map, 1 minus the probability of any false win.
     """
 
     confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95

@@ -96,17 +96,17 @@ class PathFigure(OverTime):
     Attributes
     ----------
     view
-        ``xy``, ``xz`` or ``yz``; ``planes``, x–y and x–z; ``space``, obliquely from above, with the
-        shadow of the reference; or ``sphere``, where a body axis points, pale on the far side. By
-        default the plane in which all paths lie, else ``planes``; without positions ``sphere``.
+        ``xy``, ``xz`` or ``yz``; ``planes``: x–y and x–z; ``space``: obliquely from above, with the
+        shadow of the reference; ``sphere``: where a body axis points, pale on the far side.
+        Default: the plane of all paths, else ``planes``; without positions ``sphere``.
     axis
-        Body axis of ``sphere``; by default that of `task: point`, else ``z``.
+        Body axis of ``sphere``. Default: the axis of `task: point`, else ``z``.
     error
-        On the sphere, where the attitude error R_E = R R_dᵀ takes the axis; no error leaves it.
+        On the sphere, where the attitude error R_E = R R_dᵀ takes the axis.
     runs
-        Most runs of each law, from the first; by default one of several laws, ten of a single one.
+        Most runs of each law. Default: one of several laws, ten of a single law.
     bodies
-        Number of bodies along the first path of each law, at equal intervals of time.
+        Number of bodies along the first path of each law, at equal time intervals.
     """
 
     name: ClassVar[str] = "path"

@@ -54,12 +54,12 @@ class RunsFigure(OverTime):
     Attributes
     ----------
     signal
-        Signal that is drawn over time; by default the pose error, on SE(n) the angle of the
-        attitude error and the distance ‖p − p_d‖.
+        Default: the pose error; on SE(n), the angle of the attitude error and the distance ‖p −
+        p_d‖.
     log
-        A logarithmic scale; by default, for errors and L where they span more than a decade.
+        Logarithmic scale. Default: for errors and L that span more than a decade.
     degrees
-        The attitude error as the angle of the rotation, in degrees; of signal ``pose_error``.
+        With `pose_error`: the angle of the attitude error, in degrees.
     """
 
     name: ClassVar[str] = "runs"

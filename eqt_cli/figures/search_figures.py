@@ -108,7 +108,7 @@ class Fronts(Figure[ShownFronts]):
     Attributes
     ----------
     log
-        Logarithmic scales where all numbers are positive, which is the default.
+        Logarithmic scales, where all numbers are positive.
     """
 
     name: ClassVar[str] = "fronts"
@@ -283,8 +283,8 @@ class WorstFigure(Figure[ShownWorst]):
     Attributes
     ----------
     log
-        A logarithmic scale, where all numbers are positive; by default, where they span more than
-        a decade.
+        Logarithmic scale, where all numbers are positive. Default: where they span more than a
+        decade.
     """
 
     name: ClassVar[str] = "worst"

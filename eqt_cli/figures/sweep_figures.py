@@ -80,7 +80,7 @@ class SweepFigure(OfOneMetric):
     Attributes
     ----------
     log
-        A logarithmic scale of the metric; by default, where it spans more than a decade.
+        Logarithmic scale of the metric. Default: where it spans more than a decade.
     """
 
     name: ClassVar[str] = "sweep"
@@ -362,10 +362,10 @@ class Settled(OfSweep):
     Attributes
     ----------
     by
-        Time by which a run must have settled for good, s; its end if 0.
+        Time by which a run must have settled for good, s. 0: its end.
     certified
-        Angle, deg, from which each law is proved to return at the first point, if it can be; this
-        is printed below, and takes some 15 s a law. None is proved if 0.
+        Angle, deg, for which to print whether each law provably returns from it at the first point;
+        takes some 15 s a law. 0: none.
     """
 
     name: ClassVar[str] = "settled"
@@ -459,11 +459,10 @@ class Pareto(OfSweep):
     Attributes
     ----------
     cost, error
-        The metrics across and up, by their names in the result; by default the effort, of
-        the first part where parts have units of their own, and the error by which laws are
-        compared.
+        Names of the metrics across and up. Default: the effort (of the first part where parts
+        differ in units) and the error that laws are compared by.
     log
-        Logarithmic scales; by default, of the metrics that span more than a decade.
+        Logarithmic scales. Default: for metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "pareto"
@@ -513,7 +512,7 @@ class Rates(Figure[ShownControllers]):
     Attributes
     ----------
     velocity
-        Largest v; by default the largest |V_d,i| of the reference.
+        Largest v. 0: the largest |V_d,i| of the reference.
     bounds
         Number of values of v, from 0.
     """

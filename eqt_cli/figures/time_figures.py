@@ -77,13 +77,13 @@ class Paper(Panelled, OverTime):
     like
         ``print``: as in the paper, means on linear scales, within a frame.
     log
-        Logarithmic scales, or linear ones.
+        Logarithmic or linear scales.
     log_torque
-        A logarithmic scale for the torque; with `log`, by default if the torque spans a decade.
+        Logarithmic scale of the torque. Default, with `log`: if it spans a decade.
     bands
-        ``quartiles``, the default, are around medians; ``none`` draws means.
+        ``quartiles`` (default) around medians; ``none`` draws means.
     degrees
-        The attitude error as the angle of the rotation, in degrees; its rate in deg/s.
+        Attitude error as an angle in degrees, its rate in deg/s.
     """
 
     name: ClassVar[str] = "paper"
@@ -199,11 +199,10 @@ class Torque(Panelled, OverTime):
     Attributes
     ----------
     share
-        ``feedback``; ``feedforward``, what the law gives without its gains; or ``total``. The parts
-        are known in an ideal loop, of laws that say what their feedforward is: there, the default
-        is ``feedback``, and else ``total``.
+        ``feedback``; ``feedforward``, the part without gains; or ``total``. Default: ``feedback``
+        where the parts are known (ideal loop, law with a known feedforward), else ``total``.
     log
-        The size of each component on a logarithmic scale.
+        Absolute values on a logarithmic scale.
     bands
         ``quartiles`` shades the middle half of the runs around the median; ``none`` draws means.
     """
@@ -342,7 +341,7 @@ _MOST_NAME = 10
 
 @dataclass(frozen=True)
 class Commands(Panelled, OverTime):
-    """What a law asks for and what its actuators give in one run; the time at a limit is shaded.
+    """Commands of a law and outputs of its actuators in one run; shaded: at a limit.
 
     A row per axis and a column per law, with the limits of each axis. Limits of other kinds,
     such as of the norm, shade all axes.
@@ -352,11 +351,11 @@ class Commands(Panelled, OverTime):
     run
         Number of the run.
     thrusters
-        Show the thrust of each thruster instead, a row each.
+        Show thrusts instead, one row each.
     wheels
-        Show the momentum of each wheel instead, a row each.
+        Show wheel momenta instead, one row each.
     law_outputs
-        Show the memory and the other numbers of each law instead, a row each.
+        Show the memory and other outputs of each law instead, one row each.
     """
 
     name: ClassVar[str] = "commands"
@@ -597,7 +596,7 @@ class ReferenceOverTime(Panelled, OfReference):
     Attributes
     ----------
     degrees
-        Angles and rates of rotations in degrees.
+        Angles and rates in degrees.
     """
 
     name: ClassVar[str] = "reference"

@@ -250,8 +250,7 @@ def test_every_key_has_a_meaning_and_all_engines_theirs(eqt):
     assert [key for key, each in found.items() if not each["meaning"]] == []
     assert found["solver.block"]["meaning"].startswith("solve_ivp: Runs per call of solve_ivp. ")
     assert found["solver.max_steps"]["meaning"] == (
-        "native: Most steps that a run may take. "
-        "solve_ivp: Most evaluations of the vector field that a block may take."
+        "native: Most steps of a run. solve_ivp: Most evaluations of the vector field for a block."
     )
 
 

@@ -221,7 +221,7 @@ class _Numbers(Controller):
 
 @dataclass(frozen=True)
 class Code(_Numbers):
-    """A function of your own in C, C++ or Python, called at control instants, or by solve_ivp.
+    """Your own function in C, C++ or Python, called at control instants, or by solve_ivp.
 
     The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
     ``X_torque`` as `eqt export` writes them. If it defines ``X_start``, eqt calls that at the start
@@ -239,19 +239,19 @@ class Code(_Numbers):
     Attributes
     ----------
     file
-        The file, relative to the configuration; files that it includes in quotes belong to it.
+        The file, relative to the configuration, with the files that it includes in quotes.
     function
-        Its function, ``X_torque``. Default: the name of the file gives X. In Python, ``compute`` or
+        Its function, ``X_torque`` (default: X is the name of the file); in Python, ``compute`` or
         ``Law(2.0).compute``.
     adapter
-        How the code writes what it reads and returns: `inputs`, `output` and, in Python, `call`.
-        Each input has `signal`, `as`, `frame`, `unit`, `scale` and `sign`.
+        The code's conventions: `inputs` (each with `signal`, `as`, `frame`, `unit`, `scale`,
+        `sign`), `output` and, in Python, `call`.
     as_
-        The law that it claims to implement: a kind, or a mapping with `kind` and options.
+        The law that it should implement: a kind, or a mapping with `kind` and options.
     numbers
         Values of fields of ``X_numbers``: a number, or a list.
     memory_
-        The fields of ``X_memory``, all of them.
+        All fields of ``X_memory``.
     real
         The type of its numbers.
     """

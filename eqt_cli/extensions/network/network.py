@@ -435,7 +435,7 @@ def called(function: Any, states: Array, rows: Array, found: Array) -> None:
 
 @dataclass(frozen=True)
 class Network(Controller):
-    """A neural network that somebody has trained, with its weights; it asks for no gains.
+    """A trained neural network with its weights; it reads no gains.
 
     The file is ONNX (`pip install onnx`, extra network) or a checkpoint of RLtools (`.h5`). It is
     data: nothing in it runs. A layer of gated recurrent units is the memory of the law.
@@ -445,9 +445,9 @@ class Network(Controller):
     file
         The file, relative to the configuration.
     observes
-        What the network is given, in its order: signals, each with a frame, a scale and a clip.
+        Inputs of the network in their order: signals, each with a frame, a scale and a clip.
     commands_
-        What its outputs mean: rotors, wrench or rates.
+        Meaning of its outputs: rotors, wrench or rates.
     """
 
     name: ClassVar[str] = "network"

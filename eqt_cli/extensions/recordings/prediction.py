@@ -35,7 +35,7 @@ Hold: TypeAlias = Literal["zero", "linear"]
 
 @dataclass(frozen=True)
 class Replay(RecordingInFile, Controller):
-    """The wrench of a recording, applied again in open loop, without any claim.
+    """The wrench of a recording, replayed in open loop; nothing is claimed.
 
     With the reference `log` of the same file, the errors of a run are those of the prediction. The
     wrench passes through the actuators of the configuration, if there are any. A run over a gap of
@@ -44,8 +44,8 @@ class Replay(RecordingInFile, Controller):
     Attributes
     ----------
     hold
-        The wrench between two rows: ``zero`` holds it until the next row, as an autopilot holds its
-        command; ``linear`` interpolates, for a wrench that was measured.
+        Between two rows: ``zero`` holds the wrench, as an autopilot holds its command; ``linear``
+        interpolates a measured wrench.
     """
 
     name: ClassVar[str] = "replay"
