@@ -78,3 +78,26 @@ def test_no_page_is_wide_and_nothing_is_clipped_or_broken(judged, flaw):
     """Code, tables, and the identifiers in code."""
     assert len(judged) > 100
     assert {place: found[flaw] for place, found in judged.items() if found[flaw]} == {}
+
+
+FOUND_FIRST = {
+    "quickstart": "tutorials/paper.html",
+    "units": "howto/change.html",
+    "wind": "howto/vehicle.html",
+    "docker": "install.html",
+    "list of laws": "reference/laws.html",
+    "quaternion": "reference/recordings.html",
+    "current": "howto/vehicle.html",
+    "PX4": "howto/autopilots.html",
+}
+
+
+@pytest.mark.parametrize(("words", "page"), FOUND_FIRST.items())
+def test_a_search_finds_the_page_first(browser, words, page):
+    """By an `{index}` directive of the page, which the search reads."""
+    browser.get(f"{(BUILT / 'search.html').as_uri()}?q={words}")
+    wait = pytest.importorskip("selenium.webdriver.support.wait")
+    first = wait.WebDriverWait(browser, 20).until(
+        lambda page: page.find_element("css selector", "#search-results ul.search li a")
+    )
+    assert first.get_attribute("href").partition("?")[0].partition("#")[0].endswith(page)
