@@ -352,6 +352,16 @@ LawRow = dict[str, Axes]
 """Panels of a row, by label of the law."""
 
 
+def first_laws(runs: ShownRuns, width: Width) -> list[Ensemble]:
+    """Show the laws for whose columns a width has room, and name the others in a remark."""
+    laws, others = runs.shown[: MOST[width]], runs.shown[MOST[width] :]
+    if others:
+        runs.ensembles = laws
+        named = ", ".join(f"“{e.title}”" for e in others)
+        runs.remarks.append(f"The first {len(laws)} laws; no room for {named}.")
+    return laws
+
+
 def law_columns(
     runs: ShownRuns,
     width: Width,
@@ -366,18 +376,8 @@ def law_columns(
         Names of the rows.
     shows
         Whether a row shows a law.
-
-    Raises
-    ------
-    EqtError
-        If there is no room for so many laws.
     """
     laws = runs.shown
-    if len(laws) > MOST[width]:
-        raise runs.error(
-            f"has a column of panels per law, and width '{width}' has room for "
-            f"{MOST[width]}, not {len(laws)}; choose some with the option 'controllers'"
-        )
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
     drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
     by_row = {

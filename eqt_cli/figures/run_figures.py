@@ -18,7 +18,7 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_log, scale_norm, spans_decade
-from eqt_cli.figures.figure import OverTime, ShownRuns, law_columns
+from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws, law_columns
 from eqt_cli.figures.labels import axis_labels, in_words, part_name
 from eqt_cli.figures.layout import (
     add_legend,
@@ -177,7 +177,7 @@ class EstimateFigure(OverTime):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per error, and a column per law."""
-        G, shown = self._group(runs), runs.shown
+        G, shown = self._group(runs), first_laws(runs, width)
         errors = {
             f"{part_name(part.name)} {'bias' if e == 'bias' else 'error'}": (part, e)
             for e in self._errors(runs, shown)

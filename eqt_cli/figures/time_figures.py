@@ -18,7 +18,15 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
-from eqt_cli.figures.figure import LawRow, OfReference, OverTime, Panelled, ShownRuns, law_columns
+from eqt_cli.figures.figure import (
+    LawRow,
+    OfReference,
+    OverTime,
+    Panelled,
+    ShownRuns,
+    first_laws,
+    law_columns,
+)
 from eqt_cli.figures.labels import (
     axis_labels,
     force_component,
@@ -380,6 +388,8 @@ class Commands(Panelled, OverTime):
                 "finds no actuators in this loop, so what a law asks for is what acts; figure "
                 "'torque' shows it"
             )
+        if signal != LAW_OUTPUT:
+            first_laws(runs, width)
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if signal != "torque":
             axes = self._members(runs, width)

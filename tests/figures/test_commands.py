@@ -56,6 +56,15 @@ def test_each_axis_is_shaded_at_its_own_limit(flown):
     assert drawing.get_supxlabel().endswith("Run 0.")
 
 
+def test_laws_without_room_are_named(simulate, opened, picture):
+    """The default figures of a result with five laws are drawn, whatever the width."""
+    result = opened(simulate(**FLIES | {"controllers": ["eqt", "gt", "nog", "asym", "lee2010"]}))
+    drawing = picture(Commands(), result)
+    assert {panel.get_label().split()[-1] for panel in drawing.axes} == {"eqt", "gt", "nog", "asym"}
+    assert "The first 4 laws; no room for “Lee 2010”." in drawing.get_supxlabel()
+    assert "no room" not in Commands().draw([result], "page").get_supxlabel()
+
+
 def test_a_limit_of_another_kind_shades_all_axes(simulate, opened, picture):
     limit = {"kind": "limit", "limit": 1.0, "norm": True}
     result = opened(simulate(actuators=[limit], controllers=["eqt"]))
