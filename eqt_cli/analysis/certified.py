@@ -144,14 +144,14 @@ def _slowest(A: Array, corners: Array, box: Box) -> tuple[Array, float]:
     """
     low, high = np.array(box, dtype=float).T
     spread = np.random.default_rng(0).uniform(low - high, high - low, (500, len(box))) / 2
-    found, best = (low + high) / 2, np.inf
-    tried = found + np.concatenate([k * (corners - found) for k in np.linspace(0, 1, 9)] + [spread])
+    Vd, best = (low + high) / 2, np.inf
+    tried = Vd + np.concatenate([k * (corners - Vd) for k in np.linspace(0, 1, 9)] + [spread])
     for step in range(7):
         rates = -np.linalg.eigvals(A[0] + np.tensordot(tried, A[1:], axes=1)).real.max(axis=-1)
         if rates.min() < best - 1e-9:  # and not by rounding
-            best, found = float(rates.min()), tried[rates.argmin()]
-        tried = np.clip(found + spread / 3 ** (step + 1), low, high)
-    return found, best
+            best, Vd = float(rates.min()), tried[rates.argmin()]
+        tried = np.clip(Vd + spread / 3 ** (step + 1), low, high)
+    return Vd, best
 
 
 # P and λ by semidefinite programs in floats, then proved in fractions -----------------------------
@@ -225,9 +225,9 @@ def _searched(A: Array, bound: float) -> Array | None:
     P, rate = one, 0.0
     for _ in range(MOST_SOLVES if bound > 0 else 0):
         better = _solved(A, rate, P, none)
-        if better is None or (own := _own_rate(A, better)) <= rate:
+        if better is None or (new_rate := _own_rate(A, better)) <= rate:
             break
-        gain, rate, P = own - rate, own, better
+        gain, rate, P = new_rate - rate, new_rate, better
         if gain <= ENOUGH * rate or rate >= (1 - SPARED / 2) * bound:
             break
     rounder = _solved(A, (1 - SPARED / 2) * rate, none, one) if rate else None
@@ -250,11 +250,10 @@ def _solved(A: Array, rate: float, S: Array, least: Array) -> Array | None:
     lmis = products + products.swapaxes(-1, -2) + 2 * rate * basis
     by_t = np.broadcast_to(S, zero.shape)
     above, below = [0 * S, *-basis, least], [-one, *basis, 0 * S]
-    found = minimum(
-        [*np.zeros(len(basis)), -1.0], [np.hstack([zero, lmis, by_t]), [above], [below]]
-    )
-    P = np.tensordot(found[:-1], basis, axes=1)
-    is_found = np.isfinite(P).all() and found[-1] > 0 and np.linalg.eigvalsh(P).min() > 0
+    blocks = [np.hstack([zero, lmis, by_t]), [above], [below]]
+    solution = minimum([*np.zeros(len(basis)), -1.0], blocks)
+    P = np.tensordot(solution[:-1], basis, axes=1)
+    is_found = np.isfinite(P).all() and solution[-1] > 0 and np.linalg.eigvalsh(P).min() > 0
     return P / np.linalg.norm(P, 2) if is_found else None
 
 
@@ -306,8 +305,8 @@ def check_asked(push: float, start: float) -> None:
 
 def _proved(A: Sequence[Array], P: Array) -> tuple[Fraction | None, Array | None]:
     """Return a rational rate and P, rounded, if they are proved for all of A."""
-    own = _own_rate(np.array(A, dtype=float), P)
-    rate = Fraction(int(own * (1 - SPARED / 10) * DIGITS), DIGITS)
+    float_rate = _own_rate(np.array(A, dtype=float), P)
+    rate = Fraction(int(float_rate * (1 - SPARED / 10) * DIGITS), DIGITS)
     P = entrywise(lambda x: Fraction(round(x * DIGITS), DIGITS), P)
     products = (P @ each + rate * P for each in A)
     is_proved = is_definite(P) and all(is_definite(-(M + M.T)) for M in products)
@@ -410,9 +409,9 @@ def _bounded(corners: Sequence[Array], B: Array, rate: float) -> dict[str, Any]:
         F = _block(*floats, none, rate, 0.0)
         of_Q = (_block(*floats, E, rate, 0.0) - F for E in basis)
         lmis.append([F + SLACK * np.eye(len(F)), *of_Q, _block(*floats, none, rate, 1.0) - F])
-    found = np.nan_to_num(minimum([*np.zeros(len(basis)), 1.0], [lmis]))
-    found[-1] *= 1 + 10 * SLACK
-    *entries, mu = (Fraction(round(x * DIGITS), DIGITS) for x in found)
+    solution = np.nan_to_num(minimum([*np.zeros(len(basis)), 1.0], [lmis]))
+    solution[-1] *= 1 + 10 * SLACK
+    *entries, mu = (Fraction(round(x * DIGITS), DIGITS) for x in solution)
     Q = np.tensordot(np.array(entries), basis.astype(int), axes=1)
     if not (is_definite(Q) and all(is_definite(-_block(A, B, Q, alpha, mu)) for A in corners)):
         return {}
@@ -577,10 +576,10 @@ def designed(law: Sequence[Any], corners: Array, top: float) -> tuple[float, Arr
         N, M = (np.round(np.tensordot(weights / DIGIT, x, axes=1)) * DIGIT for x in (Ns, Ms))
         V_of, T_of = forms_of_W(points, corners, law, N, M)
         half = np.linalg.inv(np.linalg.cholesky(V_of))
-        own = -float(np.linalg.eigvalsh(half @ T_of @ half.mT).max())
-        if own <= best[0] * 1.002:
+        rate = -float(np.linalg.eigvalsh(half @ T_of @ half.mT).max())
+        if rate <= best[0] * 1.002:
             break
-        best = own, N, M
+        best = rate, N, M
     return float(np.floor((1 - WIDE) * best[0] / DIGIT) * DIGIT), *best[1:]
 
 
@@ -679,9 +678,9 @@ class Ball:
             S = vectors / np.sqrt(np.where(values > 0, values, 1.0))[:, None]
             turned, size = S.swapaxes(-1, -2) @ A @ S, np.abs(S)
             r = (size.swapaxes(-1, -2) @ (r + 64 * U * np.abs(A)) @ size).sum(axis=-1)
-            own = np.diagonal(turned, axis1=-2, axis2=-1)
-            others = np.abs(turned).sum(axis=-1) - np.abs(own)
-            holds[at] = (own - others - r > 1e-9 * (own + others + r)).all(axis=-1)
+            diagonal = np.diagonal(turned, axis1=-2, axis2=-1)
+            others = np.abs(turned).sum(axis=-1) - np.abs(diagonal)
+            holds[at] = (diagonal - others - r > 1e-9 * (diagonal + others + r)).all(axis=-1)
         return holds
 
 
@@ -706,7 +705,7 @@ def rates_of(
 
     What is proved in a box is proved in those within it, so that no rate is below the next.
     """
-    found, refused, B = list[Certified](), "", None
+    rates, refused, B = list[Certified](), "", None
     try:
         A = affine(loop)
         try:
@@ -716,14 +715,13 @@ def rates_of(
         for box in reversed(boxes):
             with threadpool_limits(1):  # threads slow down small matrices
                 here = certified(A, box, B, push)
-            if found and (found[-1].rate or 0) > (here.rate or 0):
-                here = replace(
-                    here, **{k: getattr(found[-1], k) for k in ("rate", "P", "overshoot")}
-                )
+            if rates and (rates[-1].rate or 0) > (here.rate or 0):
+                larger = {k: getattr(rates[-1], k) for k in ("rate", "P", "overshoot")}
+                here = replace(here, **larger)
             here = replace(here, gain=Gain(push, refused=refused)) if refused else here
-            found.append(replace(here, region=region(label, loop, box, start)) if start else here)
+            rates.append(replace(here, region=region(label, loop, box, start)) if start else here)
     # The others come from code that does not run on fractions, as a law in C.
     except (InputError, TypeError, ValueError, AttributeError, TraceError) as error:
         other = "" if isinstance(error, InputError) else "cannot be evaluated on fractions: "
         return LawRates(label, [], f"{other}{error}")
-    return LawRates(label, found[::-1])
+    return LawRates(label, rates[::-1])

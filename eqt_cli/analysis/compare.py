@@ -366,9 +366,9 @@ class Comparison(InNotebook):
 
         tables, said = records(self), {key(each.pair): each for each in answers(self)}
         for row, pair in zip(tables["pairs"], self.against(), strict=True):
-            if found := said.get(key(pair)):
-                answer = str(found.word) if found.decided else str(Word.UNDECIDED)
-                row |= {"answer": answer, "adjusted_p": found.p_value}
+            if answer := said.get(key(pair)):
+                word = str(answer.word) if answer.decided else str(Word.UNDECIDED)
+                row |= {"answer": word, "adjusted_p": answer.p_value}
         return tables["pairs"] or tables["controllers"]
 
     def against(self, *bases: str) -> list[Pair]:

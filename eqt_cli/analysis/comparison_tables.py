@@ -173,10 +173,9 @@ def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[
     against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
     others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
     yield f"{counts[ClaimVerdict.SUPPORTED]} of {len(rows)} comparisons agree with it{others}"
-    told = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
-    yield from (
-        _difference_in_words(row.pair, titles) for row in rows if row.pair and row.verdict is told
-    )
+    verdict = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
+    pairs = [row.pair for row in rows if row.verdict is verdict]
+    yield from (_difference_in_words(pair, titles) for pair in pairs if pair)
 
 
 def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:

@@ -108,8 +108,8 @@ def require_metric(name: str, base: Experiment) -> None:
     known = [q.name for q in METRICS if q.name in stored or q.implied_by in stored]
     # Those of one part of the group, such as ``effort_rotation``.
     in_parts = tuple(f"{q.name}_" for q in METRICS if q.stored_by_part)
-    own = tuple(f"{metric.name}_" for metric in base.metrics)
-    known += [part for part in stored if part.startswith(in_parts) or f"{part}_".startswith(own)]
+    starts = tuple(f"{metric.name}_" for metric in base.metrics)
+    known += [part for part in stored if part.startswith(in_parts) or f"{part}_".startswith(starts)]
     if name not in known:
         hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")

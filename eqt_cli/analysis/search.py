@@ -409,11 +409,11 @@ class Searched(InNotebook, os.PathLike[str]):
         names = self.record.get("objectives") or [self.record["objective"]]
         if self.search.kind.command == "tune":
             names = [f"{name}_in_search" for name in names]
-        found = [one for law in self.record["laws"] for one in law.get("winners", [law])]
+        outcomes = [one for law in self.record["laws"] for one in law.get("winners", [law])]
         return [
             {"law": each["label"], **each["values"]}
             | dict(zip(names, each.get("objectives") or [each["value"]], strict=True))
-            for each in found
+            for each in outcomes
         ]
 
 

@@ -66,13 +66,13 @@ def answers(comparison: Comparison, against: str = "") -> list[Answer]:
         if pair.second == bases.get(pair.first) and pair.measured.quantity.better != "neither"
     ]
     p_values = holm(np.array([_p_value(pair) for pair in pairs]))
-    found = []
+    conclusions = []
     for pair, p in zip(pairs, p_values, strict=True):
         said, (first, second) = pair.word(comparison.negligible), pair.better_in
         leads = first > second if said is Word.BETTER else second > first
         sure = said in (Word.BETTER, Word.WORSE) and leads and p <= 1 - comparison.confidence
-        found.append(Answer(pair, said, float(p), bool(sure or said is Word.ALIKE)))
-    return found
+        conclusions.append(Answer(pair, said, float(p), bool(sure or said is Word.ALIKE)))
+    return conclusions
 
 
 def _p_value(pair: Pair) -> float:
@@ -96,10 +96,10 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     claims
         Whether to say how the claims of papers come out.
     """
-    found, titles = answers(comparison, against), comparison.titles
+    conclusions, titles = answers(comparison, against), comparison.titles
     made, undecided = list[str](), list[str]()
     for label in comparison.labels:
-        of_law = [each for each in found if each.pair.first == label]
+        of_law = [each for each in conclusions if each.pair.first == label]
         first = [each for names in (ERRORS, COSTS) for each in _headline(of_law, names)]
         first = first or of_law[:1]
         others = [each for each in of_law if each not in first]
@@ -119,17 +119,17 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     made += [f"undecided: {'; '.join(undecided)}"] * bool(undecided)
     made += _troubles(comparison)
     made += _claimed(comparison) if claims else ()
-    tested = sum(each.p_value >= 0 for each in found)
+    tested = sum(each.p_value >= 0 for each in conclusions)
     return [*comparison.between, *made, *_meaning(comparison, tested)]
 
 
-def _headline(found: Sequence[Answer], names: Sequence[tuple[str, ...]]) -> list[Answer]:
+def _headline(conclusions: Sequence[Answer], names: Sequence[tuple[str, ...]]) -> list[Answer]:
     """Return the answers about the first of these numbers that are known, by parts if any."""
     for some in names:
         of_some = [
             each
             for name in some
-            for each in found
+            for each in conclusions
             if each.pair.measured.quantity.name.startswith(name)
         ]
         if of_some:
@@ -158,14 +158,14 @@ def _in_full(answer: Answer, comparison: Comparison) -> str:
     return f"{what}, in {ahead} of {pair.pairs} runs, {p}"
 
 
-def _names(found: Sequence[Answer], horizon: float, most: int | None = None) -> str:
+def _names(conclusions: Sequence[Answer], horizon: float, most: int | None = None) -> str:
     def name(pair: Pair) -> str:
         window = pair.measured.seen
         whole = math.isclose(window.stop - window.start, horizon)
         return pair.measured.quantity.plain + ("" if whole else f" {Plain().window(window)}")
 
-    more = [] if most is None or len(found) <= most else [f"{len(found) - most} more"]
-    return ", ".join([*(name(each.pair) for each in found[:most]), *more])
+    more = [] if most is None or len(conclusions) <= most else [f"{len(conclusions) - most} more"]
+    return ", ".join([*(name(each.pair) for each in conclusions[:most]), *more])
 
 
 def _troubles(comparison: Comparison) -> Iterator[str]:

@@ -187,11 +187,11 @@ class WorstSearch(Searches[WorstSection]):
         with open_result(along.folder.path) as result:
             costs = costs_of_runs(result, self.objective).max(axis=-1)
         for number, law in enumerate(self.laws):
-            found = at[law.label] = law.values(shares[law.label])
+            values = at[law.label] = law.values(shares[law.label])
             worst, left = int(np.argmax(costs[:, number])), best[law.label]
             if costs[worst, number] > -left.scores.objectives[left.best, 0]:
                 there = (points[worst][key] for key in law.written)
-                at[law.label] = dict(zip(found, there, strict=True))
+                at[law.label] = dict(zip(values, there, strict=True))
         return at
 
     @classmethod
