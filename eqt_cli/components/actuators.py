@@ -257,12 +257,14 @@ AntiWindup: TypeAlias = Literal["none", "clamp"] | BackCalculation
 """What an integral does where limits cut the command."""
 
 
-def told(kind: AntiWindup, G: MatrixLieGroup, plant: Any, problems: Problems) -> tuple[Any, ...]:
+def limited_parts(
+    kind: AntiWindup, G: MatrixLieGroup, plant: Any, problems: Problems
+) -> tuple[Any, ...]:
     """Return the actuators of a `PlantModel` whose limits an anti-windup reads; note if none."""
     known = () if any(part.changes for part in plant.actuators) else plant.actuators
     parts = [part for part in known if part.allowed(G, np.zeros(G.dimension)) is not None]
     if kind != "none" and not parts:
-        problems.add(
+        problems.at("anti_windup").add(
             "needs limits that follow from the command alone: of limit, of the torque of wheels, "
             "or of thrusters without allocation: bounded; give some, or remove this key"
         )
@@ -499,15 +501,15 @@ class RateLoop(Actuator):
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return τ and f; without a state, of a body at rest."""
-        omega, asked = self._omega, command[..., :3]
-        torque: Any = asked - (x[..., :3] if self.moves else omega)
+        omega, torque_command = self._omega, command[..., :3]
+        torque: Any = torque_command - (x[..., :3] if self.moves else omega)
         if self.bandwidth is None:
             torque = self.gains * torque
         else:
             J = self.state.inertia.matrix[..., :3, :3]
             torque = apply_matrix(J, self.bandwidth * torque) + cross(omega, apply_matrix(J, omega))
         if self.moves:
-            torque = torque + x[..., 9:] - self.kd * x[..., 6:9] + self.feedforward * asked
+            torque = torque + x[..., 9:] - self.kd * x[..., 6:9] + self.feedforward * torque_command
         return np.concatenate([torque, command[..., 3:]], axis=-1)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:

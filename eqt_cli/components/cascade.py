@@ -23,7 +23,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale, check_period
-from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, told, unwound
+from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import Controller
@@ -298,7 +298,7 @@ class Cascade(Controller):
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
         kinds = {"position": self.position.anti_windup, "attitude": self.inner.anti_windup}
-        acting = [told(k, G, plant, problems.at(at, "anti_windup")) for at, k in kinds.items()]
+        acting = [limited_parts(k, G, plant, problems.at(at)) for at, k in kinds.items()]
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
         parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
         forces: Any = [tuple(each for each in pair if each) for pair in zip(*parts, strict=True)]

@@ -300,8 +300,8 @@ class FlatReference(ClosedReference):
             return self
         direction, even = motions.unit_vector(along), self.heading == FREE
         split = [force.apart(G, direction, even) for force in plant.forces]
-        for force, found in zip(plant.forces, split, strict=True):
-            if found is None:
+        for force, halves in zip(plant.forces, split, strict=True):
+            if halves is None:
                 problems.add(
                     f"needs known forces that do not depend on the attitude, and {force.name} "
                     "does; only drag may, if linear along the body's axes in a constant wind",

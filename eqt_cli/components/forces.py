@@ -240,14 +240,14 @@ class Drag(Force):
         """Return the drag D_b along all axes, and D − D_b across, if it has that form."""
         turns, moves = G.parts[0].axes, G.parts[1].axes
         whole, axes = self.linear, body_axes(along)
-        own = axes.T @ whole[moves, moves] @ axes
-        other = [own - np.diag(np.diag(own)), whole[moves, turns], self.quadratic[moves]]
-        other += [np.ptp(np.diag(own)[:-1])] * even
+        D = axes.T @ whole[moves, moves] @ axes
+        other = [D - np.diag(np.diag(D)), whole[moves, turns], self.quadratic[moves]]
+        other += [np.ptp(np.diag(D)[:-1])] * even
         size = ROUNDING * np.abs(whole).max()
         is_own = self.frame == "body" and not any(self.expressions)
         if is_own and all(np.abs(each).max() <= size for each in other):
             across = np.zeros_like(whole)
-            across[moves, moves] = whole[moves, moves] - own[-1, -1] * np.eye(G.space)
+            across[moves, moves] = whole[moves, moves] - D[-1, -1] * np.eye(G.space)
             free = with_fields(self, linear=whole - across)
             if across.any() and not free.turns_with_body(G):
                 none = dict.fromkeys(("added", "displaced_mass"))

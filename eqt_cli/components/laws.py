@@ -13,7 +13,7 @@ from eqt_cli.base.arrays import Array, dot
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, Scale
 from eqt_cli.base.registry import Component, Registry
-from eqt_cli.components.actuators import told
+from eqt_cli.components.actuators import limited_parts
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import InertiaLaw
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking
@@ -226,7 +226,7 @@ class Controller(TimeVarying, Component):
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""
-        acting = told(self.anti_windup, G, plant, problems.at("anti_windup"))
+        acting = limited_parts(self.anti_windup, G, plant, problems)
         return with_fields(self, acting=acting) if acting else self
 
     def with_held(self, held: Any) -> Self:

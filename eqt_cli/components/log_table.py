@@ -318,16 +318,16 @@ class LogTable:
         table = self
         for kind in (each for each in get_args(Dropped) if each in drop and len(table)):
             t = table.columns.get("t", np.arange(len(table)))
-            kept = np.r_[True, t[1:] > np.maximum.accumulate(t)[:-1]]
+            mask = np.r_[True, t[1:] > np.maximum.accumulate(t)[:-1]]
             if kind == "repeated":
-                kept = np.isin(np.arange(len(t)), np.unique(t, return_index=True)[1])
+                mask = np.isin(np.arange(len(t)), np.unique(t, return_index=True)[1])
             elif kind == "invalid":
-                kept = np.isfinite(table.get(list(table.columns))).all(axis=1)
+                mask = np.isfinite(table.get(list(table.columns))).all(axis=1)
                 for suffix in (name[2:] for name in table.columns if name.startswith("qw")):
-                    kept &= table.get([each + suffix for each in QUATERNION]).any(axis=1)
-            if not kept.all():
-                dropped = {**table.dropped, kind: table.part(~kept).lines}
-                table = replace(table.part(kept), dropped=dropped)
+                    mask &= table.get([each + suffix for each in QUATERNION]).any(axis=1)
+            if not mask.all():
+                dropped = {**table.dropped, kind: table.part(~mask).lines}
+                table = replace(table.part(mask), dropped=dropped)
         if not len(table):
             but = " but those that `drop` leaves out" * bool(len(self))
             raise InputError(f"{self.name}: holds no rows of numbers{but}")
@@ -388,9 +388,9 @@ class Sheet:
 
     def require_distinct(self) -> None:
         """Raise an `InputError` if two columns have the same name."""
-        if own := next((name for name, count in Counter(self.names).items() if count > 1), ""):
-            two = " and ".join(self.headings[k] for k, name in enumerate(self.names) if name == own)
-            raise InputError(f"{self.header_place}: two columns are named {own}: {two}; rename one")
+        if key := next((name for name, count in Counter(self.names).items() if count > 1), ""):
+            two = " and ".join(self.headings[k] for k, name in enumerate(self.names) if name == key)
+            raise InputError(f"{self.header_place}: two columns are named {key}: {two}; rename one")
 
     def notes(self, table: LogTable) -> Iterator[str]:
         """Yield the rows that are dropped, and the columns that are not used."""

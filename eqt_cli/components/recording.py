@@ -156,11 +156,11 @@ def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | Non
     """
     digits = range(1, G.size + 1)
     entries = [f"Q{row}{column}" for row in digits for column in digits]
-    own = coordinate_names(G)
+    coords = coordinate_names(G)
     # Entries come before coordinates, because velocities have the coordinates' names, too.
-    layouts = {"parts": pose_columns(G, names=names), "entries": entries, "coordinates": own}
+    layouts = {"parts": pose_columns(G, names=names), "entries": entries, "coordinates": coords}
     fitting = (PoseColumns(each, k) for k, each in layouts.items() if each and {*each} <= {*names})
-    used, others = next(fitting, None), {*entries}.union(*_forms_of_pose(G)) - {*own}
+    used, others = next(fitting, None), {*entries}.union(*_forms_of_pose(G)) - {*coords}
     return None if used and used.layout == "coordinates" and others & {*names} else used
 
 
@@ -271,8 +271,8 @@ def _in_plane(table: LogTable, G: EuclideanGroup, R: Array) -> Array:
     """Return rotations of the plane from those of space about z, ``(n, 3, 3) -> (n, 2, 2)``."""
     tilts = np.arctan2(np.hypot(R[:, 0, 2], R[:, 1, 2]), R[:, 2, 2])
     if len(wrong := np.flatnonzero(tilts > TILT)):
-        found = f"one that tilts it by {np.rad2deg(tilts[wrong[0]]):.3g} deg; give a column angle"
-        raise table.error(wrong[0], f"expected a rotation about z for {G.name}, got {found}")
+        got = f"one that tilts it by {np.rad2deg(tilts[wrong[0]]):.3g} deg; give a column angle"
+        raise table.error(wrong[0], f"expected a rotation about z for {G.name}, got {got}")
     return G.rotation_towards(np.stack([R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]], axis=-1))
 
 
@@ -449,11 +449,11 @@ def _resampled(
     count = np.floor((times - times[0]) * rate + ROUNDING)
     rows = np.flatnonzero(np.diff(count, prepend=-1.0))
     length = np.append(steps, steps[-1])
-    kept, columns = table.part(rows), dict[str, Array]()
+    first_rows, columns = table.part(rows), dict[str, Array]()
     for name in held:
         sums = np.add.reduceat(table.columns[name] * length, rows)
         columns[name] = sums / np.add.reduceat(length, rows)
-    return replace(kept, columns=kept.columns | columns), times[rows]
+    return replace(first_rows, columns=first_rows.columns | columns), times[rows]
 
 
 def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tuple[LogTable, Array]:

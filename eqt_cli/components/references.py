@@ -303,10 +303,10 @@ class ReferenceAhead(TimeVarying):
     def motion(self, G: MatrixLieGroup, t: Any, batch: tuple[int, ...]) -> tuple[Array, Array]:
         """Return Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)``."""
         pieces = self.pieces or [self.reference] * len(self.after)
-        found = [each.motion(G, t + s) for each, s in zip(pieces, self.after, strict=True)]
+        pairs = [each.motion(G, t + s) for each, s in zip(pieces, self.after, strict=True)]
         shapes = (G.size, G.size), (G.dimension,)
         Q, V = (
-            [np.broadcast_to(each[part], (*batch, *shape)) for each in found]
+            [np.broadcast_to(each[part], (*batch, *shape)) for each in pairs]
             for part, shape in enumerate(shapes)
         )
         return np.stack(Q, axis=-3), np.stack(V, axis=-2)

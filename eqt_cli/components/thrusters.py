@@ -354,7 +354,7 @@ class Thrusters(Actuator):
         none = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
         named = [Thruster([], [], name=name) for name in self.thruster_names]
         none["scale"] = scale if self.solves else None
-        found = {"matrix": B, "thrusters": named, "inverse": inverse, "passed": limited}
+        fields = {"matrix": B, "thrusters": named, "inverse": inverse, "passed": limited}
         if isinstance(self.allocation, Priority):
             words = G.directions
             groups = [
@@ -363,9 +363,9 @@ class Thrusters(Actuator):
             ]
             rows: Array = B[[*chain(*groups)]]
             null: Array = unreachable(rows.T) / scale**2  # times the least thrusts: 0
-            found |= {"groups": (*groups, *((),) * len(null)), "passed": None}
-            found["faces"] = _faces(np.concatenate([rows, null]), each["low"], each["high"])
-        return with_fields(part, **each, **none, **found)
+            fields |= {"groups": (*groups, *((),) * len(null)), "passed": None}
+            fields["faces"] = _faces(np.concatenate([rows, null]), each["low"], each["high"])
+        return with_fields(part, **each, **none, **fields)
 
     # What changes over time.
 
@@ -503,8 +503,8 @@ class Thrusters(Actuator):
             return clip(apply_matrix(inverse, met), self.low, self.high)
         command = command if self.passed is None else apply_matrix(self.passed, command)
         solve = np.vectorize(_nearest, [float], signature="(m),(m,k),(k,m),(k),(k),(k)->(k)")
-        found: Array = solve(command, self.matrix, self.inverse, self.scale, self.low, self.high)
-        return found
+        thrusts: Array = solve(command, self.matrix, self.inverse, self.scale, self.low, self.high)
+        return thrusts
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a commanded thrust is beyond its limit, or at it if it is solved for."""
@@ -807,7 +807,7 @@ def _faces(C: Array, low: Array, high: Array) -> tuple[Array, ...]:
     What they reach is a zonotope; the normal of each face is that of r − 1 columns. A face gives a
     range of y_r from the numbers y before it, [l + w·y, h + w·y], here as a row (l, h, w).
     """
-    norms, found = _norms(C), [np.linalg.inv(C)]
+    norms, faces = _norms(C), [np.linalg.inv(C)]
     for r in range(1, len(C) + 1):
         columns = np.array([*combinations(range(len(C)), r - 1)], dtype=int)
         A = C[:r] / norms[:r]
@@ -819,8 +819,8 @@ def _faces(C: Array, low: Array, high: Array) -> tuple[Array, ...]:
         of_rows = normals / norms[:r, 0]
         rows = np.concatenate([ends, -of_rows[:, :-1]], axis=-1) / of_rows[:, -1:]
         rows[:, :2].sort(axis=-1)
-        found.append(rows)
-    return tuple(found)
+        faces.append(rows)
+    return tuple(faces)
 
 
 def _by_priority(command: Array, groups: Sequence[Sequence[int]], faces: Sequence[Array]) -> Array:

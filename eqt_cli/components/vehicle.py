@@ -556,7 +556,7 @@ class Vehicle:
         rates
             Time derivatives of all states; 0 for those that are held.
         """
-        rates, given = {place: 0.0 * values for place, values in states.items()}, command
+        rates, law_command = {place: 0.0 * values for place, values in states.items()}, command
         if self.control is not None:
             command = self._held(G, states)
         elif self.limits:
@@ -568,7 +568,7 @@ class Vehicle:
                 rates[place] = actuator.state_rate(G, command, x)
             command = actuator.output(G, command, x)
         if (burns := self.burns) is not None:
-            flow = absolute(self.thrust(G, given, states)) / (GRAVITY * burns.isp)
+            flow = absolute(self.thrust(G, law_command, states)) / (GRAVITY * burns.isp)
             rates[PROPELLANT] = stack([flow.sum(axis=-1)])
         return command, rates
 

@@ -379,19 +379,19 @@ class Wheels(Actuator):
         """Return the states with the torques until the next tick, if momenta have limits."""
         if not self.sampled:
             return x
-        h, most = self._told(x), self.momentum
+        h, most = self._limited_h(x), self.momentum
         u = self._within(self._commanded(command, x))
         u = clip(u, (h - most) / period, (h + most) / period)
         return np.concatenate([u, x[..., self.count :]], axis=-1)
 
-    def _told(self, x: Array) -> Array:
+    def _limited_h(self, x: Array) -> Array:
         """Return the momenta that are limited: J_w Ω_c of drives, else h."""
         return self.momenta(x) + (x[..., self.count : 2 * self.count] if self.changes else 0.0)
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a torque is beyond its limit, or a momentum at its own, else 0."""
         there: Any = np.zeros(command.shape[:-1])
-        pairs = [(self.limit, self._commanded(command, x)), (self.momentum, self._told(x))]
+        pairs = [(self.limit, self._commanded(command, x)), (self.momentum, self._limited_h(x))]
         pairs += [(self.limit, self._drives(x)[1])] if self.changes else []
         for limit, values in pairs:
             if limit is not None:
@@ -615,12 +615,12 @@ class Magnetorquers(Actuator):
 
     def dipoles(self, command: Array) -> tuple[Array, Array, Array]:
         """Return B, the dipole that is asked for, and what the limit leaves of it, ``(..., 3)``."""
-        asked = command[..., :3]
+        torque = dipole = command[..., :3]
         B, h = self.known or (self.in_space(0.0), 0.0 * command)
         if self.takes == "torque":
-            torque = asked if self.dump is None else 0.0 * asked - self.dump * h[..., :3]
-            asked = cross(B, torque) / dot(B, B)[..., None]
-        return B, asked, clip(asked, -self.limit, self.limit)
+            torque = torque if self.dump is None else 0.0 * torque - self.dump * h[..., :3]
+            dipole = cross(B, torque) / dot(B, B)[..., None]
+        return B, dipole, clip(dipole, -self.limit, self.limit)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return m × B, to which `dump` adds the command, and the force of the command."""
@@ -630,8 +630,8 @@ class Magnetorquers(Actuator):
 
     def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the command without what limits take of its dipoles; with `dump`, the command."""
-        B, asked, m = self.dipoles(command)
-        lost = cross(asked - m, B) if self.takes == "torque" else asked - m
+        B, dipole, m = self.dipoles(command)
+        lost = cross(dipole - m, B) if self.takes == "torque" else dipole - m
         lost = np.concatenate([lost, 0.0 * command[..., 3:]], axis=-1)
         return command - lost if self.dump is None else command
 
