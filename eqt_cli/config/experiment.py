@@ -271,8 +271,8 @@ class Experiment:
                 "nothing; repeat it here",
             )
         listed, loops = {each.name for each in self.metrics}, self.loops.values()
-        own = metrics.defined_by(self.plugins.values())
-        for name in own if self.source.data.get("metrics") is None else ():
+        plugin_metrics = metrics.defined_by(self.plugins.values())
+        for name in plugin_metrics if self.source.data.get("metrics") is None else ():
             if name not in listed:
                 yield ("plugins",), f"{metrics.get(name)().unknown(loops)}: it is left out"
         yield from self._turns()
@@ -443,9 +443,9 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
         for label, law_gains in gains.items()
         if law_gains is not None
     }
-    own = metrics_of(sections["metrics"], plugins, loops.values(), problems)
+    plugin_metrics = metrics_of(sections["metrics"], plugins, loops.values(), problems)
     problems.raise_if_any()
-    config = config.model_copy(update={"metrics": own}) if own else config
+    config = config.model_copy(update={"metrics": plugin_metrics}) if plugin_metrics else config
     complete = read.resolved(config) | {
         **desired.resolved,
         "controllers": [law.resolved | {"label": label} for label, law in laws.items()],

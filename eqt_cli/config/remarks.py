@@ -426,10 +426,10 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
             f"{wheels.in_words}; no law can follow it there"
         )
     for index, actuator in enumerate(loop.vehicle.actuators):
-        found = actuator.needed(loop.group, times, torque) if actuator.limits else None
-        if found is None or not len(found[0]):
+        demand = actuator.needed(loop.group, times, torque) if actuator.limits else None
+        if demand is None or not len(demand[0]):
             continue
-        needed, low, high = np.broadcast_arrays(*found)
+        needed, low, high = np.broadcast_arrays(*demand)
         beyond = np.maximum(needed - high, low - needed)
         limits = np.where(needed > high, high, low)
         with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0

@@ -48,14 +48,14 @@ def using(kind: str) -> tuple[str, Any]:
     """
     import yaml  # loaded by no help page
 
-    found = [
+    examples = [
         (name, {key: part})
         for name in names()
         if kind in text(name)  # parsing all of them takes 0.3 s
         for key, value in yaml.safe_load(text(name)).items()
         for part in _parts(value, kind, by_key=key == "sweep")
     ]
-    return min(found, key=lambda pair: len(str(pair[1])), default=("", {}))
+    return min(examples, key=lambda pair: len(str(pair[1])), default=("", {}))
 
 
 def _parts(data: Any, kind: str, *, by_key: bool) -> Iterator[Any]:

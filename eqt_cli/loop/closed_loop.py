@@ -522,8 +522,8 @@ class ClosedLoop:
         acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
         memory = self.memory(state)
         if acts is None or acts.any():  # all runs have the same clocks
-            found = None if rows is None else self.law.answer_rows(self.group, rows, memory)
-            return found or self.answer(inputs, memory, self.period)
+            answer = None if rows is None else self.law.answer_rows(self.group, rows, memory)
+            return answer or self.answer(inputs, memory, self.period)
         return 0.0 * inputs.velocity, memory
 
     @property

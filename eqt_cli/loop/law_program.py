@@ -168,8 +168,8 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
     def output(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
         symbolic, law_input, state = symbols(inputs)
         s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
-        given = symbolic.controller.output(s)
-        return {OUTPUT + each.name: np.ravel(given[each.source]) for each in outputs}
+        values = symbolic.controller.output(s)
+        return {OUTPUT + each.name: np.ravel(values[each.source]) for each in outputs}
 
     programs = [traced(step, groups)]
     programs += [traced(start, groups)] * bool(memory) + [traced(output, groups)] * bool(outputs)
@@ -187,8 +187,8 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
     of_command = {"torque": turns.force_unit, "rates": turns.velocity_unit, "dipole": "A m^2"}
     unit = unit.replace(turns.force_unit, of_command[loop.controller.commands], 1)
     torque = Entry(TORQUE, (G.dimension,), TORQUE, words(unit))
-    started, given = (trimmed[1] if memory else None), (trimmed[-1] if outputs else None)
-    return LawProgram(reads, used, memory, torque, trimmed[0], started, outputs, given)
+    started, output_program = (trimmed[1] if memory else None), (trimmed[-1] if outputs else None)
+    return LawProgram(reads, used, memory, torque, trimmed[0], started, outputs, output_program)
 
 
 def sizes(entries: Mapping[str, Iterable[Entry]]) -> dict[str, int]:

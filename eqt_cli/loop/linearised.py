@@ -870,8 +870,8 @@ def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:
     K, a = inner.gains.K, np.array(inner.axis)
     H = hessian_at_identity(inner.group, K.trace() * np.outer(a, a) if inner.axis else K)
     J, H, D = map(np.diagonal, (inner.inertia.at(0.0).matrix, H, inner.gains.K_d))
-    found = list(zip(inner.group.axis_names, H / J, D / J, strict=True))
+    oscillators = list(zip(inner.group.axis_names, H / J, D / J, strict=True))
     if position is not None:
         kx, kv = (np.broadcast_to(k, rigid(loop.group).space) for k in (position.kx, position.kv))
-        found += zip("xyz", kx, kv, strict=False)
-    return {axis: (math.sqrt(k), d / (2 * math.sqrt(k))) for axis, k, d in found if k}
+        oscillators += zip("xyz", kx, kv, strict=False)
+    return {axis: (math.sqrt(k), d / (2 * math.sqrt(k))) for axis, k, d in oscillators if k}

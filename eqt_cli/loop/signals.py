@@ -82,8 +82,8 @@ class LoopState(NamedTuple):
 def _output(loop: ClosedLoop, s: Tracking) -> Array:
     """Return the numbers of the law that are stored, in the order of `output_names`."""
     law, empty = loop.controller, s.P[..., :0]
-    given = law.output(s) if law.outputs(loop.group) else {}
-    values = [given[name] + 0.0 * s.P[..., :1] for name in law.outputs(loop.group)]
+    outputs = law.output(s) if law.outputs(loop.group) else {}
+    values = [outputs[name] + 0.0 * s.P[..., :1] for name in law.outputs(loop.group)]
     return np.concatenate([empty, *values], axis=-1)
 
 
@@ -648,8 +648,8 @@ class Metric(Component):
     def signals_at(self, loop: ClosedLoop, states: Array, times: Array) -> list[Array]:
         """Return the values of its signals in some states."""
         s = loop.tracking(times, states)
-        found = outputs_at(loop, s) | dict(at_state(loop, s, loop.work(states), self.signals))
-        return [found[name] for name in self.signals]
+        values = outputs_at(loop, s) | dict(at_state(loop, s, loop.work(states), self.signals))
+        return [values[name] for name in self.signals]
 
 
 metrics = Registry("metric", "metrics", Metric, ("loop.signals",))
@@ -664,5 +664,5 @@ def outputs_at(loop: ClosedLoop, s: Tracking) -> dict[str, Array]:
     """Return the numbers of a law by name, of floats or symbols; a single one has no last axis."""
     ends = list(accumulate(outputs_of(loop).values()))[:-1]
     values = np.split(_output(loop, s), ends, axis=-1)
-    found = zip(outputs_of(loop), values, strict=False)
-    return {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in found}
+    pairs = zip(outputs_of(loop), values, strict=False)
+    return {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in pairs}

@@ -193,10 +193,10 @@ def goes_by_samples(of: Callable[..., Any], shapes: Mapping[str, tuple[int, ...]
         return of(Running(times, memory), at_sample), memory
 
     _, memory = after(0, np.zeros(MOST_RUNNING), np.zeros(MOST_RUNNING))
-    columns, kept = np.reshape(memory.columns, (-1, len(times))), np.array(memory.starts)
+    columns, state = np.reshape(memory.columns, (-1, len(times))), np.array(memory.starts)
     for k in range(len(times)):
-        kept = np.array(after(k, kept, columns[:, k])[1].after)
-    number, _ = after(2, kept, columns[:, 2], ended=True)
+        state = np.array(after(k, state, columns[:, k])[1].after)
+    number, _ = after(2, state, columns[:, 2], ended=True)
     return np.shape(number) == (1,) and bool(np.allclose(number, whole, rtol=1e-9, equal_nan=True))
 
 

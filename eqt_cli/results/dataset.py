@@ -46,11 +46,11 @@ def columns(result: Result, names: Sequence[str] | None = None) -> dict[str, np.
     }
     laws = np.array(result.labels, dtype=object)[places["controller"]].ravel()
     first = {POINT: table.pop(POINT)} if POINT in table else {}
-    found = first | {name: _displayed(values) for name, values in swept.items()}
-    found |= {"controller": laws, "run": table["run"], "status": result.status.ravel()}
+    arrays = first | {name: _displayed(values) for name, values in swept.items()}
+    arrays |= {"controller": laws, "run": table["run"], "status": result.status.ravel()}
     for name in result.comparable if names is None else names:
-        found[name] = result.metric(name).ravel()
-    return found
+        arrays[name] = result.metric(name).ravel()
+    return arrays
 
 
 def _displayed(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -140,14 +140,14 @@ def _heading(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
 
 
 def _quaternion(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    q = coordinates_of(part, Q, lambda found: np.roll(found.as_quat(), 1, axis=-1))
+    q = coordinates_of(part, Q, lambda rotation: np.roll(rotation.as_quat(), 1, axis=-1))
     turned = np.where((q[..., 1:, :] * q[..., :-1, :]).sum(axis=-1) < 0, -1.0, 1.0)
     q[..., 1:, :] *= np.cumprod(turned, axis=-1)[..., None]
     return q
 
 
 def _euler(angles: str, G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    return np.unwrap(coordinates_of(part, Q, lambda found: found.as_euler(angles)), axis=-2)
+    return np.unwrap(coordinates_of(part, Q, lambda rotation: rotation.as_euler(angles)), axis=-2)
 
 
 def coordinates_of(part: Part, Q: Array, coordinates: Callable[[Any], Array]) -> Array:
@@ -157,8 +157,8 @@ def coordinates_of(part: Part, Q: Array, coordinates: Callable[[Any], Array]) ->
     R = _block(part, Q)
     known = np.isfinite(R.sum(axis=(-2, -1)))[..., None]
     whole = np.where(known[..., None], R, np.eye(3)).reshape(-1, 3, 3)
-    found = coordinates(Rotation.from_matrix(whole)).reshape(*R.shape[:-2], -1)
-    return np.where(known, found, np.nan)
+    angles = coordinates(Rotation.from_matrix(whole)).reshape(*R.shape[:-2], -1)
+    return np.where(known, angles, np.nan)
 
 
 Formula = Callable[[MatrixLieGroup, Part, Array, Array], Array]

@@ -519,10 +519,10 @@ def own_quantity(metric: type[Metric], **more: Any) -> Quantity:
     """Return the row of a metric of the user's own, which is `better` in the file, too."""
     name, words, better = metric.name, summary(metric).removesuffix("."), metric.better
     more |= {"units": metric.units, "signals": metric.signals}
-    return _own(name, words, better, metric.censored, **more)
+    return _user_quantity(name, words, better, metric.censored, **more)
 
 
-def _own(name: str, words: str, better: Better, censored: bool, **more: Any) -> Quantity:
+def _user_quantity(name: str, words: str, better: Better, censored: bool, **more: Any) -> Quantity:
     more |= {"label": name.replace("_", " "), "better": better, "censored": censored}
     notes = {"better": better, "censored": int(censored)}
     return Quantity(name, words, notes=notes, compared=(WHOLE,), **more)
@@ -541,7 +541,7 @@ def quantity_of(
     for better in get_args(Better):
         if attributes.get("better") == better:
             units, late = str(attributes.get("units", "")), attributes.get("censored") == 1
-            return _own(name, long_name or name, better, late, units=units)
+            return _user_quantity(name, long_name or name, better, late, units=units)
     for row in MEASURED:
         if row.stored_by_part and name.startswith(f"{row.name}_"):
             return row.part(name.removeprefix(f"{row.name}_"))

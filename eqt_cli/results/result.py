@@ -485,8 +485,8 @@ class Result(StoredRuns):
             points = [self.at(point) for point in range(self.points)]
             return np.stack([each.metric(name, controller) for each in points])
         quantity = self.comparable_named(name)
-        found = self.per_run(quantity, quantity.window)
-        values = np.where(found.censored, np.nan, found.values)
+        numbers = self.per_run(quantity, quantity.window)
+        values = np.where(numbers.censored, np.nan, numbers.values)
         return values if controller is None else values[controller]
 
     def _number(self, name: str) -> Array:
@@ -555,8 +555,8 @@ class Result(StoredRuns):
         if not self.has(name):
             return self._of_part(quantity_of(name))
         attributes = self.attributes_of(name)
-        found = quantity_of(name, self.long_name(name), attributes).with_choices(attributes)
-        return self._of_part(found)
+        row = quantity_of(name, self.long_name(name), attributes).with_choices(attributes)
+        return self._of_part(row)
 
     def _of_part(self, quantity: Quantity) -> Quantity:
         """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
@@ -644,8 +644,8 @@ class Result(StoredRuns):
             others = [name for name in self.in_parts("mean_pose_error") if name not in turns]
             errors += others if parts or not errors else []
         torque = "early_torque" if self._flies_papers_loop else "mean_torque"
-        own = [x for x in self.own_metrics if self.quantity(x).better != "neither"]
-        listed = (*errors, *self.in_parts(torque), *own)
+        own_metrics = [x for x in self.own_metrics if self.quantity(x).better != "neither"]
+        listed = (*errors, *self.in_parts(torque), *own_metrics)
         return [each for each in listed if each in self.metrics]
 
     @property
