@@ -107,8 +107,8 @@ def started(
     if not WINDOWS:
         numbers = os.getpid(), max(1, round(limits.seconds)), limits.memory, limits.file
         words = [sys.executable, "-I", "-S", "-c", _GUARD, *map(str, numbers), *command]
-    kept = {name: text for name, text in os.environ.items() if name not in _PATHS}
-    return subprocess.Popen(words, -1, None, *streams, cwd=folder, env=kept, start_new_session=True)
+    env = {name: text for name, text in os.environ.items() if name not in _PATHS}
+    return subprocess.Popen(words, -1, None, *streams, cwd=folder, env=env, start_new_session=True)
 
 
 def run_contained(

@@ -163,8 +163,8 @@ class Problem:
         if self.errors is None:
             return None
         known, which = np.unique(self.rows[runs], return_inverse=True)
-        found = self.errors.of(known)
-        return found if np.array_equal(which, np.arange(len(known))) else found.of(which)
+        errors = self.errors.of(known)
+        return errors if np.array_equal(which, np.arange(len(known))) else errors.of(which)
 
     def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
         """Return the sensor errors at a control instant, with E, in these runs."""

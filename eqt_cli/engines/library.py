@@ -357,13 +357,13 @@ def _evaluate(program: Program, stretches: tuple[int, ...]) -> Any:
     return compiler.library(text).eqt_evaluate
 
 
-def _asked(
+def _evaluations(
     program: Program, runs: int, samples: int, inputs: Sequence[Rows], arrays: Sequence[Array]
 ) -> tuple[_Evaluations, dict[str, Array]]:
-    """Return what a program is asked, and the arrays that it will fill in."""
-    found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
-    places = (ctypes.c_void_p * len(found))(*(x.ctypes.data for x in found.values()))
-    return _Evaluations(runs, samples, len(inputs), _sources(inputs, arrays), places), found
+    """Return what calls a program, and the arrays that it will fill in."""
+    outputs = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
+    places = (ctypes.c_void_p * len(outputs))(*(x.ctypes.data for x in outputs.values()))
+    return _Evaluations(runs, samples, len(inputs), _sources(inputs, arrays), places), outputs
 
 
 @lru_cache(maxsize=64)
@@ -373,9 +373,9 @@ def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
 
     def evaluated(runs: int, samples: int, inputs: Sequence[Rows]) -> dict[str, Array]:
         arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in inputs]
-        asked, found = _asked(program, runs, samples, inputs, arrays)
-        function(ctypes.byref(asked))
-        return found
+        batch, outputs = _evaluations(program, runs, samples, inputs, arrays)
+        function(ctypes.byref(batch))
+        return outputs
 
     return evaluated
 
@@ -397,7 +397,7 @@ WALKED = np.dtype(
 class _Instant(ctypes.Structure):
     _fields_ = [
         ("evaluate", ctypes.c_void_p),
-        ("asked", _Evaluations),
+        ("evaluations", _Evaluations),
         ("moved", ctypes.POINTER(_Source)),
         ("at_start", ctypes.POINTER(_Source)),
         ("by_tick", ctypes.POINTER(ctypes.c_int64)),
@@ -457,12 +457,12 @@ class Walk:
     ) -> None:
         self._function = _walk(field)
         runs, row = span["states"].shape
-        kept = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}
-        self.counts = kept["counted"][:, 0]
+        buffers = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}
+        self.counts = buffers["counted"][:, 0]
         self._c = _Walks(parts=0)
         _set(self._c.span, {**span, "runs": runs, "row": row})
         self._lives: list[Any] = [span]  # what C points to
-        self.set(list=spans, **arrays, **kept)
+        self.set(list=spans, **arrays, **buffers)
 
     def set(self, **members: Any) -> None:
         """Set members of ``eqt_walks``, of which arrays are given as such."""
@@ -481,19 +481,19 @@ class Walk:
         """
         runs, function = self._c.span.runs, _evaluate(program, tuple(row.length for row in inputs))
         arrays = [rows.values for rows in inputs]
-        asked, found = _asked(program, runs, 1, inputs, arrays)
+        batch, outputs = _evaluations(program, runs, 1, inputs, arrays)
         moves = (ctypes.c_int64 * len(inputs))(*[0] * (len(inputs) - ticks), *[1] * ticks)
         address, at_start = ctypes.cast(function, ctypes.c_void_p), _sources(inputs, arrays)
-        self._c.programs[self._c.parts] = _Instant(address, asked, asked.sources, at_start, moves)
+        self._c.programs[self._c.parts] = _Instant(address, batch, batch.sources, at_start, moves)
         self._c.parts += 1
-        self._lives.append((arrays, asked, found, at_start, moves))
-        return found
+        self._lives.append((arrays, batch, outputs, at_start, moves))
+        return outputs
 
     def measure(self, errors: Sequence[Array], first: int) -> None:
         """Have the first program read sensor errors, ``(ticks, runs, …)``, from tick `first` on."""
         program, parts = self._c.programs[0], [np.ascontiguousarray(part) for part in errors]
         self._errors = parts  # which must live
-        for place, part in enumerate(parts, program.asked.count - len(parts)):
+        for place, part in enumerate(parts, program.evaluations.count - len(parts)):
             along = part[0].size
             start = part.ctypes.data - first * along * part.itemsize
             program.at_start[place] = _Source(start, part[0, 0].size, along)

@@ -203,10 +203,10 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         law = symbolic.law_input(t, state, errors)
         named = law._asdict() | ({"state": state} if holds else {})
         arrays = {name: np.asarray(value) for name, value in named.items() if value is not None}
-        found = {name: value if name == "t" else value[0] for name, value in arrays.items()}
-        return (
-            found if call is None else found | {ROWS: loop.controller.code_rows(loop.group, law)[0]}
-        )
+        signals = {name: value if name == "t" else value[0] for name, value in arrays.items()}
+        if call is None:
+            return signals
+        return signals | {ROWS: loop.controller.code_rows(loop.group, law)[0]}
 
     def after(inputs: Arrays) -> Mapping[str, Array]:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
@@ -426,11 +426,11 @@ class Lanes(Integrator):
         if self.errors_at(0) is not None:
             parts = self.errors.of_runs
             measured = [Rows(part[0].reshape(count, -1), by_run=True) for part in parts]
-        found = walk.evaluate(program, [*inputs, *measured], len(measured))
+        outputs = walk.evaluate(program, [*inputs, *measured], len(measured))
         if around is not None and call is not None:
-            found = self._call_code(walk, call, around, found, inputs)
+            outputs = self._call_code(walk, call, around, outputs, inputs)
         lost = -1 if loop.lost_at is None else loop.lost_at
-        walk.set(commanded=found["state"], suspicious=SUSPECT, lost=lost)
+        walk.set(commanded=outputs["state"], suspicious=SUSPECT, lost=lost)
         return walk
 
     def _call_code(
@@ -438,7 +438,7 @@ class Lanes(Integrator):
         walk: library.Walk,
         call: CodeCall,
         around: InstantPrograms,
-        found: dict[str, Array],
+        outputs: dict[str, Array],
         inputs: list[Rows],
     ) -> dict[str, Array]:
         """Have the user's code called in C, between both programs around it."""
@@ -446,8 +446,8 @@ class Lanes(Integrator):
         slices = loop.layout.slices.items()
         memory = [place for name, place in slices if name.startswith(CONTROLLER)]
         length = sum(place.stop - place.start for place in memory)
-        states = found.get("state", self._whole).reshape(self._whole.shape)
-        torques, kept = np.zeros((count, loop.group.dimension)), np.empty((count, length))
+        states = outputs.get("state", self._whole).reshape(self._whole.shape)
+        torques, memories = np.zeros((count, loop.group.dimension)), np.empty((count, length))
         options = np.broadcast_to(call.options, (count, call.options.shape[-1])).copy()
         walk.set(
             code=ctypes.cast(call.function, ctypes.c_void_p).value,
@@ -455,14 +455,14 @@ class Lanes(Integrator):
             period=float(loop.period),
             measured=states,
             options=options,
-            law_inputs=found[ROWS],
+            law_inputs=outputs[ROWS],
             torques=torques,
-            memory=kept,
+            memory=memories,
             memory_at=memory[0].start if memory else 0,
             memory_length=length,
         )
-        given = (Rows(values, by_run=True) for values in (torques, kept))
-        return walk.evaluate(around.after, [Rows(states, by_run=True), *inputs[1:], *given])
+        answer_rows = (Rows(values, by_run=True) for values in (torques, memories))
+        return walk.evaluate(around.after, [Rows(states, by_run=True), *inputs[1:], *answer_rows])
 
     def hold(self, span: Span) -> None:
         """Set the held numbers, which all runs share."""

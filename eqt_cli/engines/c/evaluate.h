@@ -9,13 +9,13 @@
 #ifndef EQT_EVALUATE_H
 #define EQT_EVALUATE_H
 
-void eqt_evaluate(const eqt_evaluations *asked)
+void eqt_evaluate(const eqt_evaluations *evaluations)
 {
     eqt_real in[EQT_INPUTS + 1], out[EQT_OUTPUTS + 1];
     /* Lanes are neighbours in one of two directions: what is the same along it is read once. */
-    const int by_sample = asked->samples > 1;
-    const int64_t rows = by_sample ? asked->runs : 1;
-    const int64_t columns = by_sample ? asked->samples : asked->runs;
+    const int by_sample = evaluations->samples > 1;
+    const int64_t rows = by_sample ? evaluations->runs : 1;
+    const int64_t columns = by_sample ? evaluations->samples : evaluations->runs;
     int64_t row, first, i;
     int lane, k;
     for (row = 0; row < rows; row++)
@@ -27,7 +27,7 @@ void eqt_evaluate(const eqt_evaluations *asked)
                 sample[lane] = by_sample ? column : 0;
             }
             for (k = 0; k < EQT_SOURCES; k++) {
-                const eqt_source *source = asked->sources + k;
+                const eqt_source *source = evaluations->sources + k;
                 if (first == 0 || (by_sample ? source->to_next_sample : source->to_next_run))
                     eqt_read(source, eqt_lengths[k], run, sample, in + read);
                 read += eqt_lengths[k];
@@ -38,8 +38,8 @@ void eqt_evaluate(const eqt_evaluations *asked)
             for (k = 0; k < EQT_ARRAYS; k++) {
                 const int64_t length = eqt_found_lengths[k];
                 for (lane = 0; lane < EQT_LANES && first + lane < columns; lane++) {
-                    double *to = asked->found[k]
-                                 + (run[lane] * asked->samples + sample[lane]) * length;
+                    double *to = evaluations->outputs[k]
+                                 + (run[lane] * evaluations->samples + sample[lane]) * length;
                     for (i = 0; i < length; i++)
                         to[i] = EQT_LANE(out[written + i], lane);
                 }

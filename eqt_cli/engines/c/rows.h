@@ -11,11 +11,11 @@ typedef struct {
 } eqt_source;
 
 #ifndef EQT_DEVICE
-/* What evaluate.h is asked. */
+/* What evaluate.h computes. */
 typedef struct {
     int64_t runs, samples, count; /* the last: how many sources there are */
     const eqt_source *sources;
-    double *const *found; /* of each array (runs, samples, its length) */
+    double *const *outputs; /* of each array (runs, samples, its length) */
 } eqt_evaluations;
 #endif
 

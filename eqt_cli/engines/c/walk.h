@@ -17,7 +17,7 @@ typedef struct {
 /* One of the programs of an instant; its sources move from one span to the next. */
 typedef struct {
     void (*evaluate)(const eqt_evaluations *);
-    eqt_evaluations asked;
+    eqt_evaluations evaluations;
     eqt_source *moved;          /* its sources */
     const eqt_source *at_start; /* the same for the first span, or for tick 0 */
     const int64_t *by_tick;     /* whether one moves with the ticks, and not with the spans */
@@ -87,7 +87,7 @@ static void eqt_command(const eqt_walks *walk, int64_t index)
     int64_t part, k, run;
     for (part = 0; part < walk->parts; part++) {
         const eqt_instant *program = walk->programs + part;
-        for (k = 0; k < program->asked.count; k++)
+        for (k = 0; k < program->evaluations.count; k++)
             program->moved[k].from = program->at_start[k].from
                                      + program->at_start[k].to_next_sample
                                            * (program->by_tick[k] ? here->tick : index);
@@ -101,7 +101,7 @@ static void eqt_command(const eqt_walks *walk, int64_t index)
                 walk->code((long)walk->span.runs, (int)walk->begins, walk->period, walk->options,
                            walk->memory, walk->law_inputs, walk->torques, NULL, NULL);
         }
-        program->evaluate(&program->asked);
+        program->evaluate(&program->evaluations);
     }
 }
 
