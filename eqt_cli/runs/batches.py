@@ -173,7 +173,7 @@ KEPT_BYTES = 32 * 2**20
 DRAWN_AT_ONCE = 16
 """Number of runs whose errors are drawn in one array, before each has its own."""
 
-_kept: dict[Hashable, Errors] = {}  # of single runs; the last used ones come last
+_errors_cache: dict[Hashable, Errors] = {}  # of single runs; the last used ones come last
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ class Draws:
     def of(self, rows: Array) -> Errors:
         """Return the errors of some runs, ``(rows, ticks, …)``."""
         keys = [(*self._known, *self.runs[row]) for row in rows]
-        errors = {key: _kept.pop(key, None) for key in keys}
+        errors = {key: _errors_cache.pop(key, None) for key in keys}
         missing = [key for key, each in errors.items() if each is None]
         for first in range(0, len(missing), DRAWN_AT_ONCE):
             some = missing[first : first + DRAWN_AT_ONCE]
@@ -213,12 +213,12 @@ class Draws:
             errors |= {
                 key: Errors(*(part[k].copy() for part in drawn)) for k, key in enumerate(some)
             }
-        _kept.update(errors)
-        bytes_kept = sum(part.nbytes for each in list(_kept.values()) for part in each)
-        for oldest in list(_kept):
+        _errors_cache.update(errors)
+        bytes_kept = sum(part.nbytes for each in list(_errors_cache.values()) for part in each)
+        for oldest in list(_errors_cache):
             if bytes_kept <= KEPT_BYTES:
                 break
-            bytes_kept -= sum(part.nbytes for part in _kept.pop(oldest, ()))
+            bytes_kept -= sum(part.nbytes for part in _errors_cache.pop(oldest, ()))
         return Errors(*map(np.stack, zip(*(errors[key] for key in keys), strict=True)))
 
 

@@ -223,15 +223,15 @@ class PartArrays:
 
     def _keep(self, batch: Batch, name: str, stored: Array, values: Mapping[str, Array]) -> None:
         """Store a signal of the runs with trajectories; of a law, the numbers that it has."""
-        kept, rows = self.data[name], stored[stored >= 0]
+        dataset, rows = self.data[name], stored[stored >= 0]
         if name != LAW_OUTPUT:
-            kept[rows] = values[name][stored >= 0][:, self.samples]
+            dataset[rows] = values[name][stored >= 0][:, self.samples]
             return
         loop = batch.problem.loop
         for k, output in enumerate(output_names(loop.controller, loop.group)):
             if output in self.outputs:
                 signal = values[name][stored >= 0][:, self.samples, k]
-                kept[rows, :, list(self.outputs).index(output)] = signal
+                dataset[rows, :, list(self.outputs).index(output)] = signal
 
     def table(self) -> Table:
         """Return the table of the part. The numbers per run are the rows of one array.
@@ -360,8 +360,8 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     """Return the functions that measure a batch: at every sample, and per run."""
     problem, config = batch.problem, batch.experiment.config
     metrics = [row for row in measured_of(batch.experiment) if row.name in names]
-    own = [each for each in batch.experiment.metrics if each.name in names]
-    without = {name for each in own for name in each.lacking(problem.loop)}
+    own_metrics = [each for each in batch.experiment.metrics if each.name in names]
+    without = {name for each in own_metrics for name in each.lacking(problem.loop)}
     metrics = [_undefined(row) if without & set(row.signals) else row for row in metrics]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
@@ -372,7 +372,7 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     control, times = problem.loop.vehicle.control, problem.times
     wait = 0.0 if control is None else (control.delay + 2) * control.period
     first = float(times[1:][np.searchsorted(times[1:-1], times[0] + wait)])
-    formulas = ((type(each).__module__, repr(each)) for each in own)
+    formulas = ((type(each).__module__, repr(each)) for each in own_metrics)
     known = (K.tobytes(), balanced, first, *held.items(), *formulas)
     key = tuple(m.name for m in metrics), tuple(values.items()), known
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced, held, first)

@@ -55,14 +55,14 @@ def commit_of(folder: Path) -> str | None:
     # Such variables name another repository, as where a hook of git starts eqt.
     env = {name: text for name, text in os.environ.items() if not name.startswith("GIT_")}
 
-    def told(*words: str) -> bytes:
-        asked = ["git", "-C", str(folder), "rev-parse", *words]
-        return subprocess.check_output(asked, stdin=null, stderr=null, env=env, timeout=_PATIENCE)
+    def rev_parse(*words: str) -> bytes:
+        command = ["git", "-C", str(folder), "rev-parse", *words]
+        return subprocess.check_output(command, stdin=null, stderr=null, env=env, timeout=_PATIENCE)
 
     with suppress(OSError, ValueError, subprocess.SubprocessError):
-        match = _HASH.fullmatch(told("--verify", "HEAD"))
-        name = told("--symbolic-full-name", "HEAD").decode().rstrip("\n")
-        path = folder / told("--git-path", name).decode().rstrip("\n")
+        match = _HASH.fullmatch(rev_parse("--verify", "HEAD"))
+        name = rev_parse("--symbolic-full-name", "HEAD").decode().rstrip("\n")
+        path = folder / rev_parse("--git-path", name).decode().rstrip("\n")
         # A link may lead to any file with a hash in it, and results are shared.
         links = any(each.is_symlink() for each in [path, *path.parents][: name.count("/") + 1])
         return match[1].decode() if match and not links else None

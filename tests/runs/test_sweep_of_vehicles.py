@@ -135,7 +135,7 @@ def drawings(monkeypatch):
         found.append(draw(*arguments))
         return found[-1]
 
-    monkeypatch.setattr("eqt_cli.runs.batches._kept", {})
+    monkeypatch.setattr("eqt_cli.runs.batches._errors_cache", {})
     monkeypatch.setattr(Vehicle, "measurement_errors", counted)
     return found
 
