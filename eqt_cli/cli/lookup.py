@@ -67,15 +67,15 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
     from eqt_cli.base.yaml_source import dump
     from eqt_cli.config.json_schema import keys_of_component
 
-    found = _of_name(name)
-    if not found:
+    components = _of_name(name)
+    if not components:
         names = [*kinds, *(each for kind in KINDS for each in registry(kind).names())]
         hint = suggestion(name, names) or f"; kinds: {', '.join(kinds)}"
         raise EqtError(f"unknown kind or component '{name}'{hint}")
     config, part = shipped.using(name)
     records = []
     texts: list[str | Text] = []
-    for kind, component in found.items():
+    for kind, component in components.items():
         keys = [asdict(each) for each in keys_of_component(component)]
         records.append({"kind": kind, "name": name, "summary": summary(component), "options": keys})
         texts += [*([""] * bool(texts)), f"{name}, of {kind}: {summary(component)}"]

@@ -146,8 +146,8 @@ class Command(TyperCommand):
         """
         left = super().parse_args(ctx, args)
         for parameter in self.params:
-            given = ctx.params.get(parameter.name)
-            for value in given if isinstance(given, list | tuple) else [given]:
+            argument = ctx.params.get(parameter.name)
+            for value in argument if isinstance(argument, list | tuple) else [argument]:
                 if isinstance(value, float) and not math.isfinite(value):
                     raise EqtError(f"{parameter.opts[0]}: expected a number, got {value}")
         return left

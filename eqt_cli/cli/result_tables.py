@@ -143,7 +143,7 @@ def _base(name: str) -> str:
 
 def _columns(result: Result, part: str) -> dict[str, str]:
     """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
-    found, turns = dict[str, str](), part.startswith("_rotation")
+    columns, turns = dict[str, str](), part.startswith("_rotation")
     for base in (*result.own_metrics, *HEADLINE):
         name = base + part if base + part in result.headlines else base
         turned = any(what in base for what in ("attitude", "pointing"))
@@ -152,8 +152,8 @@ def _columns(result: Result, part: str) -> dict[str, str]:
             plain = result.quantity(base).plain.removeprefix("energy ")
             short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)
             short = _OF_PARTS.get(base, short) if part else short
-            found.setdefault(_ERRORS.get(base, short), name)
-    return found
+            columns.setdefault(_ERRORS.get(base, short), name)
+    return columns
 
 
 def _block(result: Result, part: str, names: Sequence[str]) -> Block:
@@ -291,10 +291,10 @@ def print_table(result: Result, name: str, form: str) -> None:
     """Print a table on stdout, with all digits."""
     from eqt_cli.cli.show import FORMATS, TABLES
 
-    for option, given, known in (("--table", name, TABLES), ("--format", form, FORMATS)):
-        if given not in known:
-            hint = suggestion(given, known) or f"; known: {', '.join(known)}"
-            raise EqtError(f"{option}: unknown {option[2:]} '{given}'{hint}")
+    for option, choice, known in (("--table", name, TABLES), ("--format", form, FORMATS)):
+        if choice not in known:
+            hint = suggestion(choice, known) or f"; known: {', '.join(known)}"
+            raise EqtError(f"{option}: unknown {option[2:]} '{choice}'{hint}")
     table = _metrics(result) if name == "metrics" else _unsettled(result)
     if form == "parquet":
         _print_parquet(table)

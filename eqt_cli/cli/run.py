@@ -209,8 +209,8 @@ def worst(
     done = _searched(search, api.worst, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
     for law in done.record["laws"] if certified else ():
-        found = api.certified(done.judged.folder.path / law["config"], start=certified)
-        [one] = (each for each in found if each.label == law["label"])
+        law_rates = api.certified(done.judged.folder.path / law["config"], start=certified)
+        [one] = (each for each in law_rates if each.label == law["label"])
         law["certified"] = one.refused or str(one.rates[0].region)
     _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=handling.json)
     if causes:

@@ -210,9 +210,9 @@ def results(
 
     if not folder.is_dir():
         raise EqtError(f"{folder}: expected a folder; `eqt run CONFIG` makes results/NAME")
-    found = list(folder.rglob(FILE_NAME))
-    whole = {path.parent for path in found}  # generations of a search lie inside its result
-    records = [_listed(path) for path in found if not whole & {*path.parent.parents}]
+    paths = list(folder.rglob(FILE_NAME))
+    whole = {path.parent for path in paths}  # generations of a search lie inside its result
+    records = [_listed(path) for path in paths if not whole & {*path.parent.parents}]
     records.sort(key=lambda each: each["begun"], reverse=True)
     rows = [[str(cell) for cell in each.values()] for each in records]
     header = ["result", "begun, UTC", "laws", "runs", "headline"]

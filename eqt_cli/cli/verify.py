@@ -103,8 +103,9 @@ def verify(
     )
     judged = any(row.kind == "code" for row in result.rows)
     answers = of_extension("firmware.code_rows.answers") if judged else lambda *_: ()
-    found = [*answers(result.rows, result.experiment)]
-    document, said = _document(target, result) | {"code": found}, [each["answer"] for each in found]
+    code_answers = [*answers(result.rows, result.experiment)]
+    document = _document(target, result) | {"code": code_answers}
+    said = [each["answer"] for each in code_answers]
     print_findings(document, *said, *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
         for cause in said or result.causes(result.experiment.titles):
@@ -112,7 +113,7 @@ def verify(
     if result.failed_runs:
         raise typer.Exit(3)
     worst = FINDINGS[FINDINGS.index(fail_on) :] if fail_on else ()
-    if any(each["finding"] in worst for each in found) if fail_on else result.failures:
+    if any(each["finding"] in worst for each in code_answers) if fail_on else result.failures:
         raise typer.Exit(4)
 
 
@@ -348,8 +349,8 @@ def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterat
         sides = [f"{low:g} to {high:g}" for low, high in rates[0].velocity]
         pairs, box = [*zip(known, rates, strict=True)], f"each V_d(t) within {', '.join(sides)}"
         blocks.append(Block(box, [[titles[law.label], *_rate(one)] for law, one in pairs]))
-        asked = ((titles[x.label], part) for x, one in pairs for part in (one.gain, one.region))
-        words += [f"{title} {part}; {box}" for title, part in asked if part]
+        extras = ((titles[x.label], part) for x, one in pairs for part in (one.gain, one.region))
+        words += [f"{title} {part}; {box}" for title, part in extras if part]
     notes = [
         "proved: along all references in the box, errors shrink like overshoot · exp(−rate · t)",
         "slowest constant V_d: no proof in the box can exceed its rate; below 0 it is unstable",

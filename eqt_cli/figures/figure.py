@@ -169,15 +169,15 @@ class ShownRuns(ShownControllers):
 
         The usual estimate over the runs; else the difference of the cross-check, or the tolerance.
         """
-        found = []
+        errors = []
         for one in self.results:
             known = (
                 one.metric("error_estimate") if one.has("error_estimate") else np.array([np.nan])
             )
             compared = one.attributes.get("cross_check_difference") or one.described.rtol or 0.0
             finite = known[np.isfinite(known)]
-            found.append(float(np.median(finite) if finite.size else compared))
-        largest = max(*found, float(np.finfo(float).eps))
+            errors.append(float(np.median(finite) if finite.size else compared))
+        largest = max(*errors, float(np.finfo(float).eps))
         return largest**2 if signal == "lyapunov" else largest
 
     def require_attitude(self, *, degrees: bool) -> None:

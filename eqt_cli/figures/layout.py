@@ -99,15 +99,15 @@ def _page(width: Width, height: float, mosaic: Any, **more: Any) -> Page:
         FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
         return drawing, drawing.subplot_mosaic(mosaic, empty_sentinel=EMPTY, **more)
     names = list(dict.fromkeys(name for row in mosaic for name in row if name != EMPTY))
-    own = own_axes if isinstance(own_axes, Mapping) else np.ravel(own_axes)
-    given = dict(own if isinstance(own, Mapping) else zip_longest(names, own))
-    if {*given} != {*names} or not all(isinstance(one, Axes) for one in given.values()):
+    axes = own_axes if isinstance(own_axes, Mapping) else np.ravel(own_axes)
+    panels = dict(axes if isinstance(axes, Mapping) else zip_longest(names, axes))
+    if {*panels} != {*names} or not all(isinstance(one, Axes) for one in panels.values()):
         raise EqtError(
-            f"axes: expected {len(names)} Axes, for {', '.join(names)}; got {len(own)}: "
-            f"{', '.join(map(str, own))}; choose panels by options of the figure, or give as many"
+            f"axes: expected {len(names)} Axes, for {', '.join(names)}; got {len(axes)}: "
+            f"{', '.join(map(str, axes))}; choose panels by options of the figure, or give as many"
         )
     page = OwnPage()
-    page.panels = {name: given[name] for name in names}
+    page.panels = {name: panels[name] for name in names}
     return page, page.panels
 
 
@@ -597,10 +597,10 @@ def leaving(shown: ShownControllers, errors: Iterable[Mapping[str, Array]]) -> s
 
 def cut_off(axes: Axes, far: set[str]) -> None:
     """End curves where they leave what the other curves of a panel need."""
-    kept = [line.get_ydata() for line in axes.lines if line.get_label() not in far]
-    if not far or not kept:
+    near = [line.get_ydata() for line in axes.lines if line.get_label() not in far]
+    if not far or not near:
         return
-    values = np.concatenate(kept)
+    values = np.concatenate(near)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
     axes.set_ylim(low, high)
@@ -642,10 +642,10 @@ def bound(axes: Axes, error: float, titles: Mapping[str, str]) -> None:
     lines = {str(line.get_label()): line for line in axes.lines}
     curves = {label: np.asarray(line.get_ydata(), float) for label, line in lines.items()}
     far = diverging(curves)
-    kept = [curve for label, curve in curves.items() if label not in far]
-    bound_below(axes, kept, error)
+    near = [curve for label, curve in curves.items() if label not in far]
+    bound_below(axes, near, error)
     if far:
-        axes.set_ylim(top=FAR * max(float(curve.max()) for curve in kept))
+        axes.set_ylim(top=FAR * max(float(curve.max()) for curve in near))
     for number, label in enumerate(far):
         text = f"{free_text(titles[label], _MOST_NAME)} diverges"
         look: dict[str, Any] = {"color": lines[label].get_color(), "ha": "right", "va": "top"}

@@ -135,8 +135,8 @@ class PathFigure(OverTime):
             for path in paths
         }
         far = leaving(runs, [away]) if view != "sphere" else []
-        kept = [x.reshape(-1, 3) for p in paths if p.law.label not in far for x in p[2:]]
-        places = np.concatenate(kept)
+        near = [x.reshape(-1, 3) for p in paths if p.law.label not in far for x in p[2:]]
+        places = np.concatenate(near)
         ends = np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
         extent = float(np.max(ends[1] - ends[0]))
         low, high = ends[0] - _MARGIN * extent, ends[1] + _MARGIN * extent

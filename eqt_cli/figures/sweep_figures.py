@@ -181,12 +181,12 @@ def _draw_maps(
     """
     count, (width, height) = len(swept.titles), size
     drawing, panels = sheet_of_maps(count, columns, width, height)
-    own = isinstance(drawing, OwnPage)
+    is_own = isinstance(drawing, OwnPage)
     room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
-    for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
-        image = draw(panel, index, room)
+    for k, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
+        image = draw(panel, k, room)
         add_title(panel, title, WIDTHS[width] / columns)
-        edges = {"leftmost": own or index % columns == 0, "lowest": own or index + columns >= count}
+        edges = {"leftmost": is_own or k % columns == 0, "lowest": is_own or k + columns >= count}
         below = cells.scales(panel, swept.results, room[0], **edges)
     drawing.set_figheight(drawing.get_figheight() + below)
     bar = panels[0].figure.colorbar(image, ax=panels, label=label)
@@ -412,8 +412,8 @@ class Settled(OfSweep):
         box = box_of(first["desired_velocity"])
         for k, title in zip(swept.controllers, swept.titles, strict=True):
             label = swept.results.labels[k]
-            found = rates_of(label, first.loops[label], [box], start=self.certified)
-            said = found.refused or found.rates[0].region
+            law_rates = rates_of(label, first.loops[label], [box], start=self.certified)
+            said = law_rates.refused or law_rates.rates[0].region
             yield f"{title}, proved for the loop and the reference of the first point: {said}."
 
 
@@ -535,15 +535,15 @@ class Rates(Figure[ShownControllers]):
         boxes = [[(-Fraction(v), Fraction(v))] * axes for v in grid.tolist()]
         laws = [(e, rates_of(e.label, result.loops[e.law], boxes)) for e in shown.shown]
         (drawing, panel), known = one_panel(width, _HEIGHTS[width]), []
-        for law, found in laws:
-            if found.refused:
-                shown.remarks.append(f"{law.title} {found.refused}.")
+        for law, law_rates in laws:
+            if law_rates.refused:
+                shown.remarks.append(f"{law.title} {law_rates.refused}.")
             else:
                 known.append(law.title)
-                rates = [float(one.rate or np.nan) for one in found.rates]
+                rates = [float(one.rate or np.nan) for one in law_rates.rates]
                 panel.plot(grid, rates, label=f"{law.title}, proved", **line_style(law.look))
-        for law, found in laws:
-            rates, look = [one.slowest_rate for one in found.rates], line_style(law.look)
+        for law, law_rates in laws:
+            rates, look = [one.slowest_rate for one in law_rates.rates], line_style(law.look)
             panel.plot(grid[: len(rates)], rates, label=f"{law.title}, constant", lw=0.5, **look)
         if not known:
             raise shown.error(f"has nothing to show: {' '.join(shown.remarks)}")

@@ -482,7 +482,7 @@ class Commands(Panelled, OverTime):
                 words = f"Stored every {stored:.3g} s, commanded every {control.period:.3g} s"
                 runs.remarks.append(f"{words}: faster motion is not seen.")
                 return None
-        most, found = _MOST_TURNS, None
+        most, zoom = _MOST_TURNS, None
         for e, (name, k) in product(runs.shown, places.items()):
             times, (output, command) = runs.times(e), self._values(runs, e, k)
             for values in (output, command):
@@ -491,8 +491,8 @@ class Commands(Panelled, OverTime):
                     middle = times[starts[np.nanargmax(high - low)]]
                     wide = _SHOWN_TURNS / turns * np.ptp(times)
                     start = float(np.clip(middle - wide / 2, times[0], times[-1] - wide))
-                    most, found = turns, (name, (start, start + float(wide)))
-        return found
+                    most, zoom = turns, (name, (start, start + float(wide)))
+        return zoom
 
     def _fill(
         self,
