@@ -78,25 +78,25 @@ class Signal:
 
     def values(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return the signal as code reads it, ``(..., *shape)``."""
-        name, part, where, own = self._found(G, x)
+        name, part, where, eqt_frame = self._place(G, x)
         value: Any = np.asarray(getattr(x, name), dtype=float)[where]
-        if not own:
+        if not eqt_frame:
             return self._ordered(part, value)
-        return self.factor * turned(G, x, value, own, self.frame)
+        return self.factor * turned(G, x, value, eqt_frame, self.frame)
 
     def read(self, G: MatrixLieGroup, x: LawInput, value: Array) -> LawInput:
         """Return the input with this signal from what code has of it; inverts `values`."""
-        name, part, where, own = self._found(G, x)
+        name, part, where, eqt_frame = self._place(G, x)
         whole = np.array(getattr(x, name))
-        if not own:
+        if not eqt_frame:
             value = self._rotation(value)
             where = where if value.shape == whole.shape else (..., *part.entries)
         else:
-            value = turned(G, x, value / self.factor, self.frame or own, own)
+            value = turned(G, x, value / self.factor, self.frame or eqt_frame, eqt_frame)
         whole[where] = value
         return x._replace(**{name: whole})
 
-    def _found(self, G: MatrixLieGroup, x: LawInput) -> tuple[str, Part, tuple[Any, ...], str]:
+    def _place(self, G: MatrixLieGroup, x: LawInput) -> tuple[str, Part, tuple[Any, ...], str]:
         """Return the input, its part, where that is, and its frame in eqt; none of a rotation."""
         name, _, which = self.signal.partition(".")
         part = next((each for each in G.parts if which in ("", each.name)), None)
@@ -109,8 +109,8 @@ class Signal:
                 return name, part, (..., rows, columns), ""
             return name, part, (..., rows, columns.start), "space"
         of_velocity = "desired" if name.startswith("desired") else "body"
-        own = "space" if name == "position" else of_velocity
-        return name, part, (..., part.axes) if which else (...,), own
+        eqt_frame = "space" if name == "position" else of_velocity
+        return name, part, (..., part.axes) if which else (...,), eqt_frame
 
     def words(self, unit: str) -> str:
         """Return what differs from eqt's, whose unit is given."""
@@ -132,7 +132,7 @@ class Signal:
     def _ordered(self, part: Part, R: Array) -> Array:
         R = R * np.outer(*2 * [np.broadcast_to(self.sign, R.shape[-1])])
         if self.as_ == "roll-pitch-yaw":
-            return coordinates_of(part, R, lambda found: found.as_euler("xyz") * self.factor)
+            return coordinates_of(part, R, lambda rotation: rotation.as_euler("xyz") * self.factor)
         if self.as_.startswith("quaternion"):
             return coordinates_of(part, R, lambda q: np.roll(q.as_quat(), self.as_[-4] == "w", -1))
         return transpose(R) if self.as_ == "columns" else R

@@ -280,8 +280,8 @@ def source(law: ExportedLaw) -> str:
     output, giving = "", ""
     if program.output:
         output = f"\nstatic {emitted(program.output, f'{name}_given')}"
-        given = [f"outputs->{entry.name}" for entry in program.outputs]
-        giving = call(law, program.output, f"{name}_given", given)
+        outputs = [f"outputs->{entry.name}" for entry in program.outputs]
+        giving = call(law, program.output, f"{name}_given", outputs)
     texts = {"step": step, "start": start, "output": output, "giving": giving}
     body = partial(of_law, "law.c", law, starting=starting, stepping=stepping, **texts)
     functions = needed(PRELUDE + body(functions=""), headers(law.by.name))
@@ -342,7 +342,7 @@ def check(law: ExportedLaw) -> str:
         after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
         fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
         before = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
-        given, given_bound = _given(law, state)
+        outputs, output_bound = _outputs(law, state)
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
             f"{{{', '.join(fields)}}}",
@@ -351,8 +351,8 @@ def check(law: ExportedLaw) -> str:
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
             row(np.array([*after_bound, 0.0])),
-            row(np.array([*given, 0.0])),
-            row(np.array([*_stored(given_bound, given), 0.0])),
+            row(np.array([*outputs, 0.0])),
+            row(np.array([*_stored(output_bound, outputs), 0.0])),
             str(int(law.singular[chosen[k]])),
         ]
         lines.append(",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
@@ -388,7 +388,7 @@ def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
     return _exact(law, law.program.start, state, names)
 
 
-def _given(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
+def _outputs(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
     """Return the other numbers of a law in exact numbers, and the bounds of their errors."""
     names = [OUTPUT + entry.name for entry in law.program.outputs]
     return _exact(law, law.program.output, state, names)

@@ -640,8 +640,8 @@ def exported(
         loop, seed = experiment.loops[label], experiment.config.ensemble.seed
         states = states_of(experiment, label, program, workers)
         moving = reference_program(loop, program) if reference else None
-        found = exported_filter(loop, label, seed)
-        law = ExportedLaw(experiment, label, wanted[label], by, program, states, moving, found)
+        estimator = exported_filter(loop, label, seed)
+        law = ExportedLaw(experiment, label, wanted[label], by, program, states, moving, estimator)
         laws.append(_adapted(law, adapter) if adapter else law)
     return laws
 
@@ -661,8 +661,8 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
     if law.reference or law.filter:
         raise EqtError(f"{law.label}: leave out --reference and the estimator, or the adapter")
     known = {each.source: each for each in law.program.inputs}
-    given = {name: rows[INPUT + name].reshape(-1, *each.shape) for name, each in known.items()}
-    x = LawInput._make(map(given.get, LawInput._fields))
+    signals = {name: rows[INPUT + name].reshape(-1, *each.shape) for name, each in known.items()}
+    x = LawInput._make(map(signals.get, LawInput._fields))
     inputs = {name: values for name, values in rows.items() if name.startswith(MEMORY)}
     for name, signal in adapter.inputs.items():
         inputs[INPUT + name] = signal.values(law.loop.group, x).reshape(len(x.t), -1)

@@ -46,10 +46,10 @@ def lock() -> None:
 class Library:
     """A law in C, compiled: its first calls, which may crash or never end."""
 
-    def __init__(self, asked: dict[str, Any]) -> None:
-        self.call, self.memory = ctypes.CDLL(asked["library"]).eqt_code, dict[str, Any]()
+    def __init__(self, request: dict[str, Any]) -> None:
+        self.call, self.memory = ctypes.CDLL(request["library"]).eqt_code, dict[str, Any]()
         self.call.argtypes = [ctypes.c_long, ctypes.c_int, ctypes.c_double, *6 * [ctypes.c_void_p]]
-        self.arrays = [np.array(each) for each in asked["arrays"]]
+        self.arrays = [np.array(each) for each in request["arrays"]]
         lock()
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
@@ -65,7 +65,7 @@ class Law:
 
     Attributes
     ----------
-    asked
+    request
         Text, file and expressions; numbers and inputs with their shapes, and names of the memory.
     memory
         What goes on from call to call: shapes by name.
@@ -73,51 +73,51 @@ class Law:
         The last error of a call.
     """
 
-    def __init__(self, asked: dict[str, Any]) -> None:
+    def __init__(self, request: dict[str, Any]) -> None:
         module = sys.modules["eqt_law"] = ModuleType("eqt_law")
-        self.asked, self.names, self.numbers = asked, vars(module), [nan]
+        self.request, self.names, self.numbers = request, vars(module), [nan]
         self.error: Exception | None = None
         # Python's own way to start processes, of which no hook is told.
         sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
         lock()
         sys.addaudithook(refuse)
-        exec(compile(asked["text"], asked["file"], "exec"), self.names)
-        self.make(asked["values"])
+        exec(compile(request["text"], request["file"], "exec"), self.names)
+        self.make(request["values"])
         self.memory = {name: np.shape(value) for name, value in self.first.items()}
-        self.torque(asked["trial"], asked["period"])
+        self.torque(request["trial"], request["period"])
         if self.error:
             raise self.error
 
     def make(self, numbers: list[float]) -> None:
         """Make the object with these numbers, unless it is there."""
         if numbers != self.numbers:
-            self.numbers, self.given = numbers, named(self.asked["numbers"], numbers)
-            self.function = eval(self.asked["function"], self.names | self.given)  # noqa: S307
+            self.numbers, self.parameters = numbers, named(self.request["numbers"], numbers)
+            self.function = eval(self.request["function"], self.names | self.parameters)  # noqa: S307
             self.object = getattr(self.function, "__self__", None)
             self.state: dict[str, Any] = getattr(self.object, "__dict__", self.names)
-            self.first = {name: deepcopy(self.state[name]) for name in self.asked["memory"]}
+            self.first = {name: deepcopy(self.state[name]) for name in self.request["memory"]}
 
     def torque(self, row: list[float], period: float) -> Any:
         """Return the torque of one call; NaN after an error that is of this input."""
-        asked, given = self.asked, self.given | named(self.asked["adapted"], row)
-        given |= {"period": period, "self": self.object}
+        request, values = self.request, self.parameters | named(self.request["adapted"], row)
+        values |= {"period": period, "self": self.object}
         try:
-            if asked["call"]:
-                result = eval(asked["call"], self.names | given)  # noqa: S307
+            if request["call"]:
+                result = eval(request["call"], self.names | values)  # noqa: S307
             else:
                 takes = inspect.signature(self.function).parameters
-                result = self.function(**{name: given[name] for name in takes if name in given})
-            torque = eval(asked["torque"], self.names | given | {"result": result})  # noqa: S307
-            return np.asarray(torque, dtype=float).reshape(asked["axes"])
+                result = self.function(**{name: values[name] for name in takes if name in values})
+            torque = eval(request["torque"], self.names | values | {"result": result})  # noqa: S307
+            return np.asarray(torque, dtype=float).reshape(request["axes"])
         except (PermissionError, MemoryError):
             raise
         except Exception as error:
             self.error = error
-            return np.full(asked["axes"], nan)
+            return np.full(request["axes"], nan)
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
         """Return torque and memory after a call with numbers, memory and inputs."""
-        at, torque = len(self.numbers), np.zeros(self.asked["axes"])
+        at, torque = len(self.numbers), np.zeros(self.request["axes"])
         self.make(row[:at])
         self.state |= deepcopy(self.first)
         if not how["starts"]:

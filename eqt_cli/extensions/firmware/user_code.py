@@ -599,8 +599,8 @@ def _checked(code: UserCode, sizes: Sequence[int]) -> dict[str, int]:
                 f"numbers.{name}: {X}_numbers in {code.file} has {count // size} of it, got "
                 f"{length}"
             )
-    kept = [count // size for count in rest[len(code.numbers) :]]
-    lengths = dict(zip(code.memory, kept, strict=True))
+    counts = [count // size for count in rest[len(code.numbers) :]]
+    lengths = dict(zip(code.memory, counts, strict=True))
     total = sum(lengths.values())
     if whole != total * size and (lengths or whole > size):
         named = ", ".join(f"{name} ({length})" for name, length in lengths.items()) or "none"
@@ -655,9 +655,9 @@ class Guest:
         pipes = subprocess.PIPE, subprocess.PIPE, subprocess.DEVNULL
         self.process = compiler.started(words, limits, pipes, None)
         weakref.finalize(self, _finish, self.process)
-        self.memory = {n: math.prod(shape) for n, shape in self.asked(law)["memory"].items()}
+        self.memory = {n: math.prod(shape) for n, shape in self.request(law)["memory"].items()}
 
-    def asked(self, what: Mapping[str, Any], at: str = "", name: str = "") -> Any:
+    def request(self, what: Mapping[str, Any], at: str = "", name: str = "") -> Any:
         """Return an answer.
 
         Raises
@@ -704,7 +704,7 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
         at = f" at {described(function, row)}; call it with this input in a debugger"
         for name in (f"{code.prefix}_start", code.function):
             how = {"starts": name != code.function, "period": period, "rows": [row.tolist()]}
-            guest.asked(how, at, f"{name} in {code.file}")
+            guest.request(how, at, f"{name} in {code.file}")
 
 
 class PythonFunction(CodeFunction):
@@ -717,8 +717,8 @@ class PythonFunction(CodeFunction):
     ) -> tuple[Array, Array]:
         rows, how = np.hstack([numbers, memory, inputs]).tolist(), {"starts": begins == 1}
         starts = range(0, len(rows), MOST_ROWS)
-        asked = ({**how, "period": period, "rows": rows[k : k + MOST_ROWS]} for k in starts)
-        answers = [row for each in asked for row in self.library.asked(each)["rows"]]
+        requests = ({**how, "period": period, "rows": rows[k : k + MOST_ROWS]} for k in starts)
+        answers = [row for each in requests for row in self.library.request(each)["rows"]]
         torque, later = np.split(np.array(answers, dtype=float), [self.code.axes], axis=1)
         return torque, later
 

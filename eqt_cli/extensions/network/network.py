@@ -137,8 +137,8 @@ class Observed:
             w, wd = (V[..., turning.axes] for V in (x.velocity, x.desired_velocity))
             relative = transpose(Rd) @ R
             if self.signal.startswith("rotation"):
-                found = relative if self.signal.endswith("error") else R
-                return found.reshape(*found.shape[:-2], -1)
+                R = relative if self.signal.endswith("error") else R
+                return R.reshape(*R.shape[:-2], -1)
             plane = w.shape[-1] == 1  # where the rate is the same in all frames
             of_error = wd if plane else apply_matrix(transpose(relative), wd)
             return w - of_error if self.signal.endswith("error") else w
@@ -396,12 +396,12 @@ def check_examples(text: str, name: str) -> None:
     network = network_of(text, name)
     if not network["examples"]:
         return
-    given, expected = map(np.array, network["examples"])
-    found, states = np.empty_like(expected), np.array([[*network["start"]]])
+    inputs, expected = map(np.array, network["examples"])
+    outputs, states = np.empty_like(expected), np.array([[*network["start"]]])
     function = function_of(bare_source(emitted(text, name)))
-    for k, row in enumerate(np.ascontiguousarray(given)):
-        called(function, states, row[None], found[k : k + 1])
-    apart = float(np.abs(found - expected).mean())
+    for k, row in enumerate(np.ascontiguousarray(inputs)):
+        call(function, states, row[None], outputs[k : k + 1])
+    apart = float(np.abs(outputs - expected).mean())
     if not apart < AGREES:
         raise InputError(
             f"{name}: computed by eqt, its outputs are {apart:.2g} away from its examples, and "
@@ -423,9 +423,9 @@ def bare_source(made: Emitted) -> str:
     return source_of(made, **sizes, **last, **curve)
 
 
-def called(function: Any, states: Array, rows: Array, found: Array) -> None:
+def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
     """Call a function of `source_of` for some runs, which changes the states."""
-    addresses = [ctypes.c_void_p(each.ctypes.data) for each in (states, rows, found)]
+    addresses = [ctypes.c_void_p(each.ctypes.data) for each in (states, rows, outputs)]
     end = ctypes.c_long(len(rows)), 0, ctypes.c_double(0.0), None
     function(*end, *addresses, None, None)
 
@@ -598,8 +598,8 @@ class Network(Controller):
 
     def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return what the network observes, ``(states, n)``; 0 for its last command."""
-        found = self._observation(G, x)
-        return found.reshape(-1, found.shape[-1])
+        observation = self._observation(G, x)
+        return observation.reshape(-1, observation.shape[-1])
 
     def _observation(self, G: MatrixLieGroup, x: LawInput) -> Array:
         batch, none = x.velocity.shape[:-1], 0.0 * x.velocity[..., :1]
@@ -660,7 +660,7 @@ class Network(Controller):
         parts = [np.empty((len(rows), 0)), *(memory[name] for name in lengths)]
         states = np.ascontiguousarray(np.concatenate(parts, axis=-1))
         torques = np.empty((len(rows), G.dimension))
-        called(function_of(self.source), states, rows, torques)
+        call(function_of(self.source), states, rows, torques)
         later = np.split(states, np.cumsum([*lengths.values()])[:-1], axis=-1)
         return torques, dict(zip(lengths, later, strict=False))
 

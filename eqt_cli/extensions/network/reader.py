@@ -214,14 +214,14 @@ class _OfGraph:
         states = {
             node.input[5] for node in graph.node if node.op_type == "GRU" and len(node.input) > 5
         }
-        given = [each for each in inputs if each.name not in states]
-        if len(given) != 1:
+        observations = [each for each in inputs if each.name not in states]
+        if len(observations) != 1:
             raise InputError(
                 f"{name}: expected one input besides the states of recurrent units, got "
-                f"{', '.join(each.name for each in given) or 'none'}"
+                f"{', '.join(each.name for each in observations) or 'none'}"
             )
-        self.built = Built(name, self._length(given[0]))
-        self.vectors = {given[0].name: "x"}
+        self.built = Built(name, self._length(observations[0]))
+        self.vectors = {observations[0].name: "x"}
         self.states = {each.name: self._length(each) for each in inputs if each.name in states}
         for node in graph.node:
             self._node(node)
@@ -353,9 +353,9 @@ class _OfGraph:
         b, d = map(ordered, np.split(biases, 2))
         begin = values[5] if len(values) > 5 else None
         start = np.zeros(size) if begin is None else np.ravel(begin)
-        found = self.built.gru(values[0], W, U, b, d, start)
-        self.vectors |= {name: found for name in node.output if name}
-        return found
+        vector = self.built.gru(values[0], W, U, b, d, start)
+        self.vectors |= {name: vector for name in node.output if name}
+        return vector
 
 
 # Checkpoints of RLtools ---------------------------------------------------------------------------
@@ -377,13 +377,13 @@ def of_rltools(made: bytes, name: str) -> Built:
         raise InputError(f"{name}: is no HDF5 file: {error}") from error
     with file:
         actor = _Checkpoint(name, file)
-        given, expected = (actor.numbers(f"example/{key}") for key in ("input", "output"))
-        if given.ndim != 3 or expected.ndim != 3:
+        inputs, expected = (actor.numbers(f"example/{key}") for key in ("input", "output"))
+        if inputs.ndim != 3 or expected.ndim != 3:
             raise InputError(f"{name}: expected examples of steps, batches and numbers")
-        built = Built(name, given.shape[-1])
+        built = Built(name, inputs.shape[-1])
         actor.layer(built, "actor", "x")
         sequence = slice(None, EXAMPLES), 0
-        built.examples = [given[sequence].tolist(), expected[sequence].tolist()]
+        built.examples = [inputs[sequence].tolist(), expected[sequence].tolist()]
     return built
 
 
@@ -408,13 +408,13 @@ class _Checkpoint:
         """Return an array of the file."""
         import h5py
 
-        found = self._at(place)
-        plain = isinstance(found, h5py.Dataset) and not (found.external or found.is_virtual)
-        if not plain or found.dtype.kind != "f" or found.size > MOST_NUMBERS:
+        dataset = self._at(place)
+        plain = isinstance(dataset, h5py.Dataset) and not (dataset.external or dataset.is_virtual)
+        if not plain or dataset.dtype.kind != "f" or dataset.size > MOST_NUMBERS:
             raise InputError(
                 f"{self.name}: {place}: expected at most {MOST_NUMBERS:,} numbers in this file"
             )
-        return np.asarray(found[()], dtype=float)
+        return np.asarray(dataset[()], dtype=float)
 
     def _of(self, place: str, key: str) -> str:
         value = self._at(place).attrs.get(key, "")

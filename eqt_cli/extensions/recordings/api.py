@@ -87,14 +87,14 @@ def check_log(
     >>> from pathlib import Path
     >>> rows = "stamp,yaw (deg),pitch,roll\n0,0,0,0\n10,1,0,0\n20,2,0,0\n"
     >>> _ = Path("flight.csv").write_text(rows)
-    >>> found = eqt_cli.check_log("flight.csv", {"columns": {"t": "stamp"}, "units": {"t": "ms"}})
-    >>> found.group, found.rate, found.notes
+    >>> check = eqt_cli.check_log("flight.csv", {"columns": {"t": "stamp"}, "units": {"t": "ms"}})
+    >>> check.group, check.rate, check.notes
     ('SO3', 100.0, [])
     """
     G, flight = None if group is None else group_named(group), _flight(path)
     with _read(path, mapping, format, flight) as log:
-        found = logs.check_text(*log, G)
-    return replace(found, topics=list(logs.topics_of(flight))) if flight else found
+        check = logs.check_text(*log, G)
+    return replace(check, topics=list(logs.topics_of(flight))) if flight else check
 
 
 def read_measured(
@@ -197,8 +197,8 @@ def log_errors(
     >>> late = np.c_[t + 0.1, wanted[:, 1:]]
     >>> for name, rows in (("wanted.csv", wanted), ("flown.csv", late)):
     ...     np.savetxt(name, rows, delimiter=",", header="t,x,y,z", comments="")
-    >>> found = eqt_cli.log_errors("flown.csv", "wanted.csv").sizes[0]
-    >>> round(found.rms, 3), round(found.delay, 3), round(found.remains, 3)
+    >>> size = eqt_cli.log_errors("flown.csv", "wanted.csv").sizes[0]
+    >>> round(size.rms, 3), round(size.delay, 3), round(size.remains, 3)
     (0.1, 0.1, 0.0)
     """
     literal(Literal["linear", "nearest", "held"], "association", association)
@@ -218,12 +218,12 @@ def log_errors(
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         wanted = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight)
-    found = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, relative)
+    errors = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, relative)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
 
-        save_errors(found, f"{path}", Path(out))
-    return found
+        save_errors(errors, f"{path}", Path(out))
+    return errors
 
 
 def _series(
@@ -240,8 +240,8 @@ def _series(
         if not topics:
             raise EqtError(f"{path}: has no topic '{topic}'; eqt log check lists them")
     flight = flight._replace(topics=topics)
-    found = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
-    return {quantity: every[0] for quantity, every in found.items() if every}
+    series = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
+    return {quantity: every[0] for quantity, every in series.items() if every}
 
 
 def _mapping(
@@ -334,8 +334,8 @@ def replay(
     >>> t = np.linspace(0, 4, 41)
     >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
     >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
-    >>> found = eqt_cli.replay("configs/so2.yaml", "wheel.csv", horizon=1.0)
-    >>> float(found.median[0, -1].round(6))  # ½ (1/0.4 − 1/2) rad/s² · (1 s)²
+    >>> errors = eqt_cli.replay("configs/so2.yaml", "wheel.csv", horizon=1.0)
+    >>> float(errors.median[0, -1].round(6))  # ½ (1/0.4 − 1/2) rad/s² · (1 s)²
     1.0
     """
     base, cut, plant = _opened(
@@ -401,8 +401,8 @@ def fit(
     >>> t = np.linspace(0, 4, 41)
     >>> rows = np.stack([t, t**2 / 4, t / 2, 0 * t + 1], axis=1)
     >>> np.savetxt("wheel.csv", rows, delimiter=",", header="t,angle,wz,tz", comments="")
-    >>> found = eqt_cli.fit("configs/so2.yaml", "wheel.csv", ["inertia"], horizon=0.5)
-    >>> round(found.numbers[0].value, 4)
+    >>> fit = eqt_cli.fit("configs/so2.yaml", "wheel.csv", ["inertia"], horizon=0.5)
+    >>> round(fit.numbers[0].value, 4)
     2.0
     """
     base, cut, plant = _opened(
@@ -505,8 +505,8 @@ def compare_measured(
     >>> header = "t,Q11,Q12,Q13,Q21,Q22,Q23,Q31,Q32,Q33"
     >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
     >>> late = {"time": {"offset": -0.25}}
-    >>> found = eqt_cli.compare_measured("results/paper", "flight.csv", late)
-    >>> found[0].rows == len(rows), round(found[0].shares[0].explained, 6)
+    >>> laws = eqt_cli.compare_measured("results/paper", "flight.csv", late)
+    >>> laws[0].rows == len(rows), round(laws[0].shares[0].explained, 6)
     (True, 1.0)
     """
     with open_result(path_from("result", result), point) as opened:

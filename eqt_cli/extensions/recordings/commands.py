@@ -237,18 +237,18 @@ def log_errors(
 
     how: dict[str, Any] = {"association": association, "topic": topic, "setpoint": setpoint}
     how |= {"align": align, "relative": relative}
-    found = api.log_errors(file, second, mapping, format=format_, out=out, **how)
-    sizes = [one._asdict() for one in found.sizes]
-    document = {"headline": found.headline, "topics": found.topics, "sizes": sizes}
-    print_findings(document, laid_out(error_table(found)), json=json)
+    errors = api.log_errors(file, second, mapping, format=format_, out=out, **how)
+    sizes = [one._asdict() for one in errors.sizes]
+    document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}
+    print_findings(document, laid_out(error_table(errors)), json=json)
     if out is not None:
         say(f"figure and CSV in {out}")
 
 
 def _print_log(checked: LogCheck) -> None:
     if checked.topics:
-        told = [[*r[:2], f"{r[2]}", significant(r[3]), f"{r[4]}"] for r in checked.topics]
-        output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], told), "")
+        topics = [[*r[:2], f"{r[2]}", significant(r[3]), f"{r[4]}"] for r in checked.topics]
+        output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], topics), "")
     rows = [
         [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
         for one in checked.columns

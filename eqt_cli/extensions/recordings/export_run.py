@@ -85,11 +85,11 @@ def _padded(G: MatrixLieGroup, signals: dict[str, Array], wrench: Array) -> Iter
     count = len(wrench)
 
     def in_space(values: Array | None, *, last: bool = False) -> Array:
-        found = np.zeros((count, 3))
+        vectors = np.zeros((count, 3))
         if values is not None:
             values = values.reshape(count, -1)
-            found[:, slice(-values.shape[1], None) if last else slice(values.shape[1])] = values
-        return found
+            vectors[:, slice(-values.shape[1], None) if last else slice(values.shape[1])] = values
+        return vectors
 
     half = signals.get("heading", np.zeros(count)) / 2
     planar = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=-1)

@@ -249,7 +249,7 @@ def _saved(drawing: Drawing, panels: Any, x: str, remark: str) -> dict[str, byte
     return {form: encode(drawing, form, remark, "Errors") for form in FORMATS}
 
 
-def save_errors(found: TrackingErrors, name: str, folder: Path) -> None:
+def save_errors(tracking: TrackingErrors, name: str, folder: Path) -> None:
     """Draw the errors over time, a panel for each quantity, and write them with their tables.
 
     Raises
@@ -257,11 +257,11 @@ def save_errors(found: TrackingErrors, name: str, folder: Path) -> None:
     EqtError
         If a file cannot be written.
     """
-    times = np.concatenate([t for t, _ in found.curves.values()])
+    times = np.concatenate([t for t, _ in tracking.curves.values()])
     with house_style():
-        ends, rows = (float(times.min()), float(times.max())), layout.rows_of([*found.curves], 1)
+        ends, rows = (float(times.min()), float(times.max())), layout.rows_of([*tracking.curves], 1)
         drawing, panels = layout.sheet("column", rows, ends, "s")
-        for quantity, (t, errors) in found.curves.items():
+        for quantity, (t, errors) in tracking.curves.items():
             unit, axes = QUANTITIES[quantity]
             gaps = np.flatnonzero(np.diff(t) > 1.0) + 1  # nothing is drawn where none is compared
             behind = np.insert(t, gaps, np.nan), np.insert(errors, gaps, np.nan, axis=0)
@@ -269,6 +269,6 @@ def save_errors(found: TrackingErrors, name: str, folder: Path) -> None:
                 panels[quantity].plot(behind[0], behind[1][:, k], label=axis, **_thin(k % 3))
             layout.name_scale(panels[quantity], in_words(f"{quantity} error", unit))
             panels[quantity].legend(ncols=3, loc="upper right")
-        files = _saved(drawing, panels, "time", f"{name}: {found.headline}.")
-    files = {f"errors.{form}": content for form, content in files.items()} | error_files(found)
+        files = _saved(drawing, panels, "time", f"{name}: {tracking.headline}.")
+    files = {f"errors.{form}": content for form, content in files.items()} | error_files(tracking)
     write_all({folder / each: content for each, content in files.items()}, folder)

@@ -97,22 +97,22 @@ class Series(NamedTuple):
         before = after - 1
         if how == "held":
             before = after = np.searchsorted(times, t, side="right") - 1
-            found, known = numbers[before], before >= 0
+            values, known = numbers[before], before >= 0
         elif how == "nearest":
             before = after = np.where(2 * t < times[before] + times[after], before, after)
-            found, known = numbers[before], abs(times[before] - t) <= NEAREST
+            values, known = numbers[before], abs(times[before] - t) <= NEAREST
         else:
             share, step = (t - times[before]) / (times[after] - times[before]), np.diff(times)
             known = (share >= 0) & (share <= 1) & (step[before] <= GAP * np.median(step))
-            found = numbers[before] + share[:, None] * (numbers[after] - numbers[before])
+            values = numbers[before] + share[:, None] * (numbers[after] - numbers[before])
             if numbers.shape[1] == 4:
                 from scipy.spatial.transform import Rotation, Slerp  # slow to import
 
                 turn = Slerp(times, Rotation.from_quat(numbers, scalar_first=True))
-                found = turn(np.clip(t, *times[[0, -1]])).as_quat(scalar_first=True)
+                values = turn(np.clip(t, *times[[0, -1]])).as_quat(scalar_first=True)
         span = [np.searchsorted(edges, x, side="right") for x in (t, times[before], times[after])]
         known &= (span[0] == span[1]) & (span[0] == span[2])
-        return np.where(known[:, None], found, np.nan)
+        return np.where(known[:, None], values, np.nan)
 
 
 class Flight(NamedTuple):
@@ -172,8 +172,8 @@ class Flight(NamedTuple):
         for where in times[1:][np.diff(times) < 0][:1]:
             raise InputError(f"{place}: its time goes back to {where:.6f} s")
         first, known = np.diff(times, prepend=-np.inf) > 0, [f"{topic.name}.{x}" for x in names]
-        found = Series(topic.name, times[first], numbers[first], known, unit)
-        return [found] * int(first.sum() > (source.quantity not in _STATES))
+        series = Series(topic.name, times[first], numbers[first], known, unit)
+        return [series] * int(first.sum() > (source.quantity not in _STATES))
 
 
 @lru_cache(maxsize=1)
@@ -282,16 +282,16 @@ def table_of(flight: Flight) -> str:
     InputError
         If it holds neither attitudes nor positions.
     """
-    found = {name: list(flight.series(name)) for name in COLUMNS}
-    lead = next(iter([*found["position"], *found["attitude"]]), None)
+    series_by_name = {name: list(flight.series(name)) for name in COLUMNS}
+    lead = next(iter([*series_by_name["position"], *series_by_name["attitude"]]), None)
     if lead is None:
         kinds = dict.fromkeys(s.kind for s in sources_of(flight.format) if s.quantity in _POSES)
         why = "".join(f"; {each.name}: {each.note}" for each in flight.topics if each.note)
         raise InputError(f"{flight.name}: holds no poses; expected {' or '.join(kinds)}{why}")
-    if not found["position"]:
-        found["velocity"] = []
+    if not series_by_name["position"]:
+        series_by_name["velocity"] = []
     times, headings, columns = lead.times, ["t (s)"], [lead.times]
-    for name, every in found.items():
+    for name, every in series_by_name.items():
         for k, series in enumerate(every):
             is_held = name in WRENCH or np.array_equal(series.times, times)
             is_used = not k and series.unit != "normalised"
@@ -306,7 +306,7 @@ def table_of(flight: Flight) -> str:
     moving = [headings.index(each) for each in headings if re.match(r"[xyzqvw][wxyz]?( |$)", each)]
     table = table[np.isfinite(table[:, moving]).all(axis=1)]
     if not len(table):
-        names = [name for name, every in found.items() if every and name not in WRENCH]
+        names = [name for name, every in series_by_name.items() if every and name not in WRENCH]
         raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
     parts = [f"{log_table.DAMAGED}\n" for each in flight.topics if each.kind == "damaged"]
     parts += [",".join(headings), "\n"]
@@ -436,8 +436,8 @@ def check_text(
     begin, end = log.times[[0, -1]].tolist()
     rate, gaps = 1 / median if median > 0 else np.nan, gaps_of(log.times, log.gaps)
     least = (float(norms.min()), float(norms.max())) if len(norms) else None
-    found = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
-    return LogCheck(name, *found, gaps, least, problems, [] if problems else list(notes(log)))
+    facts = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
+    return LogCheck(name, *facts, gaps, least, problems, [] if problems else list(notes(log)))
 
 
 def largest_group(
@@ -648,9 +648,9 @@ def _relative(
         moves.append(np.linalg.solve(Q[first], Q[first + frames]))
     E, t = np.linalg.solve(moves[1], moves[0]), t[first + frames]
     none = np.tile([1.0, 0, 0, 0], (len(t), 1))
-    found = {"position": (t, difference("position", E[:, :3, 3], 0 * none[:, 1:]))}
+    errors = {"position": (t, difference("position", E[:, :3, 3], 0 * none[:, 1:]))}
     turn = {"attitude": (t, difference("attitude", quaternions(E[:, :3, :3]), none))}
-    return found | turn if turned else found
+    return errors | turn if turned else errors
 
 
 NO_SPANS = np.empty(0), np.ones(1, bool)
@@ -737,23 +737,23 @@ def _lag(compared: Callable[[float], tuple[Array, Array]], rows: int) -> tuple[f
         return float(np.sqrt(np.nanmean(errors[:, 0] ** 2))) if 2 * len(t) > rows else 1e100
 
     best = min(np.arange(-MOST_DELAY, MOST_DELAY + STEP / 2, STEP).tolist(), key=size)
-    found = minimize_scalar(size, bounds=(best - STEP, best + STEP), method="bounded")
-    told = abs(best) < MOST_DELAY - STEP and found.fun <= EXPLAINS * size(0.0)
-    return (float(found.x), float(found.fun)) if told else (np.nan, np.nan)
+    minimum = minimize_scalar(size, bounds=(best - STEP, best + STEP), method="bounded")
+    is_known = abs(best) < MOST_DELAY - STEP and minimum.fun <= EXPLAINS * size(0.0)
+    return (float(minimum.x), float(minimum.fun)) if is_known else (np.nan, np.nan)
 
 
-def error_table(found: TrackingErrors) -> TextTable:
+def error_table(tracking: TrackingErrors) -> TextTable:
     """Return the table of the sizes of errors."""
-    rows = [[*one[:3], *(significant(x, 3) for x in one[3:])] for one in found.sizes]
+    rows = [[*one[:3], *(significant(x, 3) for x in one[3:])] for one in tracking.sizes]
     header = ["error", "axis", "unit", "rms", "median", "largest", "delay, s", "remains"]
-    notes = [f"{quantity}: {topics}." for quantity, topics in found.topics.items()]
-    return TextTable("errors", found.headline, header, [Block("", rows)], notes, keys=3)
+    notes = [f"{quantity}: {topics}." for quantity, topics in tracking.topics.items()]
+    return TextTable("errors", tracking.headline, header, [Block("", rows)], notes, keys=3)
 
 
-def error_files(found: TrackingErrors) -> dict[str, bytes]:
+def error_files(tracking: TrackingErrors) -> dict[str, bytes]:
     """Return the errors over time, a CSV of each quantity by the name of its file."""
     files = {}
-    for quantity, (t, errors) in found.curves.items():
+    for quantity, (t, errors) in tracking.curves.items():
         unit, axes = QUANTITIES[quantity]
         names, stream = ["t (s)", *(f"{axis} ({unit})" for axis in axes)], io.BytesIO()
         head, rows = CONFIG_MARK.format("log") + ",".join(names), np.column_stack([t, errors])

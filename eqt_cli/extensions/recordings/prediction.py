@@ -488,9 +488,9 @@ def intervals(fits: Sequence[Linear]) -> Array:
     pulls = np.array([each.T @ one.residuals for each, one in zip(J, fits, strict=True)])
     sizes = norm((C @ pulls[..., None])[..., 0].T)
     # Covariances of the terms, (p, windows, windows), if all errors are white.
-    own = np.einsum("wki,wij,wkj->kw", C, A, C)
+    diagonal = np.einsum("wki,wij,wkj->kw", C, A, C)
     shared = np.einsum("wki,kvi->kwv", C @ A @ inverse, (C @ A).swapaxes(0, 1))
-    covariance = own[..., None] * np.eye(len(fits)) - shared
+    covariance = diagonal[..., None] * np.eye(len(fits)) - shared
     freedom = np.trace(covariance, axis1=1, axis2=2) ** 2 / np.sum(covariance**2, axis=(1, 2))
     half = stdtrit(freedom, 0.975) * sizes / lengths
     return np.stack([-half, half])

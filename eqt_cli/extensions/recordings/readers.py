@@ -93,14 +93,14 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Itera
             note = _differs(one, store) if is_known else ""
             try:
                 if is_known and not note:
-                    found = ((t, decode(x, one.msgtype)) for _, t, x in reader.messages([one]))
+                    messages = ((t, decode(x, one.msgtype)) for _, t, x in reader.messages([one]))
                     if kind == MANY:
-                        for name, some in _parts(one.topic, found).items():
+                        for name, some in _parts(one.topic, messages).items():
                             part = Topic(name, SINGLE, 0, topic.times, {})
                             yield _decoded(part, some, SINGLE, wanted[SINGLE], store)
                             topic = topic._replace(rows=0)  # so that it is not listed
                     else:
-                        topic = _decoded(topic, found, one.msgtype, wanted[kind], store)
+                        topic = _decoded(topic, messages, one.msgtype, wanted[kind], store)
             except Exception as error:  # a foreign message may make rosbags raise anything
                 note = str(error)
             yield topic._replace(note=note)
@@ -113,7 +113,7 @@ def _parts(topic: str, messages: Iterator[Any]) -> dict[str, list[Any]]:
         for each in message.transforms:
             name = f"{topic} {each.header.frame_id}.{each.child_frame_id}"
             pairs.setdefault(name, []).append((time, each))
-    return {name: found for name, found in pairs.items() if len(found) > 1}  # others are static
+    return {name: poses for name, poses in pairs.items() if len(poses) > 1}  # others are static
 
 
 def _decoded(topic: Topic, messages: Iterable[Any], kind: str, wanted: Any, store: Any) -> Topic:
@@ -151,8 +151,8 @@ def _differs(one: Any, store: Any) -> str:
     types |= get_types_from_idl(text) if form == Form.IDL else {}
     for name, (_, fields) in types.items():
         sides = (store.fielddefs.get(name, (0, ()))[1], fields)
-        own, here = ([(each.lower(), kind) for each, kind in side] for side in sides)
-        if own != here:
+        eqt_fields, here = ([(each.lower(), kind) for each, kind in side] for side in sides)
+        if eqt_fields != here:
             return f"the file defines {name} otherwise than eqt knows it"
     return ""
 

@@ -13,7 +13,7 @@ import eqt_cli
 from eqt_cli.base.errors import InputError
 from eqt_cli.engines import native
 from eqt_cli.engines.engine import Integrator
-from eqt_cli.extensions.network.network import Emitted, bare_source, called, function_of
+from eqt_cli.extensions.network.network import Emitted, bare_source, call, function_of
 from eqt_cli.extensions.network.reader import network_of, network_text
 
 onnx = pytest.importorskip("onnx", reason="needs the extra network")
@@ -132,7 +132,7 @@ def outputs_of(network, rows):
     found = np.empty((len(rows), network["outputs"]))
     function = function_of(bare_source(Emitted(network)))
     for k, row in enumerate(np.ascontiguousarray(rows, dtype=float)):
-        called(function, states, row[None], found[k : k + 1])
+        call(function, states, row[None], found[k : k + 1])
     return found
 
 
@@ -372,7 +372,7 @@ def test_a_network_remembers_its_last_command_and_its_units(tmp_path):
     states, last, y = np.array([[*network["start"], 0.0]]), np.zeros(3), np.empty((1, 3))
     for k in range(20):
         row = np.concatenate([velocity[k], 2 * last])[None]
-        called(function_of(bare_source(Emitted(network))), states, row, y)
+        call(function_of(bare_source(Emitted(network))), states, row, y)
         last = np.clip(y[0], -0.3, 0.3)
         np.testing.assert_allclose(torque[k], -last, atol=1e-12)
         np.testing.assert_allclose(memory[k], [*states[0, :6], *last], atol=1e-12)
