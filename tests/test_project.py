@@ -151,6 +151,27 @@ def test_no_module_gives_a_name_of_its_own_two_values():
     assert twice == []
 
 
+EMPTY = re.compile(r"\b_*(?:told|asked|answered|knowing|kept|own|found|given|luck)_*\b")
+PROSE = re.compile(r'"""(?s:.*?)"""|"(?:\\.|[^"\\\n])*"|#.*')
+OPTIONS = {("thrusters.py", "told")}
+"""Names that users write in configurations."""
+
+
+def test_names_say_what_they_hold():
+    """Such a name says how a value came about, not what it is, as `rows`, `path` and `R` do."""
+    empty = []
+    for path in sorted((ROOT / "eqt_cli").rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        code = PROSE.sub(lambda prose: "\n" * prose[0].count("\n"), text).splitlines()
+        places = [
+            (name, number) for number, line in enumerate(code, 1) for name in EMPTY.findall(line)
+        ]
+        for name, number in [*((name, 1) for name in EMPTY.findall(path.stem)), *places]:
+            if (path.name, name) not in OPTIONS:
+                empty.append(f"{path.relative_to(ROOT)}:{number}: {name}")
+    assert empty == []
+
+
 def test_tests_that_mutants_are_tried_on_exist():
     """A test that was moved would end `make mutants` before its first mutant."""
     assert [path for path in mutants.TESTS if not (ROOT / path).exists()] == []
