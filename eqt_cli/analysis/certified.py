@@ -202,8 +202,8 @@ def certified(A: Array, box: Box, B: Array | None = None, push: float = 0.0) -> 
         raise InputError("has errors that depend on more than six axes of the desired velocity")
     at_corners = [A[0] + np.tensordot(np.array(corner), A[1:], axes=1) for corner in corners]
     slowest, bound = _slowest(A.astype(float), np.array(corners, dtype=float), box)
-    P = _searched(np.array(at_corners, dtype=float), bound)
-    rate, proof = (None, None) if P is None else _proved(at_corners, P)
+    P = _search(np.array(at_corners, dtype=float), bound)
+    rate, proof = (None, None) if P is None else _prove(at_corners, P)
     overshoot = np.inf if proof is None else float(np.sqrt(np.linalg.cond(proof.astype(float))))
     rows = None if proof is None else entrywise(str, proof).tolist()
     ends, gain = np.array(box, dtype=float), None
@@ -215,7 +215,7 @@ def certified(A: Array, box: Box, B: Array | None = None, push: float = 0.0) -> 
     return Certified(rate, rows, overshoot, ends.tolist(), slowest.tolist(), bound, gain)
 
 
-def _searched(A: Array, bound: float) -> Array | None:
+def _search(A: Array, bound: float) -> Array | None:
     """Return P with a rate of its own as large as possible, and then well conditioned.
 
     The largest t with AᵀP + PA + 2λP ≼ −tS gives a P whose own rate exceeds λ, with S = I at first
@@ -224,13 +224,13 @@ def _searched(A: Array, bound: float) -> Array | None:
     none, one = np.zeros(A.shape[1:]), np.eye(A.shape[-1])
     P, rate = one, 0.0
     for _ in range(MOST_SOLVES if bound > 0 else 0):
-        better = _solved(A, rate, P, none)
+        better = _solve(A, rate, P, none)
         if better is None or (new_rate := _own_rate(A, better)) <= rate:
             break
         gain, rate, P = new_rate - rate, new_rate, better
         if gain <= ENOUGH * rate or rate >= (1 - SPARED / 2) * bound:
             break
-    rounder = _solved(A, (1 - SPARED / 2) * rate, none, one) if rate else None
+    rounder = _solve(A, (1 - SPARED / 2) * rate, none, one) if rate else None
     if rounder is not None and _own_rate(A, rounder) >= (1 - SPARED) * rate:
         return rounder
     return P if rate else None
@@ -243,7 +243,7 @@ def _own_rate(A: Array, P: Array) -> float:
     return float(-np.linalg.eigvalsh(moved).max() / 2)
 
 
-def _solved(A: Array, rate: float, S: Array, least: Array) -> Array | None:
+def _solve(A: Array, rate: float, S: Array, least: Array) -> Array | None:
     """Return P for the largest t with AᵀP + PA + 2λP ≼ −tS for all of A, and t·least ≼ P ≼ I."""
     basis, one = basis_of(len(S)), np.eye(len(S))
     products, zero = basis @ A[:, None], np.zeros((len(A), 1, *S.shape))
@@ -294,7 +294,7 @@ def _clarabel() -> Any:
     return clarabel
 
 
-def check_asked(push: float, start: float) -> None:
+def check_push_and_start(push: float, start: float) -> None:
     """Refuse a push, N m, or an angle of a start, deg, of which nothing can be proved here."""
     if not 0 <= push < np.inf:
         raise InputError(f"push: expected 0 N m or more, got {push:g}")
@@ -303,7 +303,7 @@ def check_asked(push: float, start: float) -> None:
     _clarabel()
 
 
-def _proved(A: Sequence[Array], P: Array) -> tuple[Fraction | None, Array | None]:
+def _prove(A: Sequence[Array], P: Array) -> tuple[Fraction | None, Array | None]:
     """Return a rational rate and P, rounded, if they are proved for all of A."""
     float_rate = _own_rate(np.array(A, dtype=float), P)
     rate = Fraction(int(float_rate * (1 - SPARED / 10) * DIGITS), DIGITS)

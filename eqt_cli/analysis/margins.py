@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.certified import LawRates, box_of, check_asked, rates_of
+from eqt_cli.analysis.certified import LawRates, box_of, check_push_and_start, rates_of
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
@@ -333,7 +333,7 @@ def certified_rates(
     Without velocities, the box is that of the experiment's own reference, as sampled. A push in N m
     and the angle of a start in deg are asked if they are not 0.
     """
-    check_asked(push, start)
+    check_push_and_start(push, start)
     bounds = sorted(Fraction(str(v)) for v in set(velocities))
     boxes = [[(-v, v)] * experiment.group.dimension for v in bounds]
     boxes = boxes or [box_of(_known_reference(experiment).velocity)]

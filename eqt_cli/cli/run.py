@@ -199,12 +199,12 @@ def worst(
             `eqt margins --from ANGLE` does for large errors on SO(3).
     """
     from eqt_cli import api
-    from eqt_cli.analysis.certified import check_asked
+    from eqt_cli.analysis.certified import check_push_and_start
     from eqt_cli.analysis.search_tables import worst_tables
     from eqt_cli.analysis.worst import WorstSearch
 
     if certified:  # before the search, which takes longer
-        check_asked(0.0, certified)
+        check_push_and_start(0.0, certified)
     search = WorstSearch.read(setup.source(config), trust_plugins=handling.trust_plugins)
     done = _searched(search, api.worst, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))

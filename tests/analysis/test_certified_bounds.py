@@ -563,7 +563,7 @@ def test_what_is_not_proved_is_said_and_numbers_have_digits() -> None:
 @pytest.mark.parametrize(("push", "start"), [(-1.0, 0.0), (float("nan"), 0.0), (0.0, 180.0)])
 def test_what_cannot_be_asked_is_refused_first(push: float, start: float) -> None:
     with pytest.raises(InputError, match="expected 0"):
-        certified.check_asked(push, start)
+        certified.check_push_and_start(push, start)
 
 
 # The evidence: W and its rate are those of the code -----------------------------------------------
