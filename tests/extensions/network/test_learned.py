@@ -37,6 +37,7 @@ def flown(tmp_path, runs, duration, engine, **changes):
     config["ensemble"]["runs"] = runs
     config["time"] = {"duration": duration, "samples": round(50 * duration) + 1}
     config["solver"]["engine"] = engine
+    config["store"] = {"trajectories": "all"}
     (tmp_path / "one.yaml").write_text(yaml.safe_dump(config | changes))
     eqt_cli.run(tmp_path / "one.yaml", out=tmp_path / "one", workers=1)
     with eqt_cli.open_result(tmp_path / "one") as result:
@@ -81,6 +82,18 @@ def test_the_shipped_laws_begin_to_fly(tmp_path):
     assert set(laws) == {"published", "tuned", "network"}
     for law in laws.values():
         assert np.isfinite(law.reward.values).all()
+
+
+@UNREACHABLE
+def test_with_a_round_inertia_the_attitude_law_is_that_of_lee(tmp_path):
+    config = yaml.safe_load((LEARNED / "flights.yaml").read_text())
+    ours, J = config["controllers"][0], 0.003
+    ours["attitude"] = {"kind": "per_inertia", "kR": [700.0] * 3, "kW": [30.0] * 3}
+    lee = ours | {"label": "lee", "attitude": "lee2010"}
+    lee["gains"] = {"kp": 700.0 * J / 2, "kd": 30.0 * J}  # k_R is twice kp
+    inertia = [J, J, J, 0.8, 0.8, 0.8]
+    laws = flown(tmp_path, 1, 0.1, "solve_ivp", controllers=[ours, lee], inertia=inertia)
+    np.testing.assert_allclose(laws["published"].pose, laws["lee"].pose, rtol=1e-9, atol=1e-9)
 
 
 @UNREACHABLE
