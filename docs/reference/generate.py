@@ -478,7 +478,7 @@ def variables(group: str) -> Iterator[str]:
         rows = [
             [
                 code(name),
-                ", ".join(results.dims(name)),
+                ", ".join(map(code, results.dims(name))),
                 results.units(name),
                 escaped(results.long_name(name)),
             ]
@@ -515,7 +515,7 @@ MEANINGS = {
     "provenance": "versions, machine and times, JSON",
     "references": "the paper",
     "cross_check_method": "method that repeated some of the runs, and in which part of time",
-    "cross_check_runs": "how many runs of each controller it repeated",
+    "cross_check_runs": "how many runs of each law it repeated",
     "cross_check_difference": "largest difference that it found",
     "cross_check_bound": "bound for this difference",
 }

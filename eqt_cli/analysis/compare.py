@@ -33,7 +33,7 @@ from eqt_cli.results.result import PerRun, Result
 
 @dataclass(frozen=True)
 class Less:
-    """One controller has less of something than another, on average over initial states.
+    """One law has less of something than another, on average over initial states.
 
     Attributes
     ----------
@@ -385,7 +385,7 @@ def compare(
     labels: Sequence[str] = (),
     how: Resampling = Resampling(),  # noqa: B008  # it is frozen
 ) -> Comparison:
-    """Compare the controllers of a result, run by run on the same initial states.
+    """Compare the laws of a result, run by run on the same initial states.
 
     Parameters
     ----------

@@ -383,7 +383,7 @@ class Word(StrEnum):
 
 @dataclass(frozen=True)
 class Level:
-    """A measure of one controller.
+    """A measure of one law.
 
     Attributes
     ----------
@@ -416,7 +416,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Pair:
-    """A measure of two controllers, run by run on the same initial states.
+    """A measure of two laws, run by run on the same initial states.
 
     Attributes
     ----------

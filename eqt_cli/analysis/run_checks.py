@@ -881,7 +881,7 @@ class Consistent(EstimateCheck):
 
 
 class WhiteInnovations(EstimateCheck):
-    """Innovations over their own deviations have the mean square 1 and do not foretell the next."""
+    """Normalised innovations have the mean square 1 and do not predict the next one."""
 
     name: ClassVar[str] = "innovations are white"
     statement: ClassVar[str] = "mean square 1, correlation 0"

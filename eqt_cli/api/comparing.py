@@ -49,7 +49,7 @@ def compare(
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
 ) -> Comparison:
-    """Compare the controllers of a result, or those of another one with them, run by run.
+    """Compare the laws of a result, or the laws of another result with them, run by run.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ MOST_CHANGES = 4
 def chosen_labels(
     result: Result, controllers: Sequence[str], *, without_start: bool = False
 ) -> list[str]:
-    """The labels of controllers of a result, in its order; all if none is named.
+    """The labels of the laws of a result, in its order; all if none is named.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def compare_sweep(
     seed: int = Resampling.seed,
     share: float = 0.9,
 ) -> list[Map]:
-    """Compare the controllers at each point of a sweep, and find the points that each wins.
+    """Compare the laws at each point of a sweep, and find the points that each wins.
 
     Parameters
     ----------

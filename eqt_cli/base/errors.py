@@ -126,7 +126,7 @@ class ExpressionError(InputError):
 
 
 class ComponentError(InputError):
-    """A group, controller, reference, engine or figure that does not exist or cannot be loaded."""
+    """A group, law, reference, engine or figure that does not exist or cannot be loaded."""
 
 
 class TraceError(EqtError):

@@ -94,18 +94,18 @@ def compare(
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.01,
     quiet: options.Quiet = False,
 ) -> None:
-    """Say which controller of a result is better, by how much and how surely, run by run.
+    """Say which law of a result is better, by how much and how surely, run by run.
 
     Of two results, such as before and after a change of gains, this compares each law of the second
     with the same law of the first.
 
-    This prints the answer against the first controller: the error, the cost, what else is decided,
+    This prints the answer against the first law: the error, the cost, what else is decided,
     and what is not. --table prints the numbers behind it.
 
     For a sweep, this shows which law is best at each point; --point selects one point.
 
     With --measured, it shows how much of the tracking error in a recording one run of each
-    controller explains.
+    law explains.
 
     Options
     -------
@@ -113,15 +113,15 @@ def compare(
         --metric NAME  Metric to compare; --list shows all. Repeatable.
         --window A:B  Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.
         --without-start  Of a tuning, leave out the starting gains.
-        --against LAW  Compare with this controller instead of the first, or with --measured only
+        --against LAW  Compare with this law instead of the first, or with --measured only
             its run. Repeatable for tables.
-        --table NAME  Print only this table: controllers, pairs, claims, fronts, winners, points;
+        --table NAME  Print only this table: `controllers`, pairs, claims, fronts, winners, points;
             or all of them.
         --run K  Run for --measured, counted from 0.
         --list  List the metrics of this result.
     Output
-        --rows NAME  Rows of the table of means: measures or controllers. Default: controllers in
-            LaTeX that spans two columns of text.
+        --rows NAME  Rows of the table of means: measures or `controllers`. Default:
+            `controllers` in LaTeX that spans two columns of text.
         --columns N  Columns of text that a table in LaTeX spans: 1 or 2.
         --format NAME  text, csv or latex.
     Statistics
@@ -353,7 +353,7 @@ def _of_experiment(
             remarks.append(only if len(comparison.labels) < 2 else f"next: {tables}")
     elif not shown:
         alone = "the result holds one law, so there are no pairs"
-        none = "no claim is known about these controllers"
+        none = "no claim is known about these laws"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
     room = output.room_of_tables() or output.PIPED
     answer = [output.folded(line, room, "    ") for line in answer]

@@ -176,7 +176,7 @@ def new(
     bandwidth: Annotated[float | None, options.option("--bandwidth")] = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Create a configuration of your own from a shipped one, or from the numbers of a vehicle.
+    """Create your own configuration from a shipped one, or from the parameters of a vehicle.
 
     Options
     -------

@@ -13,7 +13,7 @@ Result
     --force  Start over. Removes only what eqt wrote to the folder.
     --rerun-failed  Compute only the failed runs again.
 What to show
-    --controller LAW  Show only this controller. Repeatable.
+    --controller LAW  Show only this law. Repeatable.
     --point K  Point of a sweep, counted from 0.
     --unit UNIT  Unit of all quantities of its dimension, such as 'mN m' or deg/s, or of one:
         mean_attitude_error=arcsec. Repeatable.

@@ -98,9 +98,9 @@ def plot(
         --option KEY=VALUE  Option of a figure: log=true for all that have it, paper.log=true for
             one. `eqt list figures` shows the options.
         --width NAME  column (3.5 in), page (7.16 in) or slide (13.3 in, 18 pt).
-        --title NAME=TEXT  Name of a controller or metric in the figure, such as eqt=ours.
+        --title NAME=TEXT  Name of a law or metric in the figure, such as eqt=ours.
             Repeatable.
-        --colour LAW=COLOUR  Colour of a controller, such as eqt=black or 'gt=#D9600A'. Repeatable.
+        --colour LAW=COLOUR  Colour of a law, such as eqt=black or 'gt=#D9600A'. Repeatable.
         --caption  Write the remarks below the panels to FIGURE-caption.tex instead.
         --degrees  Show attitudes and their errors in degrees.
         --style NAME|FILE  Matplotlib style sheet, applied after eqt's own. Repeatable; the last
@@ -333,7 +333,7 @@ def report(
         --notes FILE  Text file shown at the top of the page.
     What to show
         --figure NAME  Figure to show. Repeatable.
-        --against LAW  Compare with this controller instead of the first.
+        --against LAW  Compare with this law instead of the first.
         --quick  Leave out the certificates, for which some runs are integrated again.
     """
     from eqt_cli import api

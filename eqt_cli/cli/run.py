@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def run(config: options.Config, setup: options.Setup, handling: options.Handling) -> None:
-    """Simulate every run of every controller and store the result in results/NAME.
+    """Simulate every run of every law and store the result in results/NAME.
 
     After an interruption, run the same command again to continue.
     """

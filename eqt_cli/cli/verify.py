@@ -65,10 +65,10 @@ def verify(
         --exact  Also prove identities, by exact numbers at random states, and rates of small errors
             (extra `certify`).
         --code FILE[:FUNCTION]  Judge the control law in this C, C++ or Python file instead of the
-            controllers of a CONFIG. Python needs the function, as in lee.py:Lee(2.0).compute.
+            laws of a CONFIG. Python needs the function, as in lee.py:Lee(2.0).compute.
         --as NAME  The control law that the code claims to be.
         --adapter FILE  YAML that says how the code writes what it reads and returns. Default:
-            NAME.adapter.yaml beside it, if it is there.
+            NAME.adapter.yaml in its folder, if it is there.
         --fail-on FINDING  Exit 4 only where the code lacks terms of the law or differs otherwise
             (lacks), or only where it differs otherwise (differs), whatever else fails.
     """

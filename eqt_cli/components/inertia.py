@@ -53,7 +53,7 @@ class InertiaLaw(ABC):
 
 @dataclass(frozen=True)
 class Inertia(InertiaLaw):
-    """The inertia tensor 𝕀: g → g* as a matrix, at one time or, as a law of its own, at all times.
+    """The inertia tensor 𝕀: g → g* as a matrix, at one time or, as a law, at all times.
 
     Attributes
     ----------

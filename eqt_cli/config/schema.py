@@ -501,7 +501,7 @@ class PlantSection(Section):
     inertia
         The true inertia: as `inertia`, or {relative: 0.1} for 10 % more than the laws believe.
     forces
-        Forces that act beside the actuators (`eqt list forces`); default: those of `model`.
+        Forces in addition to the actuators (`eqt list forces`); default: those of `model`.
     """
 
     inertia: PlantInertia | None = None
@@ -543,7 +543,7 @@ class ControlSection(Section):
 
 
 class SensorsSection(Section):
-    """Errors of what the laws are told; each is a list whose entries add up.
+    """Errors of the measured pose and velocity; each is a list whose entries add up.
 
     An entry with `of` is of one part. Entries of one part share `period`, `offset`, `delay` and
     `dropout`, given at one of them. Parts that no entry names are known exactly at every instant of
@@ -770,9 +770,9 @@ class Config(Section):
     control
         The clock of the laws: `period`, `delay`, `offset`, and the `tick` of the loop.
     sensors
-        Errors of what the laws are told, at the instants of `control`.
+        Errors of the measured pose and velocity, at the instants of `control`.
     estimator
-        What makes an estimate of the measurements, which the laws are told (`eqt list estimators`).
+        The filter whose estimate the laws read (`eqt list estimators`).
     initial
         Where the runs start.
     ensemble
@@ -801,10 +801,10 @@ class Config(Section):
         The share of the time at its end over which `closing_pose_error` and `closing_torque` are
         taken; default: 0.25.
     metrics
-        Numbers of each run by formulas of your own (`eqt list metrics`); default: all metrics that
+        Your own metrics, formulas of each run (`eqt list metrics`); default: all metrics that
         `plugins` define.
     plugins
-        Python files with components of your own, relative to this file.
+        Python files with your own components, relative to this file.
     """
 
     name: Annotated[Name | None, NotSwept("names the experiment as a whole"), WORDS] = None

@@ -88,7 +88,7 @@ class Flown(NamedTuple):
 
 @dataclass(frozen=True)
 class PathFigure(OverTime):
-    """Where the bodies went, beside the reference: paths in space, or of a body axis on the sphere.
+    """Where the bodies went, with the reference: paths in space, or of a body axis on the sphere.
 
     All scales of a figure are equal. A ring is a start, a dot an end. A panel for each law is drawn
     of several runs, and on the sphere.
@@ -447,7 +447,7 @@ _STEP = 2.0
 
 @dataclass(frozen=True)
 class PoseFigure(OverTime):
-    """The pose over time in one run beside the reference, component by component, with the errors.
+    """The pose over time in one run, with the reference, component by component, and the errors.
 
     A column per part of the group. Angles are those of the turns about z, y and x, in this order,
     without jumps by whole turns; a line has a gap where they are singular.

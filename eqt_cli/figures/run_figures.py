@@ -158,7 +158,7 @@ _LINE = 0.8
 
 @dataclass(frozen=True)
 class EstimateFigure(OverTime):
-    """Errors of the estimate in one run within ±3 of its own deviations; NEES with χ² limits.
+    """Errors of the estimate in one run within ±3 predicted deviations; NEES with χ² limits.
 
     A column per law. Errors are those of the pose, in exponential coordinates, and of the bias,
     part by part, in the band of the coordinate with the largest deviation. Two shades in the lowest

@@ -437,7 +437,7 @@ _OVER_TIME = tuple(
 _DESIRED = tuple(
     Quantity(
         name,
-        name.replace("_", " ") + ", from a solve of its own",
+        name.replace("_", " ") + ", from a separate solve",
         ValuePer.DESIRED,
         signals=(like,),
         special_symbol=SIGNAL[like].symbol + "_d",
@@ -450,7 +450,7 @@ _DESIRED = tuple(
 _INITIAL = tuple(
     Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=SIGNAL[like].dims)
     for like, words in (
-        ("pose", "pose at the start, same for all controllers"),
+        ("pose", "pose at the start, same for all laws"),
         ("velocity", "body velocity at the start"),
     )
 )

@@ -317,7 +317,7 @@ FOR_SAMPLING = 20
 
 @dataclass(frozen=True)
 class PerRun:
-    """A quantity over a window, for every run of every controller.
+    """A quantity over a window, for every run of every law.
 
     Attributes
     ----------

@@ -565,7 +565,7 @@ def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
     blanks, coords = _root(study, layouts)
     laws = law_names(study)
     if laws is not None:
-        meaning = {"long_name": "registered law without options that the controller equals"}
+        meaning = {"long_name": "registered law without options that the law equals"}
         blanks[LAW] = Blank(("point", "controller"), None, meaning)
     sizes = {"point": len(study)} if study.sweep else {}
     gzip = study.base.config.store.compression == "gzip"

@@ -125,7 +125,7 @@ class ShownMeasured:
 
 @dataclass(frozen=True)
 class MeasuredFigure(Panelled, Timed[ShownMeasured]):
-    """A recording beside a run: pose, error, difference, velocity, wrench; a column per part.
+    """A recording and a run: pose, error, difference, velocity, wrench; a column per part.
 
     It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
     reference in the body frame, and the difference is that of the recording from the run. The clock
