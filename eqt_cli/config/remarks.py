@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import log
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,7 +14,8 @@ from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, d
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.forces import Force
-from eqt_cli.components.inertia import in_other_order, over_horizon
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.components.vehicle_parts import PlantInertia
 from eqt_cli.engines.engine import Problem
@@ -76,11 +77,12 @@ def _component_remarks(experiment: Experiment) -> Placed:
     now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
     now = true.at(now, 0.0) if isinstance(true, PlantInertia) else now
     section = "plant" if plant and plant.forces else "model"
-    kinds = [force.name for force in loop.vehicle.forces]
+    model = experiment.config.model and experiment.config.model.forces
+    if section == "plant" and model and model != "plant":  # what laws know need not be what acts
+        means = [force.of_run(G, None) for force in model]
+        yield from _force_remarks(G, means, loop.inertia.at(0.0), "model")
+    yield from _force_remarks(G, loop.vehicle.forces, now, section)
     for index, force in enumerate(loop.vehicle.forces):
-        for key, text in force.remarks(G, now):
-            if key != "weight" or kinds.count(force.name) == 1:  # several weights are one in all
-                yield (section, "forces", index, key), text
         if is_foreign(type(force).__module__) and (t := _jump(experiment, force)) is not None:
             yield (
                 (section, "forces", index),
@@ -93,6 +95,16 @@ def _component_remarks(experiment: Experiment) -> Placed:
             f"nothing measures the {part}, so that the error of its estimate "
             "grows without bound; add an entry for it to sensors.pose",
         )
+
+
+def _force_remarks(
+    G: MatrixLieGroup, forces: Sequence[Force], inertia: Inertia, section: str
+) -> Placed:
+    kinds = [force.name for force in forces]
+    for index, force in enumerate(forces):
+        for key, text in force.remarks(G, inertia):
+            if key != "weight" or kinds.count(force.name) == 1:  # several weights are one in all
+                yield (section, "forces", index, key), text
 
 
 def _jump(experiment: Experiment, force: Force) -> float | None:

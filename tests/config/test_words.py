@@ -92,6 +92,12 @@ def weight(rng):
     return FLYING | {"model": {"forces": forces}}, "model.forces[0].weight: is that of"
 
 
+def known_weight(rng):
+    """Right: what the law knows is the weight of 2 kg, too."""
+    data, said = weight(rng)
+    return data | {"plant": {"forces": FLYING["model"]["forces"]}}, said
+
+
 def no_weight(rng):
     """Right: what acts has the weight, too."""
     forces = [
@@ -176,6 +182,7 @@ KINDS = (
     slew,
     waypoints,
     weight,
+    known_weight,
     no_weight,
     centre_of_mass,
     coupled_the_other_way,
