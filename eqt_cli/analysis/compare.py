@@ -660,7 +660,7 @@ def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window])
     """Note the measures to which the chosen windows do not apply."""
     names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
     if names:
-        verb = "have windows of their own" if len(names) > 1 else "has a window of its own"
+        verb = "have their own windows" if len(names) > 1 else "has its own window"
         yield f"Windows do not apply to {', '.join(names)}, which {verb}."
 
 

@@ -424,7 +424,7 @@ class Exact(Number):
         if isinstance(x, Exact):
             return x
         if isinstance(x, float | np.floating) and not isfinite(x):
-            raise ValueError(f"{x} is no number to compute with exactly")
+            raise ValueError(f"{x} cannot be used in exact arithmetic")
         # Whole numbers are integers, which are faster than fractions.
         return cls(int(x) if x == int(x) else Fraction(x))
 

@@ -508,7 +508,7 @@ class SmallErrors(certificates.Identity):
         """Check a law with matched gains; for any other law nothing is claimed."""
         if sample.loop.controller.matched:
             return super().check(sample)
-        remark = "not matched: the law has gains of its own"
+        remark = "not matched: the law has its own gains"
         return [self.row(certificates.Verdict.UNCLAIMED, remark=remark, controller=sample.label)]
 
 

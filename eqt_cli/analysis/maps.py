@@ -203,7 +203,7 @@ def compare_map(
         raise result.error("a map needs at least two laws, and this result has one")
     quantity = result.quantity(metric)
     if quantity.better == "neither":
-        raise EqtError(f"{metric}: has no better direction, so no law can win on it")
+        raise EqtError(f"{metric}: is neither better low nor better high, so no law can win")
     censored = result.censored(metric)[:, chosen]
     values = result.counted(metric)[:, chosen]
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)

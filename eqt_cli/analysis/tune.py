@@ -178,8 +178,8 @@ class Search(Searches[TuneSection]):
                 problems.at("subject_to", name).add("expected `max` or `min`, got neither")
         if section.confirm.seed == base.config.ensemble.seed:
             problems.at("confirm", "seed").add(
-                f"expected another seed than ensemble.seed, got {section.confirm.seed}; winners "
-                "are judged on runs that did not choose them"
+                f"expected a seed other than ensemble.seed, got {section.confirm.seed}; "
+                "held-out runs must differ from the runs of the search"
             )
 
 

@@ -219,8 +219,8 @@ class WorstSearch(Searches[WorstSection]):
             law_search.require_metric(section.objective, base)
             if quantity_of(section.objective).better == "neither":
                 raise InputError(
-                    f"'{section.objective}' has no better direction, so no run is the worst by "
-                    "it; choose another metric, such as final_pose_error"
+                    f"'{section.objective}' is neither better low nor better high, so no run is "
+                    "the worst; choose another metric, such as final_pose_error"
                 )
 
 

@@ -330,7 +330,7 @@ def _opened(
         opened = [_shown(one, number, stack) for one in listed for number in points]
         results = [one for one in opened if isinstance(one, Result)]
         if units and not results:
-            raise EqtError("--unit: is of results; a reference is drawn as it is written")
+            raise EqtError("--unit: applies to results; a reference keeps its own units")
         for one in results if trust_plugins else ():
             _load_plugins(one)
         opened = [one.in_units(units) if isinstance(one, Result) else one for one in opened]
@@ -463,7 +463,7 @@ def write_report(
                 why += str(error.args[0])
                 reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
         if against and opened.is_sweep:
-            raise EqtError("--against: is of one experiment; choose a point with --point")
+            raise EqtError("--against: applies to one experiment; choose a point with --point")
         base = shown.labels[shown.position_of(against)] if against else ""
         page = report(shown, wanted, rows, reason, author, notes, title, date, base)
     write_all({path: page.encode()}, home)

@@ -181,7 +181,9 @@ class StoredResult(InNotebook, os.PathLike[str]):
 
     def __fspath__(self) -> str:
         if self.point is not None:
-            raise EqtError(f"{self.path}: one point of a sweep is no path; give the path and point")
+            raise EqtError(
+                f"{self.path}: a point of a sweep is not a path; give the path and point"
+            )
         return str(self.path)
 
     def __enter__(self) -> Self:

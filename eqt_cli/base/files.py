@@ -334,7 +334,7 @@ def refusals(
     try:
         yield
     except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a name with a null byte
-        reason = "it is no text in UTF-8" if isinstance(error, UnicodeError) else str(error)
+        reason = "it is not text in UTF-8" if isinstance(error, UnicodeError) else str(error)
         if isinstance(error, OSError):
             reason = error.strerror or str(error)
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
@@ -584,7 +584,7 @@ def check_targets(paths: Iterable[Path], home: Path) -> None:
             check_within(home, path)
             if path.exists() and not is_eqts(path):
                 raise EqtError(
-                    f"{path}: exists, and is no file that eqt wrote",
+                    f"{path}: exists, but eqt did not write it",
                     Remedy("choose another place with {}", "out"),
                 )
             require_writable(path.parent)

@@ -389,7 +389,9 @@ class Keys:
 
 def _is_no_device(name: str) -> str:
     if is_device(name):
-        raise ValueError(f"expected no name that Windows keeps for a device, got '{name}'")
+        raise ValueError(
+            f"expected a name that Windows does not reserve for a device, got '{name}'"
+        )
     return name
 
 

@@ -122,7 +122,7 @@ class Registry(Generic[T]):
                 ) from error
             if not (inspect.isclass(component) and issubclass(component, self.base)):
                 raise ComponentError(
-                    f"{self.kind} '{point.name}' of the entry point '{point.value}' is no "
+                    f"{self.kind} '{point.name}' of the entry point '{point.value}' is not a "
                     f"{self.base.__name__}; derive it from eqt_cli.extend.{self.base.__name__}"
                 )
             self._check_complete(component)

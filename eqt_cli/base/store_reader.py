@@ -505,9 +505,7 @@ class ResultFile:
         """
         points = self.dimensions.get(files.POINT)
         if points is None:
-            raise ResultError(
-                f"{self.path}: is no sweep, so it has no point to choose; leave it out"
-            )
+            raise ResultError(f"{self.path}: is not a sweep; leave the point out")
         if not 0 <= point < points:
             raise ResultError(f"{self.path}: has no point {point}; choose one of 0 to {points - 1}")
         view = type(self).__new__(type(self))  # which has computed nothing of another point

@@ -404,7 +404,7 @@ _SYNTAX: Final = (
     ("", "document start", False, "unexpected text after the end of the document"),
     ("", "mapping values", False, "unexpected ':'; check the indentation, or quote the text"),
     ("", "mapping keys", False, f"unexpected '?'{_QUOTE}"),
-    ("", "sequence entries", False, "a list cannot start here; start it on a line of its own"),
+    ("", "sequence entries", False, "a list cannot start here; start it on a new line"),
     ("simple key", "expected ':'", True, "expected ':' after this text, or '- ' before it"),
     ("", "node content", False, f"unexpected {{character!r}}{_QUOTE}"),
     ("block mapping", "", False, "expected a key of the mapping{since}; check the indentation"),

@@ -66,7 +66,7 @@ def _run() -> None:
         _tell(error)
         sys.exit(error.exit_code)
     except MemoryError:
-        _tell(EqtError("not enough memory; run fewer workers, or a smaller part of the experiment"))
+        _tell(EqtError("not enough memory; use fewer workers, or a smaller part of the experiment"))
         sys.exit(EqtError.exit_code)
     except OSError as error:
         from eqt_cli.base.files import NO_SPACE

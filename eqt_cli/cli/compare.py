@@ -139,7 +139,7 @@ def compare(
 
     of_one = [controller, without_start, measured, against]
     if other and any(of_one):
-        raise EqtError(f"{_OF_ONE} are of one result; leave them out with two")
+        raise EqtError(f"{_OF_ONE} apply to one result; leave them out with two")
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:
@@ -257,7 +257,7 @@ def _of_whole(
             return fronts
         if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(
-                "--window, --against, --without-start and the tables of pairs and claims are of "
+                "--window, --against, --without-start and the tables of pairs and claims apply to "
                 "one experiment; choose a point of the sweep with --point, or --table winners or "
                 "points"
             )

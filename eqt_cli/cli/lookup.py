@@ -191,10 +191,12 @@ def new(
     numbers = {"--mass": mass, "--inertia": inertia, "--bandwidth": bandwidth}
     of_vehicle = [name for name, value in numbers.items() if value is not None]
     if vehicle is None and of_vehicle:
-        raise EqtError(f"{of_vehicle[0]} is of a vehicle; add --vehicle {' | '.join(VEHICLES)}")
+        raise EqtError(
+            f"{of_vehicle[0]} applies to vehicles only; add --vehicle {' | '.join(VEHICLES)}"
+        )
     if vehicle is not None:
         if source is not None:
-            raise EqtError("--vehicle writes a file of its own; leave --from out")
+            raise EqtError("--vehicle replaces --from; leave one of them out")
         if bandwidth is None:
             raise EqtError(f"--vehicle {vehicle} needs --bandwidth, in rad/s, such as 5")
         text = first_file(vehicle, mass, _moments(inertia or ""), bandwidth)

@@ -354,7 +354,7 @@ def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:
     """Refuse options of a recording if no recording is given."""
     options = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
     for name in (name for name, value in options.items() if value):
-        raise EqtError(f"{name} is of a recording; add --measured FILE")
+        raise EqtError(f"{name} applies to recordings only; add --measured FILE")
 
 
 def cores() -> int:

@@ -114,7 +114,7 @@ def plot(
 
     # A path that does not exist is reported where it is opened.
     if len(result) > 1 and out is None and all(map(Path.exists, result)):
-        raise EqtError("figures of several results need a folder of their own; add --out DIR")
+        raise EqtError("figures of several results need an output folder; add --out DIR")
     if measured is None:
         options.require_measured(mapping, log_format)
     default = ["measured"] if measured else None

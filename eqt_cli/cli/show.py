@@ -57,9 +57,9 @@ def show(
         --format NAME  Format of --table: csv, jsonl or parquet. Default: csv.
     """
     if format_ and not table:
-        raise EqtError("--format: is of --table; --json prints the rest for programs")
+        raise EqtError("--format: applies to --table only; --json prints the rest for programs")
     if (controller or run) and not export:
-        raise EqtError("--controller, --run: are of --export")
+        raise EqtError("--controller, --run: apply to --export only")
     if export and (table or json or config or plugins or variables or failed):
         raise EqtError("--export: writes a file and prints no table; leave the other options out")
     flags = (config, plugins, variables, failed)

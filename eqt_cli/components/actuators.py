@@ -526,7 +526,9 @@ class RateLoop(Actuator):
             if isinstance(value, list) and len(value) != 3:
                 here.add(f"expected a number, or 3 of them, got {len(value)}")
             elif name in terms and value not in (None, 0.0) and not self.moves:
-                here.add("needs cutoff, that of the gyro; for example cutoff: 30 Hz")
+                here.add(
+                    "needs cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz"
+                )
             entries = value if isinstance(value, list) else [value or 0.0]
             if name in terms and not here and (least := min(map(lowest, entries))) < 0:
                 here.add(f"expected a number of at least 0, got {least:g}")

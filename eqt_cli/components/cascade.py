@@ -122,9 +122,9 @@ class PositionGains(Keys):
                     expected = f"expected a number, or {space} of them, got {np.size(gain)}"
                     problems.at(each).add(expected)
         if self.c1 is not None and self.ki is None:
-            problems.at("c1").add("belongs to the integral; give ki, too")
+            problems.at("c1").add("applies to the integral only; add ki")
         if self.anti_windup != "none" and self.ki is None:
-            problems.at("anti_windup").add("belongs to the integral; give ki, too")
+            problems.at("anti_windup").add("applies to the integral only; add ki")
 
     def of_mass(self, mass: float) -> PositionGains:
         """Return the gains with those of the force divided by the mass."""
@@ -286,7 +286,7 @@ class Cascade(Controller):
         if self.position.period is not None:
             check_period(self.position.period, plant.period, problems.at("position", "period"))
         along: Any = self.along
-        why = "no thrusters in `actuators` say in which direction the body is pushed"
+        why = "no thrusters in `actuators` determine the direction of the push"
         remedy = "give it in the body frame, such as along: [0, 0, -1]"
         if along is None and plant.pushes is not None:
             along = only_direction(plant.pushes)

@@ -646,7 +646,7 @@ class ErrorStateFilter(Estimator):
         super().check(G, problems)
         if self.initial_error is not None and self.initial_pose_std is None:
             problems.at("initial_pose_std").add(
-                "missing; with initial_error, the filter must be told how large that may be"
+                "missing; initial_error needs the deviation that the filter assumes for it"
             )
 
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
@@ -670,14 +670,13 @@ class ErrorStateFilter(Estimator):
             biased = (values["initial_bias_std"][axes] > 0) | (values["bias_walk"][axes] > 0)
             if biased.any():
                 problems.add(
-                    f"the bias of the {part.name} cannot be told: nothing measures the "
+                    f"the bias of the {part.name} cannot be estimated: no sensor measures the "
                     f"{part.name}; add an entry for it to sensors.pose, or set "
                     "initial_bias_std and bias_walk to 0 there"
                 )
             elif "initial_pose_std" not in values:
                 problems.at("initial_pose_std").add(
-                    f"missing; nothing measures the {part.name}, so that no fix says where its "
-                    "estimate starts"
+                    f"missing; no sensor measures the {part.name}, so no fix starts its estimate"
                 )
 
     def _no_deviation(self, name: str, part: str) -> str:

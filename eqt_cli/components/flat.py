@@ -293,7 +293,7 @@ class FlatReference(ClosedReference):
         motions.check_rigid_body(G, plant.inertia, problems)
         if along is None:
             problems.at("along").add(
-                "missing; nothing says in which direction the body is pushed",
+                "missing; the direction of the push is unknown",
                 Remedy("give it in the body frame, such as along: [0, 0, 1]"),
             )
         if problems:

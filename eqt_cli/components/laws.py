@@ -418,7 +418,7 @@ def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
         return
     elif law.code.memory:
         problems.at("memory").add(
-            "goes on by a period at every call; set control.period, at which the code is called"
+            "advances by a period at every call; set control.period, at which the code is called"
         )
     elif not calls:
         problems.add(

@@ -539,7 +539,7 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, s
         begin = stream.read(512)
         for start, title, tool in _FOREIGN:
             if re.match(start, begin, re.DOTALL) and not reader:
-                raise InputError(f"{path}: is {title}, no text; make a table of it with {tool}")
+                raise InputError(f"{path}: is {title}, not text; convert it to a table with {tool}")
     if reader:
         return str(of_extension(f"{reader}.text_of_recording")(path, missing, kind, limit))
     return text_of(path, missing, kind, limit=limit, smaller=smaller)
@@ -650,7 +650,9 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
 def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> Sheet:
     """Return the sheet of a file whose format has no header."""
     if _reader(name):
-        raise InputError(f"{name}: its suffix says what it is; leave out the format {form}")
+        raise InputError(
+            f"{name}: its suffix already gives the format; leave out the format {form}"
+        )
     if mapping.columns:
         raise MappingError(
             ("columns",), f"the format {form} has no header; remove this key, or use format: csv"

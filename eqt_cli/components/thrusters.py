@@ -583,8 +583,7 @@ class Thrusters(Actuator):
         spins = self.runs and all(each.turns for each in self.thrusters or [Thruster([], [])])
         if self.rotor_inertia is not None and not spins:
             problems.at("rotor_inertia").add(
-                "needs thrusters with places, with turns, which say how each spins, with "
-                "thrust_constant and with time_constant"
+                "needs thrusters with places and turns, thrust_constant and time_constant"
             )
         if self.fails is not None:
             here, to = problems.at("fails"), self.fails.to
@@ -601,7 +600,9 @@ class Thrusters(Actuator):
                     got = f"expected a share of the thrust, above 0 and up to 1, got {now:g} at 0 s"
                     raise InputError(got, Remedy("for example 1 - 0.02*t"))
         if self.told and self.sampled:
-            problems.at("told").add("needs allocation: pseudo_inverse; no other is told of changes")
+            problems.at("told").add(
+                "needs allocation: pseudo_inverse; no other adapts to a failure"
+            )
 
     def _check_jets(self, jets: Jets | None, here: Problems) -> None:
         """Note jets that lack what they need, and times at which no valve switches."""
@@ -626,7 +627,7 @@ class Thrusters(Actuator):
         if self.thrust_constant is None:
             for name in ("moment_constant", *SPEEDS):
                 if getattr(self, name) is not None:
-                    problems.at(name).add("belongs to rotors; give thrust_constant, too")
+                    problems.at(name).add("applies to rotors only; add thrust_constant")
             return
         if self.moment_constant is not None and self.matrix is not None:
             problems.at("moment_constant").add(
@@ -682,7 +683,7 @@ class Thrusters(Actuator):
             if name in names[:index]:
                 first = names.index(name)
                 problems.at(index).at("name").add(
-                    f"expected a name of its own, got '{name}', which thrusters[{first}] has"
+                    f"expected a unique name, got '{name}', which thrusters[{first}] has"
                 )
 
 

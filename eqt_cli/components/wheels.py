@@ -455,17 +455,17 @@ class Wheels(Actuator):
             if getattr(self, name) is not None and self.inertia is None:
                 problems.at(name).add("needs inertia; give the inertia of a wheel about its axis")
         if self.changes and self.gain is None:
-            problems.add("command: speed needs gain, that of the drives; for example 1 mN m s")
+            problems.add("command: speed needs gain, the gain of the drives; for example 1 mN m s")
         for name in ("gain", "ki") if not self.changes else ():
             if getattr(self, name) is not None:
-                problems.at(name).add("belongs to drives; give command: speed, too")
+                problems.at(name).add("applies to drives only; add command: speed")
         if self.bias is not None and len(self.bias.momentum) != self.count:
             got = len(self.bias.momentum)
             problems.at("bias", "momentum").add(
                 f"expected {self.count} entries, one for each wheel, got {got}"
             )
         if self.bias is not None and self.count == 3:
-            problems.at("bias").add("three wheels have no torques without effect; remove this key")
+            problems.at("bias").add("three wheels have no null space; remove this key")
 
 
 def _turns(G: MatrixLieGroup) -> Any:

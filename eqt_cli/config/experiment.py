@@ -537,7 +537,7 @@ class _Sections:
             if not isinstance(label, str) or not label.strip() or not label.isprintable():
                 here.at("label").add(f"expected text on one line, got {shown(label)}")
             elif same := alike(label, self.laws):
-                also = f" than '{label}': capitals are no difference" * (same != label)
+                also = f" than '{label}': capitals do not count" * (same != label)
                 held = f"an earlier controller has the label '{same}'"
                 here.add(f"{held}; give this one another `label`{also}")
             else:
@@ -582,7 +582,7 @@ class _Sections:
             return gains_from(known | law_gains, G, problems, axes) if law_gains else shared
         for name in {"kp", "kd"} - law_gains.keys():
             problems.at(name).add(
-                f"{MISSING}: {law.name} has gains of its own, those of its law on {group.name}, "
+                f"{MISSING}: {law.name} needs its own gains, of its law on {group.name}, "
                 "such as gains: {kp: 4, kd: 2}"
             )
         return gains_from(law_gains, group, problems, axes)
@@ -616,7 +616,9 @@ class _Sections:
                 self._at(entry).add(f"commands {commands}, and actuators take {takes}; {put}")
             push = laws[label].law.direction
             if self.point and push and abs(np.dot(self.point.axis, push)) < 1 - 1e-9:
-                self.problems.at("task", "axis").add(f"expected that of the push, {list(push)}")
+                self.problems.at("task", "axis").add(
+                    f"expected the direction of the push, {list(push)}"
+                )
         if self.problems:
             return desired
         said: list[Any] = [entry.law.direction for entry in laws.values()]

@@ -290,7 +290,7 @@ def _try_sensor(loop: ClosedLoop, each: LoopPart, random_of: RandomOf) -> None:
             where = place_of_function(getattr(type(sensor), method))
             raise InputError(
                 f"{each.name}: {where}: {method}: the first values depend on how many are drawn; "
-                "draw the numbers of each measurement in a row of its own"
+                "draw the numbers of each measurement in a separate row"
             )
 
 

@@ -92,7 +92,7 @@ def _component_remarks(experiment: Experiment) -> Placed:
     for part in loop.vehicle.schedule(G).unmeasured if loop.vehicle.estimator else ():
         yield (
             ("estimator",),
-            f"nothing measures the {part}, so that the error of its estimate "
+            f"no sensor measures the {part}, so the error of its estimate "
             "grows without bound; add an entry for it to sensors.pose",
         )
 

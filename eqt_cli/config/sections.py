@@ -104,7 +104,7 @@ def kp_and_kd(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) ->
     for name in (each for each in OF_ATTITUDES if each in section):
         value, (gain, factor) = gains.pop(name), OF_ATTITUDES[name]
         if gain in section:
-            problems.at(name).add(f"gives {gain}, which is given, too; remove one of the two")
+            problems.at(name).add(f"gives {gain}, which is given as well; remove one of the two")
         elif not all(part.turns for part in G.parts):
             problems.at(name).add(f"is a gain of attitudes alone, got {G.name}; give {gain}")
         else:
@@ -561,7 +561,7 @@ def check_estimator(
         here.add("acts at control instants; set control.period")
     if not vehicle.pose_sensors and not problems.at("sensors"):
         here.add(
-            "nothing measures the pose, so that its error grows without bound; add an entry to "
+            "no sensor measures the pose, so its error grows without bound; add an entry to "
             "sensors.pose"
         )
     if vehicle.control is None or problems.at("sensors") or problems.at("control") or here:
@@ -726,8 +726,8 @@ def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
         first = next(iter(moving))
         if drag.current != moving[first].current:
             problems.at(index, "current").add(
-                f"forces[{first}] has another current, and the added mass moves with one; write "
-                "`drag_only: true` beside that of the air"
+                f"forces[{first}] has another current, but the added mass follows only one; "
+                "set `drag_only: true` in the force with the wind"
             )
 
 
@@ -745,7 +745,7 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
                 f"{actuator.acting_at_instants} acts on a held command; put it before {moving}"
             )
         elif actuator.offset is not None and actuator.period is None:
-            problems.at(index, "offset").add("belongs to a period; give period, too")
+            problems.at(index, "offset").add("applies with a period only; add period")
         if steered and not actuator.dump:
             problems.at(index).add("the torque of wheels is final; put it before, or give dump")
         if actuator.dump and not steered:

@@ -455,7 +455,7 @@ def _words(called: str) -> tuple[str, ...]:
         words = shlex.split(called, posix=not WINDOWS)
     except ValueError as error:
         said = str(error).rstrip(".").lower()
-        raise TraceError(f"the variable CC is no command: {called}: {said}", CHOOSE) from error
+        raise TraceError(f"the variable CC is not a command: {called}: {said}", CHOOSE) from error
     return tuple(word.strip('"') for word in words) if WINDOWS else tuple(words)
 
 

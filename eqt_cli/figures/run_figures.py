@@ -79,7 +79,9 @@ class RunsFigure(OverTime):
     def check(self, problems: Problems) -> None:
         """Refuse degrees for signals other than ``pose_error``."""
         if self.degrees and self.signal not in ("", "pose_error"):
-            problems.at("degrees").add(f"belongs to signal pose_error; {self.signal} is no angle")
+            problems.at("degrees").add(
+                f"applies to signal pose_error only; {self.signal} is not an angle"
+            )
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per law and a column per part, or else controllers two by two."""

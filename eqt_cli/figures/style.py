@@ -255,7 +255,7 @@ def check(key: str, value: Any, default: Any) -> None:
     if value == default:
         return
     if not key.startswith(tuple(_LOOKS)) or key in _NOT_LOOKS:
-        raise ValueError(f"Key {key}: says nothing of how a figure looks; remove the line")
+        raise ValueError(f"Key {key}: does not change how a figure looks; remove the line")
     if key.startswith(_OF_LATEX):
         raise ValueError(f"Key {key}: eqt draws without LaTeX; remove the line")
     most = next((most for end, most in _MOST.items() if key.endswith(end)), MOST)
@@ -294,7 +294,7 @@ def check_cycle(text: str) -> None:
             else:
                 raise ValueError
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        reason = "axes.prop_cycle is no sum of cyclers of literal values"
+        reason = "axes.prop_cycle is not a sum of cyclers of literal values"
         raise ValueError(f"{reason}: {text}") from None
 
 

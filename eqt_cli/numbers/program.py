@@ -589,13 +589,13 @@ def c_function(program: Program, name: str) -> str:
     Raises
     ------
     ValueError
-        If a name is no identifier of C.
+        If a name is not an identifier of C.
     """
     groups = [group for group, _ in program.inputs]
     outputs = [output.name for output in program.outputs]
     for each in (name, *groups, *outputs):
         if not _is_name(each):
-            raise ValueError(f"{each!r} is no identifier of C")
+            raise ValueError(f"{each!r} is not an identifier of C")
     taken = [f"const eqt_real *__restrict in_{group}" for group in groups]
     results = [f"eqt_real *__restrict out_{output}" for output in outputs]
     used = {value.group for value in program.values if isinstance(value, Input)}

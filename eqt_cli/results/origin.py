@@ -66,7 +66,9 @@ def _check_labels(result: ResultFile, name: str, value: Experiment) -> None:
         return
     for label in (*value.functions, *value.unclaimed, *value.not_matched):
         if label not in result.coordinate("controller").tolist():
-            raise result.refusal(f"its attribute '{name}' names '{label}', which is no controller")
+            raise result.refusal(
+                f"its attribute '{name}' names '{label}', which is not a controller"
+            )
 
 
 def check_coordinates(result: ResultFile) -> None:

@@ -228,7 +228,7 @@ class ResultFolder:
         if existing and manifest is None:
             raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)
         if not existing and (others := _results_in(self.path)):
-            hint = f"give this one a folder of its own with {{}}, such as {self.path / study.name}"
+            hint = f"choose another folder with {{}}, such as {self.path / study.name}"
             raise EqtError(
                 f"{self.path}: is the folder of other results: {', '.join(others)}",
                 Remedy(hint, "out"),

@@ -383,7 +383,7 @@ def test_windows_do_not_cut_what_is_of_whole_runs(make_result):
     comparison = compare(results, metrics=["settling_time"], windows=[Window(0, 5)])
     assert comparison.levels[0].measured.window == Window(0, 20)
     assert comparison.missing[0] == (
-        "Windows do not apply to settling_time, which has a window of its own."
+        "Windows do not apply to settling_time, which has its own window."
     )
 
 
@@ -462,7 +462,7 @@ def test_windows_do_not_apply_to_several_numbers_of_whole_runs(make_result):
     names = ["settling_time", "mean_torque", "early_torque"]
     found = compare(results, metrics=names, windows=[Window(5, 10)])
     assert found.missing[0] == (
-        "Windows do not apply to settling_time, early_torque, which have windows of their own."
+        "Windows do not apply to settling_time, early_torque, which have their own windows."
     )
     assert [(x.measured.quantity.name, x.mean) for x in found.levels] == [
         ("settling_time", 1.0),

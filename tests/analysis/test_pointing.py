@@ -396,7 +396,7 @@ LAW = "use a law with its error in the body, such as lee2010"
         (QUADROTOR | {"task": POINT, "reference": None},
          "controllers[0]: cascade on SE3 does not: use SO3, or a cascade with along: reference"),
         (QUADROTOR | {"task": "{kind: point, axis: [0, 1, 1], along: reference}"},
-         "task.axis: expected that of the push, [0.0, 0.0, 1.0]"),
+         "task.axis: expected the direction of the push, [0.0, 0.0, 1.0]"),
     ],
 )  # fmt: skip
 def test_what_is_no_pointing_is_refused(tmp_path, changes, said):

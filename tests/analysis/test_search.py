@@ -143,8 +143,8 @@ def test_no_other_command_minds_the_section(small):
 {seeds: 0} → tune.seeds: expected a whole number of at least 1, got 0
 {seeds: [1, 2]} → tune.seeds: expected a whole number, got [1, 2]
 {confirm: {seed: 1}} →
-    tune.confirm.seed: expected another seed than ensemble.seed, got 1; winners are judged on runs
-        that did not choose them
+    tune.confirm.seed: expected a seed other than ensemble.seed, got 1; held-out runs must differ
+        from the runs of the search
 """),
 )
 def test_what_is_wrong_is_said_at_its_place(small, changed, message):

@@ -159,7 +159,7 @@ def test_equal_results_have_no_difference(invoke, changed):
 def test_two_results_refuse_what_is_of_one(invoke, changed):
     two = [changed / "soft", changed / "stiff"]
     done = invoke("compare", *two, "--against", "gt", code=2)
-    assert done.stderr.endswith("and --against are of one result; leave them out with two\n")
+    assert done.stderr.endswith("and --against apply to one result; leave them out with two\n")
     invoke("run", "so2", *SMALL, "--out", changed / "so2")
     done = invoke("compare", two[0], changed / "so2", code=2)
     assert done.stderr.endswith("is of SO2, and the other result of SO3\n")
@@ -389,7 +389,7 @@ def test_a_sweep_is_compared_point_by_point(eqt, folder):
     assert all(0 <= row["mean of eqt"] <= 1 for row in shares)  # of runs, which no file stores
     done = eqt("compare", "s", "--table", "pairs")
     assert done.code == 2
-    assert "are of one experiment; choose a point of the sweep with --point" in done.err
+    assert "apply to one experiment; choose a point of the sweep with --point" in done.err
 
 
 def test_a_sweep_with_positions_says_who_is_nearer_and_who_points_better(eqt):

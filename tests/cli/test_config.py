@@ -82,9 +82,12 @@ def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ("--mass 2", "--mass is of a vehicle; add --vehicle quadrotor | satellite | auv | boat"),
+        (
+            "--mass 2",
+            "--mass applies to vehicles only; add --vehicle quadrotor | satellite | auv | boat",
+        ),
         ("--vehicle boat --mass 2", "--vehicle boat needs --bandwidth, in rad/s, such as 5"),
-        ("--vehicle boat --from so2", "--vehicle writes a file of its own; leave --from out"),
+        ("--vehicle boat --from so2", "--vehicle replaces --from; leave one of them out"),
         (
             "--vehicle boat --inertia 2,1 --mass 2 --bandwidth 1",
             "--inertia: expected 1 positive kg m² of a boat, as 20",

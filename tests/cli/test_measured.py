@@ -82,9 +82,9 @@ def test_the_figure_is_drawn_by_default(invoke, paper_result, log, folder, unarr
 @pytest.mark.parametrize(
     ("command", "options", "said"),
     cases("""
-compare, [--mapping, log.yaml] → --mapping is of a recording; add --measured FILE
-compare, [--run, "1"] → --run is of a recording; add --measured FILE
-plot, [--log-format, tum] → --log-format is of a recording; add --measured FILE
+compare, [--mapping, log.yaml] → --mapping applies to recordings only; add --measured FILE
+compare, [--run, "1"] → --run applies to recordings only; add --measured FILE
+plot, [--log-format, tum] → --log-format applies to recordings only; add --measured FILE
 compare, [--measured, flight.csv, --metric, effort] →
     --measured compares with a recording; leave --metric, --window and other tables out
 compare, [--measured, flight.csv, --against, gtt] →

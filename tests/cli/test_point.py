@@ -159,8 +159,7 @@ def test_points_that_are_not_there(eqt, refused, command):
     file = Path("out/results.h5")
     assert (done.code, done.err) == (2, f"eqt: {file}: has no point 4; choose one of 0 to 3\n")
     assert refused(command, "single", "--point", 0) == (
-        f"eqt: {Path('single/results.h5')}: is no sweep, so it has no point to choose; "
-        "leave it out\n"
+        f"eqt: {Path('single/results.h5')}: is not a sweep; leave the point out\n"
     )
 
 

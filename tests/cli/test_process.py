@@ -65,7 +65,7 @@ def test_an_internal_error_is_1_with_a_traceback(folder):
 @pytest.mark.parametrize(
     ("error", "told"),
     [
-        ("MemoryError", "not enough memory; run fewer workers, or a smaller part"),
+        ("MemoryError", "not enough memory; use fewer workers, or a smaller part"),
         ("OSError(24, 'Too many open files')", "too many open files; use fewer workers"),
     ],
 )
@@ -241,7 +241,7 @@ def test_entry_points_of_every_kind_run(process, folder):
         pytest.param(
             "MyLaw",
             "class MyLaw: pass",
-            "controller 'x' of the entry point 'mine:MyLaw' is no Controller; derive it from "
+            "controller 'x' of the entry point 'mine:MyLaw' is not a Controller; derive it from "
             "eqt_cli.extend.Controller",
             marks=pytest.mark.slow("starts an interpreter"),
         ),

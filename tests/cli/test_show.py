@@ -258,7 +258,7 @@ def test_what_is_no_result(refused, path, said):
 def test_a_format_is_of_the_table(refused, result):
     assert (
         refused("show", result, "--format", "csv")
-        == "eqt: --format: is of --table; --json prints the rest for programs\n"
+        == "eqt: --format: applies to --table only; --json prints the rest for programs\n"
     )
 
 
@@ -280,7 +280,7 @@ def test_unknown_tables_and_formats(refused, result, options, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--run", 1), "--controller, --run: are of --export"),
+        (("--run", 1), "--controller, --run: apply to --export only"),
         (
             ("--export", "a.csv", "--table", "metrics"),
             "--export: writes a file and prints no table; leave the other options out",

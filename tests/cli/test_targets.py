@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-FOREIGN = "exists, and is no file that eqt wrote; choose another place with --out"
+FOREIGN = "exists, but eqt did not write it; choose another place with --out"
 
 
 @pytest.fixture

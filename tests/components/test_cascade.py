@@ -637,8 +637,8 @@ law: {attitude: stabilising}
     controllers[0].attitude: expected a law of SO3 that tracks with given gains, such as lee2010,
     got stabilising
 law: {along: null}
-    controllers[0].along: missing; no thrusters in `actuators` say in which direction the body is
-    pushed; give it in the body frame, such as along: [0, 0, -1]
+    controllers[0].along: missing; no thrusters in `actuators` determine the direction of the push;
+    give it in the body frame, such as along: [0, 0, -1]
 law: {along: null}
 actuators: [{kind: thrusters, matrix: [[0, 0], [0, 0], [0, 0], [1, 0], [0, 1], [0, 0]]}]
     controllers[0].along: missing; the thrusters push in more than one direction; give the one that
@@ -659,8 +659,8 @@ reference: {kind: flat, position: [0.0, 0.0, 0.0], heading: free}
 law: {rates: heading}
     controllers[0].rates: the reference gives no heading; use rates: model
 law: {gains: {kp: 4}}
-    controllers[0].gains.kd: missing; this key is required: cascade has gains of its own, those of
-    its law on SO3, such as gains: {kp: 4, kd: 2}
+    controllers[0].gains.kd: missing; this key is required: cascade needs its own gains, of its
+    law on SO3, such as gains: {kp: 4, kd: 2}
 law: {rates: filter}
     controllers[0].bandwidth: missing; rates: filter needs it, in rad/s
 law: {bandwidth: 60}
@@ -674,7 +674,7 @@ law: {position: {kx: 16.0, kv: 5.6, period: 20 ms}}
 law: {position: {kx: [4, 4], kv: 5.6}}
     controllers[0].position.kx: expected a number, or 3 of them, got 2
 law: {position: {kx: 16.0, kv: 5.6, c1: 2}}
-    controllers[0].position.c1: belongs to the integral; give ki, too
+    controllers[0].position.c1: applies to the integral only; add ki
 controllers: [lee2010]
     gains: missing; this key is required: Gains of the control laws, for example gains: {kp: 1, kd:
     1}

@@ -351,8 +351,8 @@ def test_only_one_current_moves_the_masses():
     with pytest.raises(ConfigError) as refused:
         eqt_cli.load_experiment(text)
     assert str(refused.value).partition(": ")[2] == (
-        "plant.forces[2].current: forces[0] has another current, and the added mass moves with "
-        "one; write `drag_only: true` beside that of the air"
+        "plant.forces[2].current: forces[0] has another current, but the added mass follows "
+        "only one; set `drag_only: true` in the force with the wind"
     )
     text["plant"]["forces"][2]["drag_only"] = True
     eqt_cli.load_experiment(text)

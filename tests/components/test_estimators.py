@@ -57,7 +57,7 @@ solver: {{engine: {engine}}}
     [
         ({"clock": ""}, "estimator: acts at control instants; set "
          "control.period"),
-        ({"pose": ""}, "estimator: nothing measures the pose, so that its error grows without "
+        ({"pose": ""}, "estimator: no sensor measures the pose, so its error grows without "
          "bound; add an entry to sensors.pose"),
         ({"estimator": "{kind: eqf, pose_std: 0}"}, "estimator.pose_std: expected deviations "
          "greater than 0 for the rotation, got 0"),
@@ -75,17 +75,17 @@ solver: {{engine: {engine}}}
         ({"pose": "[bias]"}, "estimator.pose_std: sensors.pose has no noise of the rotation, whose "
          "deviation is the default; give deviations greater than 0"),
         ({"estimator": "{kind: eqf, initial_error: 2}"}, "estimator.initial_pose_std: missing; "
-         "with initial_error, the filter must be told how large that may be"),
+         "initial_error needs the deviation that the filter assumes for it"),
         ({"group": "SE2", "pose": ATTITUDE}, "estimator: the bias of the translation cannot be "
-         "told: nothing measures the translation; add an entry for it to sensors.pose, or set "
-         "initial_bias_std and bias_walk to 0 there"),
+         "estimated: no sensor measures the translation; add an entry for it to sensors.pose, or "
+         "set initial_bias_std and bias_walk to 0 there"),
         ({"group": "SE2", "pose": ATTITUDE, "velocity": "[{kind: noise, std: 0.1}, {kind: bias, "
-          "walk: 0.1}]"}, "estimator: the bias of the translation cannot be told: nothing measures "
-         "the translation; add an entry for it to sensors.pose, or set initial_bias_std and "
-         "bias_walk to 0 there"),
+          "walk: 0.1}]"}, "estimator: the bias of the translation cannot be estimated: no sensor "
+         "measures the translation; add an entry for it to sensors.pose, or set initial_bias_std "
+         "and bias_walk to 0 there"),
         ({"group": "SE2", "pose": ATTITUDE, "velocity": "[{kind: noise, std: 0.1}]"},
-         "estimator.initial_pose_std: missing; nothing measures the translation, so that no fix "
-         "says where its estimate starts"),
+         "estimator.initial_pose_std: missing; no sensor measures the translation, so no fix "
+         "starts its estimate"),
         ({"estimator": "{kind: complementary, kp: 11}"}, "estimator: the estimate of the rotation "
          "does not settle with fixes every 0.2 s: an error grows by 1.21 from one to the next; "
          "choose kp between 0 and 10 and a smaller ki"),
@@ -184,7 +184,7 @@ def test_a_part_that_nothing_measures_is_told_before_the_run(tmp_path):
     path.write_text(text(start, "SE2", ATTITUDE), encoding="utf-8")
     said = [str(each) for each in remarks(study(read_config(path)).base)]
     assert said == [
-        f"{path}:14:1: estimator: nothing measures the translation, so that the error of its "
+        f"{path}:14:1: estimator: no sensor measures the translation, so the error of its "
         "estimate grows without bound; add an entry for it to sensors.pose"
     ]
 

@@ -160,7 +160,7 @@ REFUSED = """
 {position: ['sqrt(t - 100)', 0, 1], along: [0, 0, 1]}
     reference: has no finite real value at any time; correct its expressions
 {position: [0, 0, 1]}
-    reference.along: missing; nothing says in which direction the body is pushed; give it in the
+    reference.along: missing; the direction of the push is unknown; give it in the
     body frame, such as along: [0, 0, 1]
 {position: [0, 0, 1], along: [0, 1]}
     reference.along: expected a direction of 3 numbers, got [0.0, 1.0]

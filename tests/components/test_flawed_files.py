@@ -172,7 +172,9 @@ def test_a_file_of_another_program_is_named_by_its_first_bytes(tmp_path, title, 
     with pytest.raises(InputError) as caught:
         recording_text(path, "", InputError, 10**6, "")
     title = title.rstrip(",")
-    assert str(caught.value).startswith(f"{path}: is {title}, no text; make a table of it with ")
+    assert str(caught.value).startswith(
+        f"{path}: is {title}, not text; convert it to a table with "
+    )
 
 
 # Headers ------------------------------------------------------------------------------------------

@@ -182,13 +182,13 @@ actuators: [{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], turns: 0.1
     this key
 actuators: [{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], name: a}, {at: [0, 0],
   along: [1, 0], name: a}]}]
-    actuators[0].thrusters[1].name: expected a name of its own, got 'a', which thrusters[0] has
+    actuators[0].thrusters[1].name: expected a unique name, got 'a', which thrusters[0] has
 actuators: [{kind: thrusters, thrusters: []}]
     actuators[0].thrusters: expected one thruster or more, got none
 plant: {forces: [{kind: drag, linear: 1, current: [0.3, 0, 0]}]}
     plant.forces[0].current: expected 2 numbers or expressions for SE2, got 3
 actuators: [{kind: thrusters, matrix: [[1], [0], [0]], moment_constant: 1, low: 0, high: 1}]
-    actuators[0].moment_constant: belongs to rotors; give thrust_constant, too
+    actuators[0].moment_constant: applies to rotors only; add thrust_constant
 actuators: [{kind: thrusters, matrix: [[1], [0], [0]], thrust_constant: 1}]
     actuators[0]: rotors need limits; give low_speed and high_speed, or low and high
 actuators: [{kind: thrusters, matrix: [[1], [0], [0]], thrust_constant: 1, low: -1, high: 1}]

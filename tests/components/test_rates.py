@@ -314,9 +314,9 @@ WRONG = """
 {actuators: [{kind: rate_loop, bandwidth: 5, cutoff: 30 Hz}]}
     actuators[0].cutoff: needs gains in place of bandwidth; for example gains: 0.15
 {actuators: [{kind: rate_loop, gains: 5, ki: [0, 0, 1]}]}
-    actuators[0].ki: needs cutoff, that of the gyro; for example cutoff: 30 Hz
+    actuators[0].ki: needs cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz
 {actuators: [{kind: rate_loop, gains: 5, i_limit: 0.3}]}
-    actuators[0].i_limit: needs cutoff, that of the gyro; for example cutoff: 30 Hz
+    actuators[0].i_limit: needs cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz
 {actuators: [{kind: rate_loop, gains: 5, cutoff: 30, kd: [0.1, -0.1, 0]}]}
     actuators[0].kd: expected a number of at least 0, got -0.1
 {actuators: [{kind: rate_loop, gains: 5, cutoff: 30, feedforward: []}]}

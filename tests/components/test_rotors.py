@@ -357,10 +357,10 @@ WRONG = """
 {sag: 1 - x}
     sag: '1 - x':
 {sag: 0.9, told: true, allocation: bounded}
-    told: needs allocation: pseudo_inverse; no other is told of changes
+    told: needs allocation: pseudo_inverse; no other adapts to a failure
 {rotor_inertia: 1.0e-5}
-    rotor_inertia: needs thrusters with places, with turns, which say how each spins, with
-    thrust_constant and with time_constant
+    rotor_inertia: needs thrusters with places and turns, thrust_constant and
+    time_constant
 {rotor_inertia: 0, time_constant: 0.01}
     rotor_inertia: expected a number greater than 0, got 0
 """
@@ -376,5 +376,5 @@ def test_rotors_without_a_side_have_no_known_spin(experiment_of):
     config = yaml.safe_load(rotors_text("native", **HEAVY))
     config["actuators"][0]["thrusters"][1]["turns"] = 0
     assert (
-        "rotor_inertia: needs thrusters with places, with turns, which say how each spins, with "
+        "rotor_inertia: needs thrusters with places and turns, thrust_constant and time_constant"
     ) in refusal(EqtError, experiment_of, yaml.safe_dump(config))

@@ -285,9 +285,12 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
             "expected at most the limit of the momentum, 1 N m s, got 1.1 for wheel 2",
         ),
         ({"pyramid": 0.9, "command": "speed", "gain": 1.0}, "needs inertia; give the inertia"),
-        ({"pyramid": 0.9, "command": "speed", "inertia": 1.0}, "needs gain, that of the drives"),
-        ({"pyramid": 0.9, "gain": 1.0}, "belongs to drives; give command: speed, too"),
-        ({"pyramid": 0.9, "ki": 1.0}, "belongs to drives; give command: speed, too"),
+        (
+            {"pyramid": 0.9, "command": "speed", "inertia": 1.0},
+            "needs gain, the gain of the drives",
+        ),
+        ({"pyramid": 0.9, "gain": 1.0}, "applies to drives only; add command: speed"),
+        ({"pyramid": 0.9, "ki": 1.0}, "applies to drives only; add command: speed"),
         (
             {"pyramid": 0.9, "inertia": 1.0, "command": "speed", "gain": [1.0, -2.0, 1.0, 1.0]},
             "expected a number greater than 0, got -2",

@@ -351,7 +351,7 @@ controllers: [{kind: eqt, label: a}, {kind: gt, label: a}] →
     5:38: controllers[1]: an earlier controller has the label 'a'; give this one another `label`
 controllers: [{kind: eqt, label: Own}, {kind: gt, label: oWN}] →
     5:40: controllers[1]: an earlier controller has the label 'Own'; give this one another `label`
-        than 'oWN': capitals are no difference
+        than 'oWN': capitals do not count
 reference: {kind: constant, pose: [[1, 0, 0], [0, 2, 0], [0, 0, 1]]} →
     4:29: reference.pose: expected an element of SO3, got a matrix that is 3 away from one (rounding
         may leave 1e-09); write all digits, or give identity, a 3×3 matrix or {rotvec: …} for SO3

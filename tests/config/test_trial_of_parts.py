@@ -72,7 +72,7 @@ Sensor, "(instants, 3)", instants →
     own': own.py:10: errors returns an array of shape (3,) for 3 measurements; expected (3, 3)
 Sensor, "(instants, 3))", "(3, instants)).T" →
     own': own.py:10: errors: the first values depend on how many are drawn; draw the numbers of each
-        measurement in a row of its own
+        measurement in a separate row
 """),
         (
             "Actuator",

@@ -304,7 +304,7 @@ def test_problems_carry_path_message_and_place():
 "a:\n  - 1\n  b: 2" →
     c.yaml:3:3: expected a '- ' of the list that starts at c.yaml:2:3; check the indentation
 "a: 1\nfoo\nb: 2" → c.yaml:2:1: expected ':' after this text, or '- ' before it
-"a: - b" → c.yaml:1:4: a list cannot start here; start it on a line of its own
+"a: - b" → c.yaml:1:4: a list cannot start here; start it on a new line
 "a: ? b" → c.yaml:1:4: unexpected '?'; quote text that starts with it
 "a: 'it's'" → c.yaml:1:8: unexpected 's' after a value; quote the whole value
 "a: [1]]" → c.yaml:1:7: unexpected ']' after a value; quote the whole value

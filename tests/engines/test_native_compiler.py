@@ -231,7 +231,7 @@ def test_where_the_processor_is_unknown_a_compiler_is_asked_each_time(cc, monkey
     [
         ("nowhere-cc", "the C compiler nowhere-cc cannot be started: No such file or directory"),
         ("false", "the C compiler false does not work"),
-        ("'gcc", "the variable CC is no command: 'gcc: no closing quotation"),
+        ("'gcc", "the variable CC is not a command: 'gcc: no closing quotation"),
     ],
 )
 def test_a_variable_cc_that_will_not_do_is_refused(called, message, monkeypatch):

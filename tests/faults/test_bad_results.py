@@ -161,7 +161,7 @@ def test_an_attribute_of_another_type(result, invoke, name, value, expected):
 def test_an_attribute_about_a_controller_that_is_not_there(result, invoke, value):
     with h5py.File(result, "a") as file:
         file.attrs["experiment"] = value
-    reason = "its attribute 'experiment' names 'uaternion', which is no controller"
+    reason = "its attribute 'experiment' names 'uaternion', which is not a controller"
     refused(invoke, result, "show", reason)
 
 

@@ -90,7 +90,7 @@ def test_files_of_others_are_not_replaced(tmp_path):
     path = tmp_path / "paper.pdf"
     path.write_bytes(b"%PDF-1.4\n<< /Creator (TeX) >>")
     assert error_of(write_all, {path: b"new"}, tmp_path) == (
-        f"{path}: exists, and is no file that eqt wrote; choose another place with out=…"
+        f"{path}: exists, but eqt did not write it; choose another place with out=…"
     )
     assert b"TeX" in path.read_bytes()
 

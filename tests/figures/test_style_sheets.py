@@ -44,7 +44,7 @@ def test_the_last_line_of_a_key_holds(sheet):
 def test_no_version_of_matplotlib_executes_a_sheet(sheet, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert refused(sheet("font.size: 9", f"axes.prop_cycle: {text}")).startswith(
-        "2: the style sheet is wrong: axes.prop_cycle is no sum of cyclers of literal values: "
+        "2: the style sheet is wrong: axes.prop_cycle is not a sum of cyclers of literal values: "
     )
     assert [path.name for path in tmp_path.iterdir()] == ["mine.mplstyle"]
 
@@ -58,7 +58,7 @@ def test_cyclers_with_attributes_never_reach_matplotlib(sheet, text, monkeypatch
 
     monkeypatch.setitem(matplotlib.RcParams.validate, "axes.prop_cycle", validate)
     assert refused(sheet(f"axes.prop_cycle: {text}")) == (
-        "1: the style sheet is wrong: axes.prop_cycle is no sum of cyclers of literal values: "
+        "1: the style sheet is wrong: axes.prop_cycle is not a sum of cyclers of literal values: "
         f"{text}"
     )
 
@@ -83,10 +83,10 @@ def test_a_wrong_line_is_refused(sheet, line, said, caplog):
     ("line", "said"),
     [
         *said_of("""
-path.sketch: 1, 1e-9, 1 → Key path.sketch: says nothing of how a figure looks; remove the line
-figure.hooks: os:abort → Key figure.hooks: says nothing of how a figure looks; remove the line
+path.sketch: 1, 1e-9, 1 → Key path.sketch: does not change how a figure looks; remove the line
+figure.hooks: os:abort → Key figure.hooks: does not change how a figure looks; remove the line
 animation.ffmpeg_path: ./program →
-    Key animation.ffmpeg_path: says nothing of how a figure looks; remove the line
+    Key animation.ffmpeg_path: does not change how a figure looks; remove the line
 savefig.dpi: 1e9 → Key savefig.dpi: expected numbers of at most 2400, got 1e+09
 font.size: inf → Key font.size: expected numbers of at most 300, got inf
 font.size: nan → Key font.size: expected numbers of at most 300, got nan
@@ -95,11 +95,11 @@ text.usetex: True → Key text.usetex: eqt draws without LaTeX; remove the line
 text.latex.preamble: \\input{x} →
     Key text.latex.preamble: eqt draws without LaTeX; remove the line
 axes.prop_cycle: cycler('lw', [1]*1000000000) →
-    axes.prop_cycle is no sum of cyclers of literal values: cycler('lw', [1]*1000000000)
+    axes.prop_cycle is not a sum of cyclers of literal values: cycler('lw', [1]*1000000000)
 """).items(),
         (
             product := "axes.prop_cycle: cycler(lw=[1, 2]) * cycler(ms=[1, 2])",
-            product.replace(":", " is no sum of cyclers of literal values:"),
+            product.replace(":", " is not a sum of cyclers of literal values:"),
         ),
     ],
 )
@@ -120,7 +120,7 @@ def test_files_that_cannot_be_read_are_errors(tmp_path):
     assert refused(missing) == " cannot be read as a style sheet: no such file or directory"
     (tmp_path / "bytes.mplstyle").write_bytes(b"\xff\xfe")
     assert refused(tmp_path / "bytes.mplstyle") == (
-        " cannot be read as a style sheet: it is no text in UTF-8"
+        " cannot be read as a style sheet: it is not text in UTF-8"
     )
 
 

@@ -327,7 +327,7 @@ def test_names_that_are_none_in_c():
     assert "void law(const eqt_real *__restrict in_x, eqt_real *__restrict out_y)" in c_function(
         program, "law"
     )
-    with pytest.raises(ValueError, match=re.escape("'a); evil(' is no identifier of C")):
+    with pytest.raises(ValueError, match=re.escape("'a); evil(' is not an identifier of C")):
         c_function(program, "a); evil(")
 
 

@@ -145,5 +145,5 @@ def test_a_sweep_is_verified_too(text):
 
 
 def test_a_page_of_a_sweep_is_against_no_law(swept_result):
-    with pytest.raises(EqtError, match="--against: is of one experiment; choose a point"):
+    with pytest.raises(EqtError, match="--against: applies to one experiment; choose a point"):
         eqt_cli.write_report(swept_result, against="gt", quick=True)

@@ -179,7 +179,7 @@ def test_a_point_is_no_path(tmp_path):
     with second.to_xarray() as data:
         assert data.quaternion.sizes["time"] == 21
     assert error_of(eqt_cli.compare, second) == (
-        f"{swept.path}: one point of a sweep is no path; give the path and point"
+        f"{swept.path}: a point of a sweep is not a path; give the path and point"
     )
 
 

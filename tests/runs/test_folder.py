@@ -138,8 +138,8 @@ def test_the_folder_of_other_results_takes_none_itself(finished, run):
         Path("results", name, "manifest.json").write_bytes(contents()["manifest.json"])
     for force in (False, True):
         assert refusal(run, out="results", force=force) == (
-            "results: is the folder of other results: a, b, c, …; give this one a folder of its "
-            f"own with out=…, such as {Path('results/c')}"
+            "results: is the folder of other results: a, b, c, …; choose another folder with "
+            f"out=…, such as {Path('results/c')}"
         )
     assert not Path("results/results.h5").exists()
 

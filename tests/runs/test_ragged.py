@@ -221,7 +221,7 @@ def test_points_that_do_not_exist(finished):
     assert str(caught.value) == f"{path}: has no point 4; choose one of 0 to 3"
     with open_results(path) as results, pytest.raises(ResultError) as caught:
         results.at(0).at(0)
-    assert str(caught.value) == (f"{path}: is no sweep, so it has no point to choose; leave it out")
+    assert str(caught.value) == (f"{path}: is not a sweep; leave the point out")
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,8 @@ def test_the_name_of_a_device_is_refused(folder, experiment, invoke, name):
     with pytest.raises(Exception, match="device") as caught:
         experiment(name=name)
     assert str(caught.value) == (
-        f"c.yaml:10:1: name: expected no name that Windows keeps for a device, got '{name}'"
+        "c.yaml:10:1: name: expected a name that Windows does not reserve for a device, "
+        f"got '{name}'"
     )
 
 

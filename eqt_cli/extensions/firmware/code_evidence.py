@@ -721,7 +721,7 @@ def _other_laws(question: Question) -> Iterator[tuple[str, Question]]:
         s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
         rates = law.memory_rate(s)
         later = {name: z + loop.period * rates[name] for name, z in question.memory.items()}
-        words = "memory goes on before it is used, and not after"
+        words = "memory advances before it is used, not after"
         yield words, replace(question, memory=later)
 
 

@@ -478,11 +478,11 @@ def _memory_row(judged: Judged, question: Question, memory: dict[str, Array], re
         if difference <= bound:
             continue
         if np.abs(went).max() <= bound:
-            words.append(f"{name} does not go on: it is stale")
+            words.append(f"{name} does not advance: it is stale")
             continue
         of_pose = period * (at_rest[name] + 0.0 * z)
         columns = {"velocity error": expected - of_pose, "pose error": of_pose}
-        words.append(f"{name} goes on {sum_of(columns, went, bound)}")
+        words.append(f"{name} advances {sum_of(columns, went, bound)}")
     verdict = Verdict.HOLDS if not words else Verdict.FAILS
     law = loop.controller.title
     return _row(judged, f"memory of {law} after a period", verdict, words, worst, limit)
@@ -503,7 +503,7 @@ def _start_row(judged: Judged, question: Question, real: str) -> Row:
             worst, limit = float(differences[place]), float(bounds[place])
         if not (differences <= bounds).all():
             there, here = (values[place].tolist() for values in (begun[name], expected))
-            words.append(f"{name} begins with {there}; the law's begins with {here}")
+            words.append(f"{name} starts at {there}, but at {here} in the law")
     verdict = Verdict.HOLDS if not words else Verdict.FAILS
     name = f"memory of {loop.controller.title} at the start of a run"
     return _row(judged, name, verdict, words, worst, limit)

@@ -249,7 +249,7 @@ def apart_in_words(law: ExportedLaw) -> str:
 def meaning(law: ExportedLaw, entry: Entry) -> str:
     """Return the meaning of a number."""
     if entry.source == PERIOD:
-        return "by which the memory goes on" if law.program.memory else "not used: no memory"
+        return "by which the memory advances" if law.program.memory else "not used: no memory"
     name = name_of_number(entry.source)
     last = name.rpartition(".")[2]
     said = NUMBER_MEANINGS.get(name) or meanings(type(law.owner(entry))).get(last, "")

@@ -674,20 +674,20 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
     if code := loop.controller.code:
         claimed = ", or export the law that it claims to be" * bool(loop.controller.formula)
         raise EqtError(
-            f"{label}: the law is no formula, it is in {code.file}",
+            f"{label}: the law is code in {code.file}, not a formula",
             Remedy(f"leave it out{claimed}"),
         )
     program = law_of(loop)
     if not {entry.source for entry in program.numbers[:-1]} <= leaves(loop).keys():
         raise EqtError(
-            f"{label}: the numbers of {loop.controller.name} change at instants of the run, and "
-            "C code has one set of them",
+            f"{label}: the numbers of {loop.controller.name} change during the run, but "
+            "C code has one set of numbers",
             Remedy("export another law, or lqr for a reference that does not change its loop"),
         )
     if program.memory and loop.vehicle.control is None:
         states = ", ".join(entry.source for entry in program.memory)
         raise EqtError(
-            f"{label}: the law has memory ({states}), which goes on by one period; the "
+            f"{label}: the law has memory ({states}), which advances by one period; the "
             "configuration has no period",
             Remedy("set control.period to the period of your vehicle in s"),
         )

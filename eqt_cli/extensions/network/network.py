@@ -517,7 +517,7 @@ class Network(Controller):
         if self.preview and not plant.foreseen:
             index = next(i for i, each in enumerate(self.observes) if each.preview)
             problems.at("observes", index, "preview").add(
-                "the reference is integrated, so that nobody knows it later; use one that is a "
+                "the reference is integrated, so its later values are unknown; use one that is a "
                 "function of time: path, flat, waypoints, log, slew or constant"
             )
         if problems or not self.text:

@@ -61,7 +61,7 @@ def network_of(text: str, name: str) -> dict[str, Any]:
             built.again(step, np.array(data["start"], dtype=float))
         built.examples = [_finite(np.array(each), name) for each in data["examples"]]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError) as error:
-        raise InputError(f"{name}: is no network as eqt keeps it: {error}") from error
+        raise InputError(f"{name}: is not a network as eqt stores it: {error}") from error
     return built.network()
 
 
@@ -196,7 +196,7 @@ def of_onnx(made: bytes, name: str) -> Built:
     try:
         model = onnx.load_model_from_string(made)
     except Exception as error:
-        raise InputError(f"{name}: is no ONNX file: {error}") from error
+        raise InputError(f"{name}: is not an ONNX file: {error}") from error
     read = _OfGraph(model.graph, name, onnx)
     try:
         known = onnx.shape_inference.infer_shapes(model).graph
@@ -374,7 +374,7 @@ def of_rltools(made: bytes, name: str) -> Built:
     try:
         file = h5py.File(io.BytesIO(made), "r")
     except Exception as error:
-        raise InputError(f"{name}: is no HDF5 file: {error}") from error
+        raise InputError(f"{name}: is not an HDF5 file: {error}") from error
     with file:
         actor = _Checkpoint(name, file)
         inputs, expected = (actor.numbers(f"example/{key}") for key in ("input", "output"))

@@ -66,7 +66,7 @@ def flight(result: Result, law: str, run: int) -> Flight:
     pose, velocity, wrench = (_of_run(result, name, law, run) for name in names)
     signals = {each.name: each.values(pose, velocity) for each in derived(G)}
     if {"quaternion", "heading", "position"}.isdisjoint(signals):
-        raise result.error(f"is on {G.name}, which is no motion of one body")
+        raise result.error(f"is on {G.name}, which is not the motion of one body")
     return Flight(result.times, *_padded(G, signals, wrench))
 
 

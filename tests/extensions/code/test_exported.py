@@ -46,8 +46,8 @@ def test_a_memory_that_begins_otherwise(faulty, judged):
     last = "memory->integral, next.integral);"
     rows = judged(faulty("goodarzi2013", (last, f"{last} next.integral[0] = 1;")))
     assert rows == {
-        "memory of Goodarzi 2013 at the start of a run": "integral begins with [1.0, 0.0, 0.0]; "
-        "the law's begins with [0.0, 0.0, 0.0]"
+        "memory of Goodarzi 2013 at the start of a run": "integral starts at [1.0, 0.0, 0.0], "
+        "but at [0.0, 0.0, 0.0] in the law"
     }
 
 
@@ -108,7 +108,7 @@ def test_a_memory_that_does_not_go_on_is_told_and_named(faulty, judged):
         )
     )
     assert rows == {
-        "memory of Goodarzi 2013 after a period": "integral does not go on: it is stale"
+        "memory of Goodarzi 2013 after a period": "integral does not advance: it is stale"
     }
 
 
@@ -119,9 +119,7 @@ def test_a_memory_that_goes_on_too_early_is_told_and_named(faulty, judged, expor
     once = "    *memory = next;\n"
     later = step.replace("next.integral", "(double[3]){0}")
     rows = judged(faulty("goodarzi2013", (step + once, step + once + later)))
-    assert rows[TORQUE.format("Goodarzi 2013")] == (
-        "memory goes on before it is used, and not after"
-    )
+    assert rows[TORQUE.format("Goodarzi 2013")] == ("memory advances before it is used, not after")
 
 
 # With an adapter: what the vehicle reads and returns ----------------------------------------------

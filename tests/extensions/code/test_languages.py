@@ -152,7 +152,7 @@ def test_what_the_object_keeps_is_memory(stale, python, judged):
     options = {"numbers": numbers, "adapter": adapter, **INTEGRAL, **GOODARZI}
     rows = judged(python(*changes, **options))
     said = [remark for name, remark in rows.items() if "memory" in name]
-    assert said == (["integral does not go on: it is stale"] if stale else [])
+    assert said == (["integral does not advance: it is stale"] if stale else [])
 
 
 def test_a_state_that_is_not_named(python, judged):

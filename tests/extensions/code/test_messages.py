@@ -158,7 +158,7 @@ def test_only_solve_ivp_calls_code_at_any_time(engine, written, config, told):
 def test_memory_needs_a_period(written, config, told):
     written(("real unused;", "real ei[3];"))
     assert told(config(over={"control": None}, memory=["ei"], **{"as": None})) == (
-        "controllers[0].memory: goes on by a period at every call; set control.period, at which "
+        "controllers[0].memory: advances by a period at every call; set control.period, at which "
         "the code is called"
     )
 

@@ -193,6 +193,6 @@ def test_it_is_not_exported(written, config, eqt):
     written()
     Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
     assert eqt("export", "c.yaml").err == (
-        "eqt: ours: the law is no formula, it is in lee.c; leave it out, or export the law that it "
-        "claims to be\n"
+        "eqt: ours: the law is code in lee.c, not a formula; leave it out, or export the law that "
+        "it claims to be\n"
     )

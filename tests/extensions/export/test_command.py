@@ -98,7 +98,7 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
     before = (config.parent / "out" / "lee2010.c").stat().st_mtime_ns
     done = invoke(*command, code=2)
     assert done.stderr == (
-        f"eqt: {Path('out', 'lee2010.h')}: exists, and is no file that eqt wrote; choose "
+        f"eqt: {Path('out', 'lee2010.h')}: exists, but eqt did not write it; choose "
         "another place with --out\n"
     )
     assert mine.read_text() == "/* my own */\n"
@@ -117,7 +117,7 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
          "a differential equation, and no formula gives it at a time. Integrate it on the vehicle, "
          "or use a reference in closed form: constant, flat, log, path, slew or waypoints"),
         (["--set", "controllers=[goodarzi2013]"], "goodarzi2013: the law has memory (integral), "
-         "which goes on by one period; the configuration has no period; set control.period to the "
+         "which advances by one period; the configuration has no period; set control.period to the "
          "period of your vehicle in s"),
     ],
 )  # fmt: skip

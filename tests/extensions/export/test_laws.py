@@ -112,7 +112,7 @@ def test_a_regulator_with_a_model_of_its_actuators_is_within_its_bound(tmp_path,
 
 def test_a_regulator_whose_gains_change_at_knots_is_refused():
     assert refusal(EqtError, exported, made("SO3", ["lqr"]), [], ARITHMETICS["double"]) == (
-        "lqr: the numbers of lqr change at instants of the run, and C code has one set of them; "
+        "lqr: the numbers of lqr change during the run, but C code has one set of numbers; "
         "export another law, or lqr for a reference that does not change its loop"
     )
 

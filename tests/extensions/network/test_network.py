@@ -409,7 +409,7 @@ def shaped(op, out, *of, **more):
 REFUSED = {
     "external": (external, "the weights W1 are in another file; write all into one"),
     "huge": (huge, "W1 has more than 4,000,000 numbers"),
-    "damaged": (lambda: b"\xff" * 99, "is no ONNX file: "),
+    "damaged": (lambda: b"\xff" * 99, "is not an ONNX file: "),
     "empty": (
         lambda: graph([], {}, X, {"x": [1, 4]}),
         "has the output x, which is not its last operation",
@@ -545,7 +545,7 @@ LAWS = {
     "observes[0].preview: applies to errors, such as position_error, not to rates; leave it out": {
         "observes": [{"signal": "rates", "preview": {"steps": 2, "every": 0.1}}]
     },
-    "observes[0].preview: the reference is integrated, so that nobody knows it later": {
+    "observes[0].preview: the reference is integrated, so its later values are unknown": {
         "observes": [{"signal": "rates_error", "preview": {"steps": 4, "every": 0.1}}]
     },
     "observes[0].preview.steps: expected": {

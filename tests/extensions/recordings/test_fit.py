@@ -161,7 +161,7 @@ def test_few_windows_give_no_interval(recorded):
 @pytest.mark.parametrize(
     ("is_link", "said"),
     [
-        (False, "exists, and is no file that eqt wrote; choose another place with out=…"),
+        (False, "exists, but eqt did not write it; choose another place with out=…"),
         (True, "is a symbolic link; expected a file that eqt wrote, or no such entry; rename or "
          "remove it"),
     ],
@@ -513,8 +513,8 @@ def test_a_recorded_wrench_is_not_exported(recorded):
     with pytest.raises(EqtError) as caught:
         eqt_cli.export(replayed(control={"period": 0.05}), out="exported")
     assert str(caught.value) == (
-        "replay: the numbers of replay change at instants of the run, and C code has one set of "
-        "them; export another law, or lqr for a reference that does not change its loop"
+        "replay: the numbers of replay change during the run, but C code has one set of "
+        "numbers; export another law, or lqr for a reference that does not change its loop"
     )
 
 
