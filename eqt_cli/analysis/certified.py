@@ -445,7 +445,7 @@ def _aligned(A: Array, B: Array) -> Array:
 
 def _by_wrench(loop: ClosedLoop, A: Array) -> Array:
     """Return the fractions of B with ẋ = A x + B w, ``(n, 3)``, for wrenches w on SO(3)."""
-    none = "has no bound of what a push does: "
+    none = "has no proved bound of a push: "
     if loop.group.name != "SO3":
         raise InputError(f"{none}eqt proves one on SO3 only")
     if not loop.vehicle.is_ideal:  # such as limits of the torque, which its linear part lacks

@@ -358,7 +358,10 @@ def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterat
     if known:
         yield laid_out(TextTable("certified", "", header, blocks, notes))
     yield from words
-    yield from (f"{titles[law.label]} {law.refused}" for law in laws if law.refused)
+    for law in laws:
+        if why := law.refused:
+            lead = "" if why.startswith("has no") else "has no certified rate: it "
+            yield f"{titles[law.label]} {lead}{why}"
 
 
 def _rate(one: Certified) -> list[str]:

@@ -525,7 +525,7 @@ def test_pushes_are_bounded_on_rotations_only() -> None:
         [0.5],
         push=1.0,
     )
-    none = "has no bound of what a push does: "
+    none = "has no proved bound of a push: "
     assert str(law.rates[0].gain) == f"{none}eqt proves one on SO3 only"
     assert law.rates[0].rate  # which needs no push
 
