@@ -121,6 +121,11 @@ class PositionGains(Keys):
                 if np.ndim(gain := getattr(self, each)) and np.size(gain) != space:
                     expected = f"expected a number, or {space} of them, got {np.size(gain)}"
                     problems.at(each).add(expected)
+        if self.ki is not None and self.ki < 0:
+            problems.at("ki").add(
+                f"expected at least 0, got {self.ki:g}; an integral of the wrong sign makes any "
+                "offset grow"
+            )
         if self.c1 is not None and self.ki is None:
             problems.at("c1").add("applies to the integral only; add ki")
         if self.anti_windup != "none" and self.ki is None:

@@ -675,6 +675,9 @@ law: {position: {kx: [4, 4], kv: 5.6}}
     controllers[0].position.kx: expected a number, or 3 of them, got 2
 law: {position: {kx: 16.0, kv: 5.6, c1: 2}}
     controllers[0].position.c1: applies to the integral only; add ki
+law: {position: {kx: 16.0, kv: 5.6, ki: -1}}
+    controllers[0].position.ki: expected at least 0, got -1; an integral of the wrong sign makes any
+    offset grow
 controllers: [lee2010]
     gains: missing; this key is required: Gains of the control laws, for example gains: {kp: 1, kd:
     1}
