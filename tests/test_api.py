@@ -208,7 +208,7 @@ def test_a_result_that_was_opened_is_as_the_one_that_was_run(result):
         assert opened.units("effort") == "(N m)^2 s"
     assert result.outcome.was_complete
     assert error_of(lambda: opened.outcome) == (
-        f"{result.path}: was opened; only what `run` returns has an outcome"
+        f"{result.path}: was opened from a file; only a result that `run` returns has an outcome"
     )
 
 
@@ -367,7 +367,7 @@ def test_figures_are_drawn_into_the_result_folder(result):
 def test_figures_of_several_results(result, tmp_path):
     both = eqt_cli.plot([result, str(result.path)], out=tmp_path, formats=["json"])
     assert both == [tmp_path / "paper.json"] and both[0].exists()
-    assert error_of(eqt_cli.plot, []) == "result: expected a result or several, got none"
+    assert error_of(eqt_cli.plot, []) == "result: expected one or more results, got none"
 
 
 def test_what_verify_refuses(result):

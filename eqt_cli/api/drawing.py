@@ -324,7 +324,7 @@ def _opened(
     if isinstance(result, Sequence) and not isinstance(result, str):
         listed = list(result)
     if not listed:
-        raise EqtError("result: expected a result or several, got none")
+        raise EqtError("result: expected one or more results, got none")
     points = _points(point) or [None]
     with ExitStack() as stack:
         opened = [_shown(one, number, stack) for one in listed for number in points]

@@ -214,7 +214,10 @@ class StoredResult(InNotebook, os.PathLike[str]):
     def outcome(self) -> Execution:
         """What `run` did: ``was_complete``, ``resumed``, ``removed``, ``packed``, ``seconds``."""
         if self._outcome is None:
-            raise EqtError(f"{self.path}: was opened; only what `run` returns has an outcome")
+            raise EqtError(
+                f"{self.path}: was opened from a file; only a result that `run` returns has an "
+                "outcome"
+            )
         return self._outcome
 
     @property

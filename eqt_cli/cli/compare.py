@@ -94,7 +94,7 @@ def compare(
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.01,
     quiet: options.Quiet = False,
 ) -> None:
-    """Say which law of a result is better, by how much and how surely, run by run.
+    """Compare the laws of a result run by run, with confidence intervals.
 
     Of two results, such as before and after a change of gains, this compares each law of the second
     with the same law of the first.
@@ -112,7 +112,7 @@ def compare(
     What to show
         --metric NAME  Metric to compare; --list shows all. Repeatable.
         --window A:B  Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.
-        --without-start  Of a tuning, leave out the starting gains.
+        --without-start  For a tuning: omit the starting gains.
         --against LAW  Compare with this law instead of the first, or with --measured only
             its run. Repeatable for tables.
         --table NAME  Print only this table: `controllers`, pairs, claims, fronts, winners, points;
@@ -398,7 +398,7 @@ def diff(
     """Show what differs between two results; exit 4 if they are not equal.
 
     This compares the configurations, and all numbers bit by bit. Versions, machine, time and
-    command may differ between equal results; they are shown, too.
+    command may differ between equal results; they are also shown.
     """
     from eqt_cli import api
 

@@ -48,7 +48,7 @@ def list_components(
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Count the components of each kind, and list them; of one component, explain the options."""
+    """List the available components, such as laws and sensors, or the options of one of them."""
     kinds = [*KINDS, "configs"]
     if plugin:
         for name in KINDS:
@@ -186,7 +186,7 @@ def new(
         --vehicle NAME  quadrotor, satellite, auv or boat. Its gains follow from these numbers.
         --mass M  Mass, kg.
         --inertia A,B,C  Principal moments of inertia, kg m²; of a boat the one about the vertical.
-        --bandwidth W  Where both poles of each small error are, rad/s.
+        --bandwidth W  Both closed-loop poles of each small error, rad/s.
     """
     numbers = {"--mass": mass, "--inertia": inertia, "--bandwidth": bandwidth}
     of_vehicle = [name for name, value in numbers.items() if value is not None]

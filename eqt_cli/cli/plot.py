@@ -274,7 +274,7 @@ def animate(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Show one run as a moving picture: bodies, tracking error and torque over time.
+    """Animate one run: bodies, tracking error and torque over time.
 
     Options
     -------
@@ -327,7 +327,7 @@ def report(
     -------
     Result
         --out FILE  File to write. Default: RESULT/report.html.
-        --title TEXT  Title. Default: that of the experiment.
+        --title TEXT  Title. Default: the title of the experiment.
         --author NAME  Author, named at the top of the page.
         --date TEXT  Date. Default: the day of the run.
         --notes FILE  Text file shown at the top of the page.

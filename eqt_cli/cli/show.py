@@ -76,7 +76,9 @@ def show(
     from eqt_cli.cli.result_tables import print_table
 
     if json and table:
-        raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
+        raise EqtError(
+            "--json: is not available for a table; use --format jsonl, one document per row"
+        )
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if export:

@@ -67,7 +67,7 @@ def verify(
         --code FILE[:FUNCTION]  Judge the control law in this C, C++ or Python file instead of the
             laws of a CONFIG. Python needs the function, as in lee.py:Lee(2.0).compute.
         --as NAME  The control law that the code claims to be.
-        --adapter FILE  YAML that says how the code writes what it reads and returns. Default:
+        --adapter FILE  YAML with the conventions of the code's inputs and outputs. Default:
             NAME.adapter.yaml in its folder, if it is there.
         --fail-on FINDING  Exit 4 only where the code lacks terms of the law or differs otherwise
             (lacks), or only where it differs otherwise (differs), whatever else fails.
@@ -188,8 +188,8 @@ def margins(
 ) -> None:
     """Print eigenvalues, delay and gain margins of each law; exit 4 if a loop is unstable.
 
-    The loop is linearised about its reference. Limits, steps and noise are left out and named.
-    Nothing is run.
+    This linearises the loop about its reference, without a simulation. It ignores limits, steps and
+    noise, and names those that it ignores.
 
     Options
     -------

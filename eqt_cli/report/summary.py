@@ -498,7 +498,7 @@ def _energy(result: Result) -> Iterator[str]:
         return
     largest = max(valid[title].max() for title in balanced)
     others = [title for title, values in residuals.items() if values.size and not valid[title].size]
-    whose = f" of {listed(balanced)}; none is claimed of {listed(others)}" if others else ""
+    whose = f" of {listed(balanced)}; no balance is claimed for {listed(others)}" if others else ""
     yield (
         f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.1g} of L(0) "
         f"in every run{whose}."

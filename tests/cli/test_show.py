@@ -226,7 +226,7 @@ def test_a_table_is_no_json_document(eqt, result):
     done = eqt("show", result, "--table", "metrics", "--json")
     assert (done.code, json.loads(done.out)["exit_code"]) == (2, 2)
     assert done.err == (
-        "eqt: --json: a table has no such form; use --format jsonl, a document per row\n"
+        "eqt: --json: is not available for a table; use --format jsonl, one document per row\n"
     )
 
 

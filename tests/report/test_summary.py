@@ -43,7 +43,7 @@ def test_laws_that_all_claim_a_balance_need_no_names(energy_sentence):
 def test_laws_that_claim_no_balance_are_named(energy_sentence):
     nothing = [np.nan, np.nan]
     assert energy_sentence([[1e-9, 4e-9], nothing, nothing]) == [
-        f"{BALANCE} of law0; none is claimed of law1 and law2."
+        f"{BALANCE} of law0; no balance is claimed for law1 and law2."
     ]
 
 

@@ -35,7 +35,7 @@ def export(
 ) -> None:
     """Write control laws as C: header, source, a program that checks them, and a README.
 
-    The header says how far rounding can move the torque. It replaces only what eqt has exported.
+    The header states a bound on the rounding error of the torque. Only exported files are replaced.
 
     Options
     -------
@@ -44,8 +44,8 @@ def export(
     Output
         --real NAME  Type of all numbers: double or float.
         --reference  Also export the reference, which must be in closed form.
-        --adapter FILE  YAML that says how the vehicle writes what the law reads and what it
-            returns, as of `eqt verify`.
+        --adapter FILE  YAML with the vehicle's conventions for the inputs and outputs of the
+            law, as for `eqt verify`.
     Result
         --out DIR  Folder to write. Default: exported/NAME.
     """

@@ -481,7 +481,7 @@ class Network(Controller):
         for index, each in enumerate(self.observes):
             each.check(G, problems.at("observes", index))
             if each.signal == LAST and LAST in [one.signal for one in self.observes[:index]]:
-                problems.at("observes", index).add("last_command stands there before; name it once")
+                problems.at("observes", index).add("last_command occurs twice; name it once")
         if problems or not self.text:
             return
         with problems.catching("file"):

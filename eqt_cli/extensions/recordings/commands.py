@@ -39,7 +39,7 @@ def replay(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Drive the plant with a recorded wrench and print how the error grows with the horizon.
+    """Replay a recorded wrench and print the prediction error against the horizon.
 
     Each window starts at a recorded state. The control laws of the configuration are not used.
 
@@ -49,7 +49,7 @@ def replay(
         --measured FILE  Recording with poses and wrenches.
         --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
             does; linear interpolates.
-        --delay S  Time by which the wrench was recorded late, s.
+        --delay S  Delay with which the wrench was recorded, s.
         --horizon S  Length of a window, s. Default: a tenth of the recording.
         --windows N  Largest number of windows.
     Result
@@ -91,7 +91,7 @@ def fit(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Fit numbers of the plant to a recording, with 95 % intervals.
+    """Estimate parameters of the plant from a recording, with 95 % intervals.
 
     The configuration with the fitted numbers is written to results/NAME-fitted/fitted.yaml.
 
@@ -101,9 +101,9 @@ def fit(
         --measured FILE  Recording with poses and wrenches.
         --hold NAME  The wrench between two rows: zero holds the earlier one, as an autopilot
             does; linear interpolates.
-        --delay S  Time by which the wrench was recorded late, s.
-        --over KEYS  Numbers of the plant to find, separated by commas, such as
-            plant.inertia.relative,plant.forces[0].linear; delay is that of the wrench.
+        --delay S  Delay with which the wrench was recorded, s.
+        --over KEYS  Parameters of the plant to estimate, separated by commas, such as
+            plant.inertia.relative,plant.forces[0].linear; delay is the delay of the wrench.
         --horizon S  Length of a window, s. Default: a twentieth of the recording.
     Result
         --out DIR  Folder for fitted.yaml.
@@ -153,7 +153,7 @@ MOST_GAPS = 5
 
 log_app = typer.Typer(
     cls=Group,
-    help="Look at recordings of a motion.",
+    help="Check recordings of a motion, and evaluate tracking errors in them.",
     epilog=example("eqt log", "check flown.csv"),
     no_args_is_help=True,
 )
@@ -161,7 +161,7 @@ log_app = typer.Typer(
 
 @log_app.callback()
 def log() -> None:
-    """Look at recordings of a motion."""
+    """Check recordings of a motion, and evaluate tracking errors in them."""
 
 
 @log_app.command("check", cls=Command, epilog=example("eqt log check", "flown.csv"))
@@ -175,17 +175,17 @@ def check_log(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Say what a recording holds; exit 2 if it cannot be used.
+    """Show what a recording contains; exit 2 if it cannot be used.
 
-    It names each topic and column and what it is taken for, the units, the rate, the gaps, what
-    does not fit together, and the mapping that is used.
+    It lists the topics and columns with their meaning, the units, the rate, gaps, inconsistencies,
+    and the mapping used.
 
     Options
     -------
     Experiment
         --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
         --format NAME  csv, tum or euroc. Default: csv.
-        --group NAME  Group of the poses. Default: what fits the columns.
+        --group NAME  Group of the poses. Default: the one that fits the columns.
     """
     from eqt_cli import api
 
@@ -201,7 +201,7 @@ def check_log(
 @log_app.command("errors", cls=Command, epilog=example("eqt log errors", "flown.ulg"))
 def log_errors(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
-    second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Wanted motion.")] = None,
+    second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Desired motion.")] = None,
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
     format_: Annotated[str, options.option("--format", known=("csv", "tum", "euroc"))] = "csv",
     topic: Annotated[str | None, options.option("--topic")] = None,
@@ -213,7 +213,7 @@ def log_errors(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Say how far a vehicle was from its setpoints: position, velocity, attitude and rates.
+    """Evaluate the errors from the setpoints: position, velocity, attitude and rates.
 
     The measurement is interpolated to the instants of the setpoints, while armed.
 

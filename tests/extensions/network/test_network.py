@@ -536,7 +536,7 @@ LAWS = {
     "observes[0].clip: last_command is limited by commands.clip; leave this out": {
         "observes": [{"signal": "last_command", "clip": 0.5}]
     },
-    "observes[1]: last_command stands there before; name it once": {
+    "observes[1]: last_command occurs twice; name it once": {
         "observes": [{"signal": "last_command"}, {"signal": "last_command", "scale": 2}]
     },
     "observes[0].frame: applies to positions and velocities, not to rates; leave it out": {
