@@ -239,12 +239,25 @@ def test_the_gallery_has_every_kind_of_figure():
 def test_a_picture_leads_to_its_command(picture, page, anchor, command):
     sections = re.split(r"^#+ ", (DOCS / page).read_text(encoding="utf-8"), flags=re.MULTILINE)
     found = [s for s in sections if _anchor(s.partition("\n")[0]) == anchor]
-    assert [command in section for section in found] == [True]
+    assert [command in section.replace(" \\\n  ", " ") for section in found] == [True]
 
 
 def _anchor(heading):
     """As a forge and Sphinx name a heading."""
     return re.sub(r"[^\w\s-]", "", heading.lower()).replace(" ", "-")
+
+
+WIDEST = 72
+
+
+@pytest.mark.parametrize("page", ALL)
+def test_long_commands_continue_on_the_next_line(page):
+    """A line is wider only where it is one argument, with its option."""
+    shown = re.findall(r"^```sh\n(.*?)\n```$", _text(page), re.MULTILINE | re.DOTALL)
+    lines = [line for block in shown for line in block.splitlines() if len(line) > WIDEST]
+    assert [
+        line for line in lines if not re.match(r"  (--\S+ )?(\S+|'[^']*'|\"[^\"]*\")( \\)?$", line)
+    ] == []
 
 
 def test_links_and_files_of_the_site_need_no_network():

@@ -28,7 +28,7 @@ class Numbers(SphinxPostTransform):
         """Of every table."""
         for cell in self.document.findall(nodes.entry):
             text = cell.astext()
-            if len(text) <= LONGEST and NUMBER.fullmatch(text):
+            if text == "–" or (len(text) <= LONGEST and NUMBER.fullmatch(text)):
                 cell["classes"].append("number")
 
 
