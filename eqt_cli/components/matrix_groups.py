@@ -703,5 +703,5 @@ class VectorGroup(EuclideanGroup):
 
 def check_turns_in_space(name: str, G: MatrixLieGroup, problems: Problems) -> None:
     """Note that a component needs a body with one attitude in space."""
-    if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
+    if not (isinstance(G, EuclideanGroup) and G.space == 3 and G.rotations and len(G.columns) < 2):
         problems.add(f"{name} needs group SO3 or SE3, got {G.name}")

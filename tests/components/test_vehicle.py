@@ -309,7 +309,7 @@ def test_gravity_gradient_is_the_torque_of_point_masses(G):
 
 def test_gravity_gradient_turns_bodies_in_space_only(noted):
     force = GravityGradient(rate=0.3, inertia=[1.0, 2.0, 2.5])
-    for name in ("SE2", "SE23", "SO3*SO2"):
+    for name in ("R3", "SE2", "SE23", "SO3*SO2"):
         G = group_named(name)
         assert ("", f"gravity_gradient needs group SO3 or SE3, got {G.name}") in noted(force, G)
     for name in ("SO3", "SE23", "SO3*SO2"):
