@@ -175,7 +175,7 @@ def delay(rng):
 def twice(rng):
     """Right: k_R is kp."""
     gains = {"kp": 1.0, "kd": 1.0, "k_R": float(rng.uniform(1, 9))}
-    return BODY | {"gains": gains}, "gains.k_R: gives kp, which is given, too"
+    return BODY | {"gains": gains}, "gains.k_R: gives kp, which is given as well"
 
 
 KINDS = (
