@@ -563,10 +563,26 @@ def check_along(along: Sequence[float] | None, n: int, problems: Problems) -> No
         problems.at("along").add(f"expected a direction of {n} numbers, got {along}")
 
 
+ROUNDING_OF_A_SQUARE = 5 * np.finfo(float).eps
+"""By how much the computed square of a normalised vector of three entries may miss 1.
+
+With roundings of ε/2, the sum of squares is wrong by 1.5ε, so the length by 1.25ε, an entry by
+1.75ε and their square by 3.5ε; adding it up again costs 1.5ε. Of 400,000 drawn, the worst has 3ε.
+"""
+
+
 def unit_vector(along: Any) -> tuple[float, ...]:
-    """Return the numbers of a body axis of length 1."""
-    scaled = np.asarray(along, dtype=float) / np.abs(along).max()  # whose square is a float
-    return tuple((scaled / np.linalg.norm(scaled)).tolist())
+    """Return the numbers of a body axis of length 1; the same numbers when it is applied again.
+
+    So a resolved configuration, which holds the result, reproduces itself. No BLAS takes part,
+    whose kernels add in different orders.
+    """
+    a = np.asarray(along, dtype=float)
+    largest = np.abs(a).max()
+    if largest < 2 and abs((a * a).sum() - 1) <= ROUNDING_OF_A_SQUARE:
+        return tuple(a.tolist())
+    scaled = np.ldexp(a, -np.frexp(largest)[1])  # exact, and its square is a float
+    return tuple((scaled / np.sqrt((scaled * scaled).sum())).tolist())
 
 
 def check_rigid_body(G: MatrixLieGroup, inertia: InertiaLaw, problems: Problems) -> None:

@@ -826,6 +826,15 @@ def test_a_direction_of_any_size_is_a_direction(size):
     assert unit_vector([3 * size, 4 * size]) == pytest.approx((0.6, 0.8), rel=1e-15)
 
 
+def test_a_direction_of_length_1_is_left_alone():
+    """A fourth of them would change at the second time, if both times divided by the length."""
+    drawn = np.random.default_rng(0).standard_normal((50, 3))
+    for along in [*drawn, [0.8, 0.0, 0.6], [1.0, 2.0, -2.0]]:
+        once = unit_vector(along)
+        assert unit_vector(once) == once
+        assert once == pytest.approx(along / np.sqrt(np.sum(np.square(along))), rel=1e-15)
+
+
 @pytest.mark.parametrize("engine", ["native", "solve_ivp"])
 def test_a_cascade_by_rates_is_that_of_a_plain_program(engine):
     """ω_c from the quaternion of R and R_c, and a rate loop 30 times as fast as Ω."""
