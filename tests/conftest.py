@@ -155,12 +155,16 @@ native_compiler.LIBRARY = tuple(
 )
 
 
-@pytest.fixture(autouse=True)
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """A plugin that one test loads is unknown to the next."""
+    plugin_sources.begin_as_a_stranger()
+
+
+@pytest.fixture
 def forget_plugins(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """A plugin that one test loads is unknown to the next; and, once called, to this one."""
-    forget = partial(plugin_sources.forget_plugins, monkeypatch)
-    forget()
-    return forget
+    """Once called, a plugin that this test has loaded is unknown to it, too."""
+    return partial(plugin_sources.forget_plugins, monkeypatch)
 
 
 # Near 0, around the switch from series to closed forms, and near π.

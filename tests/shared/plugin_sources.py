@@ -17,6 +17,15 @@ def forget_plugins(monkeypatch, *, stranger=True):
         monkeypatch.setattr(registry(kind), "_plugins", {})
 
 
+def begin_as_a_stranger():
+    """Forget what an earlier test has loaded, for a fraction of the time of `forget_plugins`."""
+    source.EXECUTED = f".{uuid4().hex}"
+    if registries._loaded_plugins:
+        registries._loaded_plugins = {}
+        for kind in KINDS:
+            registry(kind)._plugins = {}
+
+
 def component(text):
     """The source of a component: of imports, `name(BASE):` with the path of a class, and a body."""
     head, body = re.split(r":\n", text.lstrip(), maxsplit=1)
