@@ -39,9 +39,9 @@ sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colo
 test test-all test-lowest faults fuzz: export OPENBLAS_NUM_THREADS = 1
 
 test: $(VENV)/.stamp-dev ## run the tests but the slow ones
-	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
 
-test-all: $(VENV)/.stamp-dev ## run all tests; ARGS='-m slow': the slow ones only
+test-all: $(VENV)/.stamp-dev ## run all tests; ARGS='-m ci': the slow ones only
 	$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
 
 test-lowest: $(LOWEST)/.stamp ## run all tests on the oldest supported versions (needs python3.11)

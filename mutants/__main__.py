@@ -115,7 +115,7 @@ def _try(
     with tempfile.TemporaryDirectory() as folder:
         os.environ["PYTEST_DEBUG_TEMPROOT"] = folder
         ignored = [f"--ignore={file}" for file in options.ignore]
-        fast = ["-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
+        fast = ["-m", "not ci", "-p", "no:cacheprovider", "-p", "no:xdist"]
         arguments = ["-q", "-s", *fast, *ignored, *TESTS]
         code = pytest.main(arguments, plugins=[Trials(mutants, options.workers, done)])
     if code:

@@ -80,6 +80,7 @@ class Trials:
             raise pytest.UsageError("the tests cannot be collected")
         self.items = {item.nodeid: item for item in session.items}
         self.tests = _what_tests_call(session)
+        gc.unfreeze()  # tests/conftest.py hides what was collected from the collector, and so from here
         self.functions = _functions()
         for budget in (BUDGET, AGAIN):
             self.budget, self.survivors = budget, list[Mutant]()

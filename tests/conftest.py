@@ -28,6 +28,7 @@ import pytest
 import typer.main
 from hypothesis import settings
 from hypothesis import strategies as st
+from measuring import Measuring
 from small_experiment import configuration
 
 from eqt_cli.base.arrays import Array, transpose
@@ -70,7 +71,7 @@ settings.load_profile("eqt")
 
 
 class ProcessorTime:
-    """A test that takes more than so many s of the processor fails, unless it is marked as slow.
+    """A test that takes more than so many s of the processor fails, unless only CI runs it.
 
     Its children that have ended count, and its fixtures do not.
     """
@@ -83,15 +84,17 @@ class ProcessorTime:
         start = sum(os.times()[:4])
         yield
         seconds = sum(os.times()[:4]) - start
-        if seconds > self.most and not item.get_closest_marker("slow"):
+        if seconds > self.most and not item.get_closest_marker("ci"):
             pytest.fail(
                 f"takes {seconds:.1f} s of the processor; expected at most {self.most:g} s. Let it "
-                'do less, or mark it @pytest.mark.slow("why it must be")',
+                'do less, or mark it @pytest.mark.ci("why it must be")',
                 pytrace=False,
             )
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if folder := os.environ.get("EQT_MEASURE"):
+        config.pluginmanager.register(Measuring(Path(folder).absolute()))
     if most := float(os.environ.get("EQT_MOST_CPU") or 0):
         config.pluginmanager.register(ProcessorTime(most))
 
@@ -100,12 +103,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     silent = [
         item.nodeid
         for item in items
-        for mark in item.iter_markers("slow")
+        for mark in item.iter_markers("ci")
         if len(mark.args) != 1 or not str(mark.args[0]).strip() or mark.kwargs
     ]
     if silent:
         raise pytest.UsageError(
-            'expected a reason, @pytest.mark.slow("why it must be"), of ' + ", ".join(silent)
+            'expected a reason, @pytest.mark.ci("why it must be"), of ' + ", ".join(silent)
         )
 
 
@@ -278,15 +281,15 @@ def _direction(vectors: Array) -> Array:
 ALL_GROUPS = [group_named(name) for kind in groups.all() for name in kind.examples()]
 
 
-def _slow_on_groups_like_others(G: MatrixLieGroup) -> list[pytest.MarkDecorator]:
+def _marks_of_groups_like_others(G: MatrixLieGroup) -> list[pytest.MarkDecorator]:
     """What holds on R1 and SO(3) is tried on groups of the same kind, too, but not every time."""
     alike = G.name in ("R3", "SO2", "SO3*R3")
-    return [pytest.mark.slow("its kind of group is tried fast")] * alike
+    return [pytest.mark.ci("its kind of group is tried fast")] * alike
 
 
 @pytest.fixture(
     scope="session",
-    params=[pytest.param(G, marks=_slow_on_groups_like_others(G)) for G in ALL_GROUPS],
+    params=[pytest.param(G, marks=_marks_of_groups_like_others(G)) for G in ALL_GROUPS],
     ids=lambda group: group.name,
 )
 def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
@@ -300,9 +303,9 @@ def _laws_on_groups() -> Iterator[Any]:
 
     A law is written once for all groups, and a group knows no law: more pairs tell no more. A law
     for neither of the two is tried on the first that it is for. On the product, all but EqT and GT
-    are slow.
+    only CI tries.
     """
-    slow = pytest.mark.slow("the law is tried fast on another group")
+    in_ci = pytest.mark.ci("the law is tried fast on another group")
     for name in controllers.names():
         if not controllers.get(name).tasks:  # code of a user's own is no formula
             continue
@@ -311,7 +314,7 @@ def _laws_on_groups() -> Iterator[Any]:
         chosen = [G for G in fitting if name == "eqt" or G.name in ("SO3", "SE3*SO2")]
         for G in chosen or fitting[:1]:
             again = len(chosen) > 1 and name not in ("eqt", "gt") and G.name != "SO3"
-            marks = [slow] if again else _slow_on_groups_like_others(G)
+            marks = [in_ci] if again else _marks_of_groups_like_others(G)
             yield pytest.param((G, law), marks=marks)
 
 

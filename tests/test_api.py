@@ -121,7 +121,7 @@ def test_run_keeps_a_finished_result(result):
         pytest.param(
             partial(eqt_cli.write_report, figures=["paper"]),
             {"runs integrated again": 12, "certificates checked": 31, "figures drawn": 1},
-            marks=pytest.mark.slow("writes a whole report"),
+            marks=pytest.mark.ci("writes a whole report"),
         ),
     ],
     ids=["plot", "report"],
@@ -148,7 +148,7 @@ def assert_counted(told, call, steps):
 
 
 @pytest.mark.parametrize(
-    "estimates", [pytest.param(False, marks=pytest.mark.slow("counts fewer solves")), True]
+    "estimates", [pytest.param(False, marks=pytest.mark.ci("counts fewer solves")), True]
 )
 def test_run_reports_progress(tmp_path, told, estimates):
     """A run whose error is estimated is done after its second solve, and counts once."""
@@ -333,7 +333,7 @@ def test_axes_that_do_not_fit_are_refused(paper_result, swept_result):
     )
 
 
-@pytest.mark.slow("runs the tutorial as it stands")
+@pytest.mark.ci("runs the tutorial as it stands")
 def test_tutorial_runs_as_it_stands(tmp_path):
     for name in ("configs", "examples"):
         shutil.copytree(ROOT / name, tmp_path / name)
@@ -434,7 +434,7 @@ PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow("computes, searches, fits, draws or writes"))
+        pytest.param(name, marks=pytest.mark.ci("computes, searches, fits, draws or writes"))
         if name in DEMANDING
         else name
         for name in PUBLIC

@@ -37,13 +37,13 @@ def test_literal_equations_are_those_of_the_configuration(name, t, xp):
         np.testing.assert_allclose(momentum_rate, rate[q : q + m], rtol=0, atol=1e-12)
 
 
-@pytest.mark.slow("integrates in plain Python, for the benchmarks only")
+@pytest.mark.ci("integrates in plain Python, for the benchmarks only")
 @pytest.mark.parametrize(
-    "period", [0.1, pytest.param(0.01, marks=pytest.mark.slow("takes ten times as many steps"))]
+    "period", [0.1, pytest.param(0.01, marks=pytest.mark.ci("takes ten times as many steps"))]
 )
 @pytest.mark.parametrize(
     "way",
-    ["plain loop", pytest.param("MuJoCo", marks=pytest.mark.slow("components/test_oracles.py"))],
+    ["plain loop", pytest.param("MuJoCo", marks=pytest.mark.ci("components/test_oracles.py"))],
 )
 def test_contenders_integrate_the_same_sampled_loop(way, period):
     case = load("paper", 1, [f"control.period={period}", "time.duration=1", "time.samples=21"])
@@ -59,7 +59,7 @@ def test_contenders_integrate_the_same_sampled_loop(way, period):
     assert errors(found, own).max() < (1e-4 if way == "MuJoCo" else 1e-8)
 
 
-@pytest.mark.slow("flies a second plain program; that of the paper is tried fast")
+@pytest.mark.ci("flies a second plain program; that of the paper is tried fast")
 def test_the_plain_crazyflie_flies_as_the_configuration():
     """Steps of order 4, of 2 ms: measured 2e-8 over half a second."""
     overrides = [*sampled._undisturbed(), "time.duration=0.1", "time.samples=6"]
@@ -113,7 +113,7 @@ def test_a_stage_is_not_counted_for_the_one_that_begins_it(monkeypatch):
     }
 
 
-@pytest.mark.slow("imports everything in an interpreter of its own")
+@pytest.mark.ci("imports everything in an interpreter of its own")
 def test_every_stage_is_still_where_it_is_watched():
     code = (
         "from benchmarks.profile import StopWatch as S; w = S(); w.watch_stages(); print(w.missing)"
@@ -124,7 +124,7 @@ def test_every_stage_is_still_where_it_is_watched():
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
-@pytest.mark.slow("starts processes, of the benchmarks only")
+@pytest.mark.ci("starts processes, of the benchmarks only")
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_memory_is_that_of_all_processes():
     child = "import time; x = bytearray(60_000_000); time.sleep(1)"

@@ -14,7 +14,7 @@ import docs_runner
 import numpy as np
 import pytest
 import yaml
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 from eqt_cli import open_result
 from eqt_cli.engines.native import Native
@@ -50,7 +50,7 @@ COMPUTING = [page for page in ALL if docs_runner.computes(_text(page))]
 WHY = "computes what the page computes, and draws its figures"
 
 
-@mostly_slow("page", COMPUTING, {*COMPUTING} - {"howto/lqr.md"}, "solves for gains")
+@mostly_ci("page", COMPUTING, {*COMPUTING} - {"howto/lqr.md"}, "solves for gains")
 def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
     """Without what takes its time, which the next test does; it does all of the other pages."""
     monkeypatch.chdir(folder)
@@ -58,7 +58,7 @@ def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
         docs_runner.read(_text(page))
 
 
-@mostly_slow("page", ALL, {*ALL} - {*COMPUTING}, WHY)
+@mostly_ci("page", ALL, {*ALL} - {*COMPUTING}, WHY)
 @pytest.mark.usefixtures("unarranged")
 def test_commands_and_snippets(page, folder, monkeypatch):
     monkeypatch.chdir(folder)
@@ -92,7 +92,7 @@ def test_a_notebook_uses_the_public_interface_only(file, _):
     assert not [node.attr for node in attributes if node.attr.startswith("_")]
 
 
-@pytest.mark.slow("runs a notebook as it stands")
+@pytest.mark.ci("runs a notebook as it stands")
 @pytest.mark.skipif(not all(map(docs_runner.installed, ("xarray", "h5netcdf"))), reason="xarray")
 @pytest.mark.parametrize(("file", "shown"), NOTEBOOKS)
 def test_a_notebook_prints_what_the_page_shows(file, shown, folder, monkeypatch):
@@ -124,7 +124,7 @@ def _printed(folder, *arguments, **environment):
     return done.stdout
 
 
-@pytest.mark.slow("computes the 800 runs of the paper")
+@pytest.mark.ci("computes the 800 runs of the paper")
 @NEEDS_COMPILER
 @pytest.mark.parametrize("page", [FIRST, "index.md"])
 def test_table_of_the_paper(page, paper):
@@ -139,7 +139,7 @@ def _rows(text):
     return [line.split()[:-1] for line in lines]
 
 
-@pytest.mark.slow("computes the 800 runs of the paper")
+@pytest.mark.ci("computes the 800 runs of the paper")
 @NEEDS_COMPILER
 @pytest.mark.parametrize("page", [FIRST, "index.md", "../README.md"])
 def test_comparison_of_the_paper(page, paper):
@@ -155,7 +155,7 @@ COLUMNS = re.findall(
 OVER_RUNS = {"count": np.sum, "mean": np.mean, "largest": np.max}
 
 
-@pytest.mark.slow("computes the 800 runs of the paper")
+@pytest.mark.ci("computes the 800 runs of the paper")
 @NEEDS_COMPILER
 def test_words_of_the_first_tutorial(paper):
     """What the page calls a mean or the largest is that of the metric it names, in its unit."""

@@ -8,7 +8,7 @@ BUILT = Path(__file__).parents[1] / "build" / "docs"
 
 pytestmark = [
     pytest.mark.skipif(not (BUILT / "index.html").exists(), reason="needs make docs"),
-    pytest.mark.slow("a browser draws the pages"),
+    pytest.mark.ci("a browser draws the pages"),
 ]
 
 PAGES = (

@@ -19,7 +19,7 @@ def test_short(): pass
 def test_long(): burn()
 def test_asleep(): time.sleep(0.12)
 def test_shared(shared): pass
-@pytest.mark.slow("for a reason")
+@pytest.mark.ci("for a reason")
 def test_marked(): burn()
 """
 
@@ -34,7 +34,7 @@ def conftest(request):
 
 def test_a_test_that_takes_long_fails_unless_it_is_marked(pytester, conftest):
     pytester.makepyfile(TESTS)
-    pytester.makeini("[pytest]\nmarkers = slow(reason): takes long\n")
+    pytester.makeini("[pytest]\nmarkers = ci(reason): takes long\n")
     options = "-p", "no:cacheprovider", "-p", "no:xdist"
     ran = pytester.inline_run(*options, plugins=[conftest.ProcessorTime(0.08)])
     _, _, failed = ran.listoutcomes()
@@ -44,15 +44,15 @@ def test_a_test_that_takes_long_fails_unless_it_is_marked(pytester, conftest):
         .rstrip()
         .endswith(
             " s of the processor; expected at most 0.08 s. Let it do less, or mark it "
-            '@pytest.mark.slow("why it must be")'
+            '@pytest.mark.ci("why it must be")'
         )
     )
 
 
 @pytest.mark.parametrize("reason", ["", '("")', "(reason='long')"])
 def test_a_slow_test_says_why(pytester, conftest, reason):
-    pytester.makepyfile(f"import pytest\n@pytest.mark.slow{reason}\ndef test_long(): pass\n")
-    pytester.makeini("[pytest]\nmarkers = slow(reason): takes long\n")
+    pytester.makepyfile(f"import pytest\n@pytest.mark.ci{reason}\ndef test_long(): pass\n")
+    pytester.makeini("[pytest]\nmarkers = ci(reason): takes long\n")
     items, _ = pytester.inline_genitems()
     with pytest.raises(pytest.UsageError, match="expected a reason"):
         conftest.pytest_collection_modifyitems(items)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from scipy import stats
 from scipy.optimize import brentq
 from scipy.stats import ttest_1samp
@@ -53,7 +53,7 @@ def test_intervals_are_those_of_scipy_expanded(confidence):
     assert ours.high[0] == pytest.approx(theirs.high, abs=tolerance)
 
 
-@pytest.mark.slow("resamples often; that of the documentation does, too")
+@pytest.mark.ci("resamples often; that of the documentation does, too")
 @pytest.mark.parametrize("runs", [8, 20, 60])
 def test_intervals_hold_the_true_mean_as_often_as_they_say(runs):
     values = np.random.default_rng(1).normal(size=(runs, 1500))
@@ -84,7 +84,7 @@ def coverages(runs):
         yield np.mean((found.low <= mean) & (mean <= found.high))
 
 
-@pytest.mark.parametrize("runs", [10, *(slow("resamples often", n) for n in (20, 50, 200))])
+@pytest.mark.parametrize("runs", [10, *(in_ci("resamples often", n) for n in (20, 50, 200))])
 def test_the_documentation_says_how_often_intervals_hold(runs):
     page = Path(__file__).parents[2] / "docs/explanation/statistics.md"
     (row,) = [x for x in page.read_text("utf-8").splitlines() if x.startswith(f"| {runs} |")]
@@ -265,7 +265,7 @@ def test_no_interval_from_too_few_runs() -> None:
     assert math.isnan(relative_difference(np.ones(4), np.ones(4), 0.95).low)
 
 
-@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.slow("many runs"))])
+@pytest.mark.parametrize("count", [20, pytest.param(200, marks=pytest.mark.ci("many runs"))])
 @pytest.mark.parametrize("kind", ["normal", "lognormal"])
 def test_intervals_hold_the_true_share_as_often_as_they_say(kind: str, count: int) -> None:
     """Of runs whose spread is that of the mean itself; 2,000 samples tell 0.95 within 0.01.

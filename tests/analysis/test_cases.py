@@ -126,7 +126,7 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
     assert bounds == ["stabilising, ideal", "stabilising, late"]
 
 
-@pytest.mark.slow("draws the page")
+@pytest.mark.ci("draws the page")
 def test_the_report_has_the_tables(tuned, unarranged):
     with open_result(tuned[1]) as result:
         page = report(result)

@@ -121,7 +121,7 @@ def varying_inertias(G):
 @pytest.mark.parametrize(
     "G",
     [
-        pytest.param(group_named(name), marks=[pytest.mark.slow("on all groups")] * (k > 1))
+        pytest.param(group_named(name), marks=[pytest.mark.ci("on all groups")] * (k > 1))
         for k, name in enumerate(["SO3", "SE2", "SO2", "R1", "SE3", "SE23", "SE3*SO2"])
     ],
     ids=lambda group: group.name,

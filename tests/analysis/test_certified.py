@@ -305,7 +305,7 @@ def test_a_loop_without_a_certificate_has_no_rate() -> None:
     assert one.slowest_rate < 0  # at a corner: the constant reference itself is unstable
 
 
-@pytest.mark.slow("12 states, as on SE(3)")
+@pytest.mark.ci("12 states, as on SE(3)")
 def test_a_law_on_se3_is_certified() -> None:
     [law] = eqt_cli.certified(_reviewers("lee2012", file="configs/reviewers_se3.yaml"), [0.3])
     assert 0.0918 <= law.rates[0].rate <= law.rates[0].slowest_rate < 0.0920

@@ -298,7 +298,7 @@ def test_pushes_of_a_tenth_stay_below_the_bound_on_the_full_loop(gains: dict[str
     assert 0.97 * gains["gt"].aligned / 10 < first < gains["gt"].peak / 10
 
 
-@pytest.mark.slow("a thousand pushes on both loops")
+@pytest.mark.ci("a thousand pushes on both loops")
 @pytest.mark.parametrize("label", ["eqt", "gt"])
 def test_a_thousand_pushes_stay_below_the_bound(label: str, gains: dict[str, Any]) -> None:
     with threadpool_limits(1):
@@ -393,7 +393,7 @@ def test_intervals_hold_the_exact_values() -> None:
     assert check_boxes(40) > 3
 
 
-@pytest.mark.slow("a thousand boxes in fractions")
+@pytest.mark.ci("a thousand boxes in fractions")
 def test_intervals_hold_the_exact_values_of_a_thousand_boxes() -> None:
     assert check_boxes(1000) > 50
 
@@ -455,7 +455,7 @@ def test_starts_in_a_region_return_at_its_rate() -> None:
     check_region("eqt", one, 40, np.tile(AXIS, (30, 1, 40)))
 
 
-@pytest.mark.slow("regions up to 120 degrees, and ten thousand starts")
+@pytest.mark.ci("regions up to 120 degrees, and ten thousand starts")
 @pytest.mark.parametrize(("label", "least"), [("eqt", 0.085), ("gt", 0.10)])
 def test_regions_of_the_paper(label: str, least: float) -> None:
     [law] = eqt_cli.certified(paper(label), [0.5], start=120.0)

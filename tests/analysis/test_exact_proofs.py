@@ -54,7 +54,7 @@ GROUPS = ("SO2", "SO3", "SE2", "SE3", "R3", "SO3*R3")
 """Besides SE_2(3), of which a test of its own is marked slow."""
 
 
-NINE_DIMENSIONS = pytest.mark.slow("nine dimensions, with rates in every product")
+NINE_DIMENSIONS = pytest.mark.ci("nine dimensions, with rates in every product")
 
 
 @pytest.fixture
@@ -436,7 +436,7 @@ def expanded(sympy, left, right):
     return {sympy.expand(sympy.nsimplify(gap, rational=True)) for gap in gaps}
 
 
-@pytest.mark.slow("imports SymPy, which expands polynomials in 18 variables")
+@pytest.mark.ci("imports SymPy, which expands polynomials in 18 variables")
 def test_sympy_proves_the_duality_of_ad():
     """ad* of SE(3), eq. (2), as polynomials."""
     sympy = pytest.importorskip("sympy")
@@ -449,7 +449,7 @@ def test_sympy_proves_the_duality_of_ad():
     assert isinstance(outcome(DualBracket(), closed_loop(G)), Proof)
 
 
-@pytest.mark.slow("imports SymPy, which expands polynomials in 15 variables")
+@pytest.mark.ci("imports SymPy, which expands polynomials in 15 variables")
 @pytest.mark.parametrize("law", [EqT(), Family(0.5, 0.5, 0.5)])
 def test_sympy_proves_the_power_of_the_feedforward(law):
     """§7: of EqT and of GT, on SO(3), as polynomials."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from scipy.stats import binomtest
 
 from eqt_cli.analysis.intervals import Resampling
@@ -88,7 +88,7 @@ mean."""
 @pytest.mark.parametrize(
     ("null", "runs"),
     [
-        slow(
+        in_ci(
             "others are fast",
             null,
             runs,

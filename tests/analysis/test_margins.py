@@ -83,7 +83,7 @@ def test_the_delay_margin_of_a_body_that_turns_is_that_of_its_sampled_loop() -> 
 
 
 @pytest.mark.parametrize(
-    "factor", [1.6, pytest.param(100.0, marks=pytest.mark.slow("within the range, too")), 133.0]
+    "factor", [1.6, pytest.param(100.0, marks=pytest.mark.ci("within the range, too")), 133.0]
 )
 def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor: float) -> None:
     """Up to a factor of 128, beyond which there is none."""
@@ -164,7 +164,7 @@ def assert_grows(errors: Array) -> None:
     assert errors[-20:].max() > 1.1 * errors[:20].max()
 
 
-@pytest.mark.slow("integrates runs on both sides of a margin")
+@pytest.mark.ci("integrates runs on both sides of a margin")
 def test_runs_decay_with_the_largest_delay_that_is_stable_and_grow_with_one_period_more() -> None:
     periods = of(LATE).delay_periods
     assert periods is not None
@@ -174,7 +174,7 @@ def test_runs_decay_with_the_largest_delay_that_is_stable_and_grow_with_one_peri
         expected(errors)
 
 
-@pytest.mark.slow("integrates runs on both sides of a margin")
+@pytest.mark.ci("integrates runs on both sides of a margin")
 def test_runs_decay_inside_of_the_gain_margins_and_grow_outside() -> None:
     law, inside, outside = of(LATE), [], []
     for which, (with_kp, with_kd) in {"kp": (1, 0), "kd": (0, 1), "both": (1, 1)}.items():
@@ -454,7 +454,7 @@ def test_slow_sensors_are_part_of_the_loop(
     assert loop.cycle == pytest.approx(0.1 * np.lcm(pose[0], rate[0]))
 
 
-@pytest.mark.slow("another delay margin is fast")
+@pytest.mark.ci("another delay margin is fast")
 def test_the_delay_margin_with_slow_sensors() -> None:
     """The commands of one axis wait 15 periods of 0.1 s, and not 16."""
     law = of(slow((10, 0), (1, 0), gains={"kp": 0.1, "kd": 0.8}))
@@ -485,7 +485,7 @@ def settled_gains(h: float, ticks: int) -> tuple[float, float, float]:
         pytest.param(
             {"kind": "complementary", "kp": 0.7, "ki": 0.2},
             (0.3 * 0.7, 0.3 * 0.2, 0.0),
-            marks=pytest.mark.slow("a second filter"),
+            marks=pytest.mark.ci("a second filter"),
         ),
         ({"kind": "invariant", **KALMAN}, settled_gains(0.1, 3)),
     ],
@@ -539,7 +539,7 @@ def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stab
     [
         ({"actuators": [{"kind": "limit", "limit": 5.0}]}, True),
         pytest.param({"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}}, True,
-            marks=pytest.mark.slow("another part")),
+            marks=pytest.mark.ci("another part")),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]}}, False),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]},
          "estimator": {"kind": "complementary", "kp": 0.7, "ki": 0.2}}, False),
@@ -581,7 +581,7 @@ def test_errors_that_obey_one_equation_along_a_reference_have_its_rates() -> Non
     assert not ball.is_indicative
 
 
-@pytest.mark.slow("linearises seven states along a path; two laws alone are fast, above")
+@pytest.mark.ci("linearises seven states along a path; two laws alone are fast, above")
 def test_a_cascade_along_a_path_has_the_rates_of_its_two_loops() -> None:
     J, kx, kv = [0.013, 0.014, 0.025], 6.25, 4.0
     law = of(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 
 from eqt_cli.analysis import identities
 from eqt_cli.analysis.certificates import Verdict
@@ -447,7 +447,7 @@ SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d", "tracks"}
 
 @pytest.mark.parametrize(
     "experiment",
-    [slow("verifies a whole experiment", name, unless=name == "paper") for name in EXPERIMENTS],
+    [in_ci("verifies a whole experiment", name, unless=name == "paper") for name in EXPERIMENTS],
 )
 def test_without_a_fault_nothing_is_red(experiment):
     # In half a second, the errors of the satellite hardly move, and *tracks* asks that they do.
@@ -460,7 +460,7 @@ FAST = ("n: factor 2", "inertia force: sign, prescribed", "ad*: sign", "eq. (20)
 
 
 @pytest.mark.parametrize(
-    "fault", [slow("one of many faults", fault, unless=fault in FAST) for fault in PLANTS]
+    "fault", [in_ci("one of many faults", fault, unless=fault in FAST) for fault in PLANTS]
 )
 def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
     experiment, plant, expected = PLANTS[fault]
@@ -473,8 +473,8 @@ def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
     ("fault", "laws"),
     [
         ("damping: sign", ALL),
-        slow("one of many faults", "gradient term: sign", ALL),
-        slow("one of many faults", "stabilising damping: sign", "with"),
+        in_ci("one of many faults", "gradient term: sign", ALL),
+        in_ci("one of many faults", "stabilising damping: sign", "with"),
     ],
 )
 def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeypatch):

@@ -18,7 +18,7 @@ from eqt_cli.engines.engine import Status
 from eqt_cli.loop.linearised import growth, linearised
 from eqt_cli.results.result import open_result
 
-ENGINES = ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles a law"))]
+ENGINES = ["solve_ivp", pytest.param("native", marks=pytest.mark.ci("compiles a law"))]
 
 A, B = np.array([0.0, 0.6, 0.8]), np.array([1.0, 2.0, -2.0]) / 3
 J = np.array([[0.05, 0.002, 0], [0.002, 0.042, 0.001], [0, 0.001, 0.03]])
@@ -166,7 +166,7 @@ def test_starts_in_the_region_of_the_certificate_arrive(tmp_path):
     assert row.verdict is Verdict.UNDECIDED and row.measured > 0
 
 
-@pytest.mark.slow("10,000 runs")
+@pytest.mark.ci("10,000 runs")
 def test_ten_thousand_starts(tmp_path):
     """None of those in the region fails; of the others, some have not settled by then."""
     spread = "{pose: haar, velocity: {kind: normal, std: 1.5}}"
@@ -216,7 +216,7 @@ SEEN = {
 }
 
 
-@pytest.mark.slow("settles an estimator")
+@pytest.mark.ci("settles an estimator")
 def test_what_is_left_out_is_one_eigenvalue_also_with_an_estimate(tmp_path):
     """Body and estimate turn together about the axis: of the whole loop, one eigenvalue is 1."""
     one = experiment(tmp_path, **SEEN)
@@ -341,7 +341,7 @@ QUADROTOR = {
 }
 
 
-@pytest.mark.slow("flies a quadrotor")
+@pytest.mark.ci("flies a quadrotor")
 def test_a_quadrotor_points_its_thrust_and_leaves_its_yaw(invoke, tmp_path):
     """It flies with the yaw that it starts with: the law has no torque about the thrust."""
     with ran(invoke, tmp_path, **QUADROTOR) as result:

@@ -119,7 +119,7 @@ def test_records_hold_the_p_value_of_shares_only(settling):
     assert [record.get("p_value") for record in found] == [0.5, None]
 
 
-@pytest.mark.parametrize("runs", [1, 7, 40, pytest.param(200, marks=pytest.mark.slow("many"))])
+@pytest.mark.parametrize("runs", [1, 7, 40, pytest.param(200, marks=pytest.mark.ci("many"))])
 def test_intervals_and_p_values_are_those_of_scipy(runs):
     """To what bisection for the exact ends, and summing for the p-values, leave of the digits."""
     for count in range(runs + 1):

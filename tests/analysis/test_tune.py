@@ -24,7 +24,7 @@ def read(folder):
     return dict(json.loads((folder / "tuning.json").read_text()))
 
 
-@pytest.mark.slow("searches to the end")
+@pytest.mark.ci("searches to the end")
 def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path):
     """As derived in its file: the first overshoot touches the threshold, at the stiffest spring."""
     config = yaml.safe_load(shipped.text("tune_so2"))
@@ -71,7 +71,7 @@ def test_a_second_session_computes_nothing_and_finds_the_same(small, searched, m
     assert api.tune(small, folder).record == done.record
 
 
-@pytest.mark.slow("searches three times")
+@pytest.mark.ci("searches three times")
 def test_more_generations_go_on_where_fewer_ended(small, tmp_path):
     api.tune(small, tmp_path / "t")
     small["tune"]["budget"] = 3
@@ -81,7 +81,7 @@ def test_more_generations_go_on_where_fewer_ended(small, tmp_path):
         assert np.array_equal(one["mean_pose_error"], other["mean_pose_error"])
 
 
-@pytest.mark.slow("searches twice")
+@pytest.mark.ci("searches twice")
 def test_another_search_is_not_mixed_into_the_folder(small, tmp_path):
     small["tune"]["budget"] = 1
     api.tune(small, tmp_path / "t")
@@ -90,7 +90,7 @@ def test_another_search_is_not_mixed_into_the_folder(small, tmp_path):
         api.tune(small, tmp_path / "t")
 
 
-@pytest.mark.slow("searches twice")
+@pytest.mark.ci("searches twice")
 def test_another_search_takes_the_place_of_one_where_it_is_told_to(small, tmp_path):
     small["tune"]["budget"] = 1
     api.tune(small, tmp_path / "t")
@@ -98,7 +98,7 @@ def test_another_search_takes_the_place_of_one_where_it_is_told_to(small, tmp_pa
     assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
 
 
-@pytest.mark.slow("searches for many candidates")
+@pytest.mark.ci("searches for many candidates")
 def test_the_winners_of_a_front_are_numbered_and_none_betters_another(small, tmp_path):
     del small["tune"]["objective"]
     small["tune"]["objectives"] = ["effort", "mean_pose_error"]
@@ -164,7 +164,7 @@ def test_a_run_without_a_value_violates_a_bound_on_every_run(stored, every, viol
     assert scores(result, ["mean_pose_error"], [bound]).violation.tolist() == [violation]
 
 
-@pytest.mark.slow("searches several times")
+@pytest.mark.ci("searches several times")
 def test_what_was_found_is_kept_when_the_search_is_interrupted(small, tmp_path, searched):
     class Stopping(Reporter):
         def note(self, about, words):
@@ -177,7 +177,7 @@ def test_what_was_found_is_kept_when_the_search_is_interrupted(small, tmp_path, 
     assert api.tune(small, tmp_path / "t").record == searched[0].record
 
 
-@pytest.mark.slow("searches for many candidates")
+@pytest.mark.ci("searches for many candidates")
 def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(searched_twice):
     folder, record = searched_twice
     assert record["seeds"] == [0, 1]
@@ -194,7 +194,7 @@ def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(searche
         assert len(result.labels) == 6
 
 
-@pytest.mark.slow("searches twice")
+@pytest.mark.ci("searches twice")
 def test_the_luck_of_the_searches_is_in_the_tables(searched_twice):
     folder, record = searched_twice
     with open_result(folder) as result:

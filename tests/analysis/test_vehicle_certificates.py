@@ -87,7 +87,7 @@ def test_all_hold(runs):
     assert verdicts(runs) == HOLD
 
 
-OF_MANY = pytest.mark.slow("one of many faults")
+OF_MANY = pytest.mark.ci("one of many faults")
 SHORT = CONFIG.replace("duration: 2, samples: 41", "duration: 0.5, samples: 11")
 
 

@@ -112,7 +112,7 @@ def test_too_few_runs_for_so_many_numbers_are_said(compared):
     assert any(line.startswith(said) for line in lines(comparison))
 
 
-@pytest.mark.slow("compares 300 times")
+@pytest.mark.ci("compares 300 times")
 def test_where_no_law_is_better_few_answers_say_so(compared):
     """Whole runs of both laws are exchanged at random: false words in at most 5 % of comparisons.
 

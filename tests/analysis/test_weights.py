@@ -48,7 +48,7 @@ def test_a_swept_weight_designs_new_gains_at_every_point():
         np.testing.assert_allclose(gain, np.hstack([stiffness * np.eye(3), damping]), atol=1e-10)
 
 
-@pytest.mark.slow("searches to the end")
+@pytest.mark.ci("searches to the end")
 def test_a_law_that_reads_no_gains_is_not_tuned_over_them(tmp_path):
     """And the winner is the point with the largest weight, because nothing bounds its torque."""
     found = api.tune(deepcopy(CONFIG | {"tune": TUNE}), tmp_path / "t")
@@ -61,7 +61,7 @@ def test_a_law_that_reads_no_gains_is_not_tuned_over_them(tmp_path):
     np.testing.assert_allclose(tuned[:, :3], np.sqrt(weight) * np.eye(3), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.slow("searches to the end")
+@pytest.mark.ci("searches to the end")
 def test_a_law_is_tuned_without_gains(tmp_path):
     laws = {"controllers": CONFIG["controllers"][:1]}
     config = {**CONFIG, **laws, "tune": TUNE | {"over": {WEIGHT: [1, 4]}}}
@@ -80,7 +80,7 @@ def test_keys_of_gains_alone_leave_nothing_to_tune(tmp_path):
     )
 
 
-@pytest.mark.slow("searches to the end")
+@pytest.mark.ci("searches to the end")
 def test_the_worst_weights_are_searched(tmp_path):
     worst = {
         "over": {WEIGHT: [0.5, 2], VELOCITY: [0.5, 2]},

@@ -61,7 +61,7 @@ def test_the_picture_takes_no_more_runs_than_asked_for(profile, points, runs):
     assert search.along(lines).data["ensemble"]["runs"] == runs
 
 
-@pytest.mark.slow("searches, and runs what was found")
+@pytest.mark.ci("searches, and runs what was found")
 def test_the_worst_run_is_given_again_bit_for_bit_by_its_own_configuration(searched, tmp_path):
     done, folder = searched
     law = done.record["laws"][0]
@@ -189,7 +189,7 @@ def test_a_second_session_computes_nothing_and_finds_the_same(searched, monkeypa
     assert api.worst(deepcopy(WHEEL), folder).record == done.record
 
 
-@pytest.mark.slow("searches with several seeds")
+@pytest.mark.ci("searches with several seeds")
 def test_a_corner_is_found_exactly_by_every_search(tmp_path):
     """The heavier the wheel and the later the torque, the worse: as a grid of runs shows."""
     config = WHEEL | {
@@ -219,7 +219,7 @@ def test_a_corner_is_found_exactly_by_every_search(tmp_path):
     assert law["agreeing"] == 2
 
 
-@pytest.mark.slow("searches for many generations")
+@pytest.mark.ci("searches for many generations")
 def test_an_interior_maximum_is_found(tmp_path):
     """How far a swing has come after 5 s: |x(5)| of 𝕀x″ + k_d x′ + 2k_p x = 0 over 𝕀."""
     config = WHEEL | {
@@ -250,7 +250,7 @@ def test_an_interior_maximum_is_found(tmp_path):
     assert law["value"] == pytest.approx(errors.max(), rel=1e-4)  # sin θ for θ: 2e-5
 
 
-@pytest.mark.slow("searches to the end, with runs that fail")
+@pytest.mark.ci("searches to the end, with runs that fail")
 def test_a_run_that_fails_is_found(tmp_path, monkeypatch):
     """A light wheel needs more evaluations than there are."""
     monkeypatch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 2)

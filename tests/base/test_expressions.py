@@ -217,7 +217,7 @@ def test_values_are_those_of_python(text: str, t: float) -> None:
 _grammar_like = st.text("0123456789.e+-*/()^, tpisncox_")
 
 
-@pytest.mark.slow("parses hundreds of texts")
+@pytest.mark.ci("parses hundreds of texts")
 @given(st.text() | _grammar_like | st.lists(_texts, min_size=2).map("".join))
 def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
     try:

@@ -171,7 +171,7 @@ def test_a_locked_file_is_read(tmp_path, table):
             assert results["torque"].shape == (2, 5, 11, 3)
 
 
-@pytest.mark.slow("imports xarray")
+@pytest.mark.ci("imports xarray")
 def test_a_file_that_xarray_holds_open_in_this_process(tmp_path, table):
     xarray = pytest.importorskip("xarray")
     path = tmp_path / "results.h5"

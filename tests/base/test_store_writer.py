@@ -152,7 +152,7 @@ except ResultError as error:
 """
 
 
-AGAIN = pytest.mark.slow("starts an interpreter")
+AGAIN = pytest.mark.ci("starts an interpreter")
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ def breaks_result(invoke, made_once):
     return made_once("breaks", lambda folder: invoke(*run, folder / "result")) / "result"
 
 
-@pytest.mark.slow("computes a sampled loop, draws and animates it")
+@pytest.mark.ci("computes a sampled loop, draws and animates it")
 @pytest.mark.usefixtures("unarranged")
 @pytest.mark.parametrize(("first", "second"), [("eqt", "lee2010"), ("gt", "eqt")])
 def test_a_pair_of_laws_can_be_chosen_in_every_format(
@@ -323,7 +323,7 @@ def test_a_claim_about_controllers_that_are_not_there_says_so(eqt, folder):
     assert says in out.splitlines()
 
 
-@pytest.mark.slow("runs another experiment")
+@pytest.mark.ci("runs another experiment")
 def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     """Of a sampled loop, EqT and GT differ; of three runs, there are no intervals."""
     eqt("run", "c.yaml", "--set", "control.period=0.25", "--quiet")
@@ -408,7 +408,7 @@ def test_a_result_of_two_samples_is_compared(eqt):
     assert eqt("compare", "two").code == 0
 
 
-@pytest.mark.slow("flies a quadrotor at two speeds")
+@pytest.mark.ci("flies a quadrotor at two speeds")
 def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path):
     """At each speed: the paired t-interval of rms ‖p − p_d‖, from the poses of the file alone."""
     config = Path(__file__).parents[2] / "configs" / "quadrotor_speeds.yaml"

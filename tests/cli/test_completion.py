@@ -5,8 +5,8 @@ import subprocess
 import sys
 
 import pytest
-from case_tables import slow
-from slow_cases import mostly_slow
+from case_tables import in_ci
+from ci_cases import mostly_ci
 
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import KINDS, registry, summary
@@ -53,25 +53,25 @@ COMPLETED = "one case of each kind of name is tried every time"
     ("line", "expected"),
     [
         ("eqt pl", ["plot"]),
-        slow(COMPLETED, "eqt run c.yaml --exe", ["--executor"]),
+        in_ci(COMPLETED, "eqt run c.yaml --exe", ["--executor"]),
         ("eqt run c.yaml --executor l", ["local"]),
-        slow(COMPLETED, "eqt run c.yaml --engine n", ["native"]),
-        slow(COMPLETED, "eqt verify c.yaml --engine s", ["solve_ivp"]),
-        slow(
+        in_ci(COMPLETED, "eqt run c.yaml --engine n", ["native"]),
+        in_ci(COMPLETED, "eqt verify c.yaml --engine s", ["solve_ivp"]),
+        in_ci(
             COMPLETED,
             "eqt run c.yaml --set gains.k",
             ["gains.kp=", "gains.kd=", "gains.k_R=", "gains.k_Omega="],
         ),
         ("eqt sweep c.yaml --grid controllers[0].gy", ["controllers[0].gyroscopic="]),
-        slow(COMPLETED, "eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
+        in_ci(COMPLETED, "eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
         ("eqt plot out --figure pap", ["paper"]),
-        slow(COMPLETED, "eqt report out --figure tor", ["torque"]),
+        in_ci(COMPLETED, "eqt report out --figure tor", ["torque"]),
         ("eqt plot out --figure paper --option lo", ["log=", "log_torque="]),
-        slow(COMPLETED, "eqt plot out --width p", ["page"]),
-        slow(COMPLETED, "eqt list cont", ["controllers"]),
+        in_ci(COMPLETED, "eqt plot out --width p", ["page"]),
+        in_ci(COMPLETED, "eqt list cont", ["controllers"]),
         ("eqt list casc", ["cascade"]),
-        slow(COMPLETED, "eqt config new --from pap", ["paper", "paper_rates"]),
-        slow(COMPLETED, "eqt show out --table metrics --format j", ["jsonl"]),
+        in_ci(COMPLETED, "eqt config new --from pap", ["paper", "paper_rates"]),
+        in_ci(COMPLETED, "eqt show out --table metrics --format j", ["jsonl"]),
         ("eqt run no", []),  # the shell then completes file names
     ],
 )
@@ -101,7 +101,7 @@ def test_a_broken_configuration_does_not_disturb(complete, folder, text):
     assert complete("eqt run c.yaml --set gains.kp") == ["gains.kp="]
 
 
-@mostly_slow("kind", KINDS, list(KINDS)[:3], "one of many registries")
+@mostly_ci("kind", KINDS, list(KINDS)[:3], "one of many registries")
 def test_the_names_are_those_of_the_registry(kind):
     expected = {component.name: summary(component) for component in registry(kind).all()}
     assert dict(completion.words(kind, "")) == expected

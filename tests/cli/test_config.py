@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 from eqt_cli.cli import options
 from eqt_cli.config import shipped
@@ -24,7 +24,7 @@ FAST = ("paper", "se2_vehicle", "satellite_panels")
 """test_resolved.py reads all of them."""
 
 
-@mostly_slow("name", shipped.names(), FAST, "builds every one")
+@mostly_ci("name", shipped.names(), FAST, "builds every one")
 def test_every_shipped_configuration_is_fine(eqt, name):
     assert eqt("config", "new", "mine.yaml", "--from", name).out == "mine.yaml\n"
     assert eqt("config", "check", "mine.yaml").code == 0

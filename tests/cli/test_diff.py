@@ -44,7 +44,7 @@ def test_a_result_and_itself(eqt):
     assert done.out == "equal: 37 datasets, configuration and provenance\n"
 
 
-@pytest.mark.slow("runs once more")
+@pytest.mark.ci("runs once more")
 def test_a_result_that_was_run_again(eqt):
     eqt("run", "first/results.h5", "--out", "second", "--quiet")
     done = eqt("diff", "first", "second")
@@ -126,7 +126,7 @@ def test_other_shapes_and_laws(eqt):
     )
 
 
-@pytest.mark.slow("runs once more")
+@pytest.mark.ci("runs once more")
 def test_datasets_that_one_result_lacks(eqt):
     eqt("run", "c.yaml", "--set", "store.trajectories=none", "--out", "second", "--quiet")
     rows = {
@@ -139,7 +139,7 @@ def test_datasets_that_one_result_lacks(eqt):
     assert "only in the second" in back
 
 
-@pytest.mark.slow("runs a sweep of two groups")
+@pytest.mark.ci("runs a sweep of two groups")
 def test_points_of_several_shapes(eqt, second):
     words = ["--grid", "time.samples=3,6", *BRIEF]
     eqt("sweep", "c.yaml", *words, "--out", "one", "--quiet")
@@ -178,7 +178,7 @@ def test_a_key_that_one_result_lacks(eqt):
     assert changes[-1] == {"key": "reference.pose.rotvec[2]", "second": 0.5}
 
 
-@pytest.mark.slow("runs once more")
+@pytest.mark.ci("runs once more")
 def test_a_stored_file_is_compared_by_its_text(eqt):
     """Its name is another one where the configuration is the copy in the result folder."""
     Path("starts.csv").write_text("wx [rad],wy [rad],wz [rad]\n1,0,0\n", encoding="utf-8")

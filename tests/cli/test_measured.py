@@ -99,7 +99,7 @@ def test_what_is_refused(command, options, said, invoke, paper_result, log):
     assert found.stderr.replace(str(paper_result), "RESULT") == f"eqt: {said}\n"
 
 
-@pytest.mark.slow("runs a sweep")
+@pytest.mark.ci("runs a sweep")
 def test_a_sweep_needs_a_point(invoke, swept_result, log):
     found = invoke("compare", swept_result, "--measured", log, code=2)
     assert found.stderr.replace(str(swept_result), "RESULT") == (

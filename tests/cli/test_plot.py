@@ -18,7 +18,7 @@ def svg(eqt, result, *options):
     return Path(result, "figures", "paper.svg").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow("draws several figures in several styles")
+@pytest.mark.ci("draws several figures in several styles")
 @pytest.mark.usefixtures("unarranged")
 def test_styles_are_laid_over_each_other(eqt, result):
     Path("mine.mplstyle").write_text("axes.facecolor: 123456\n", encoding="utf-8")
@@ -73,7 +73,7 @@ def test_what_is_printed_is_the_files(eqt, result):
 BOTH = ("--figure", "paper", "--figure", "torque", "--format", "json")
 
 
-@pytest.mark.slow("draws several figures")
+@pytest.mark.ci("draws several figures")
 @pytest.mark.usefixtures("unarranged")
 def test_options_go_to_the_figures_that_have_them(eqt, result):
     def curves(*options):
@@ -112,7 +112,7 @@ def test_an_option_of_one_figure_is_refused_by_it(refused, result):
     )
 
 
-@pytest.mark.slow("runs a sweep")
+@pytest.mark.ci("runs a sweep")
 def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt):
     grid = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=1,2", "--grid", "ensemble.seed=1,2")
     brief = ("--set", "controllers=[eqt]", "--set", "time.duration=0.1")
@@ -175,7 +175,7 @@ def test_a_group_of_a_plugin_must_be_trusted(eqt, refused, forget_plugins):
     assert eqt("animate", "results/c", "--format", "html", "--trust-plugins").code == 0
 
 
-@pytest.mark.slow("draws a report")
+@pytest.mark.ci("draws a report")
 @pytest.mark.usefixtures("twin")
 def test_a_report_without_certificates_says_so(eqt, forget_plugins):
     forget_plugins()

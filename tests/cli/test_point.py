@@ -27,7 +27,7 @@ HOW = "choose one of 0 to 3 with --point, as `eqt show out --table metrics` list
 
 
 @pytest.fixture(
-    params=[RAGGED, pytest.param(RECTANGULAR, marks=pytest.mark.slow("computes another sweep"))],
+    params=[RAGGED, pytest.param(RECTANGULAR, marks=pytest.mark.ci("computes another sweep"))],
     ids=["ragged", "rectangular"],
 )
 def grid(request, eqt):
@@ -127,7 +127,7 @@ def test_a_configuration_without_a_sweep_has_no_points(refused):
     )
 
 
-@pytest.mark.slow("draws a report")
+@pytest.mark.ci("draws a report")
 @pytest.mark.usefixtures("grid", "unarranged")
 def test_report_and_animate(eqt, refused):
     folder = Path("out/figures/point_3")
@@ -148,8 +148,8 @@ def test_report_and_animate(eqt, refused):
     "command",
     [
         "show",
-        pytest.param("plot", marks=pytest.mark.slow("computes an experiment")),
-        pytest.param("verify", marks=pytest.mark.slow("computes an experiment")),
+        pytest.param("plot", marks=pytest.mark.ci("computes an experiment")),
+        pytest.param("verify", marks=pytest.mark.ci("computes an experiment")),
     ],
 )
 def test_points_that_are_not_there(eqt, refused, command):

@@ -94,7 +94,7 @@ def test_a_current_folder_that_was_removed_is_told(tmp_path, folder):
     )
 
 
-@pytest.mark.slow("starts eqt twice")
+@pytest.mark.ci("starts eqt twice")
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_ctrl_c_is_130_and_the_same_command_starts_again(process, folder):
     command = [sys.executable, "-m", "eqt_cli", "run", "c.yaml"]
@@ -120,10 +120,10 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process, folder):
     assert process("run", "c.yaml").code == 0
 
 
-ANOTHER = pytest.mark.slow("starts a process of every command")
+ANOTHER = pytest.mark.ci("starts a process of every command")
 
 
-@pytest.mark.slow("starts an interpreter")
+@pytest.mark.ci("starts an interpreter")
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
 @pytest.mark.parametrize(
     ("arguments", "code"),
@@ -167,7 +167,7 @@ def test_help_loads_nothing_heavy():
     assert loaded_by("--help") == set()
 
 
-@pytest.mark.slow("starts an interpreter")
+@pytest.mark.ci("starts an interpreter")
 def test_show_does_without_scipy(result):
     assert not {"scipy", "matplotlib", "xarray"} & loaded_by("show", result)
 
@@ -217,7 +217,7 @@ def install(folder, declared, module=EVERY_KIND):
     return {"PYTHONPATH": str(site)}
 
 
-@pytest.mark.slow("computes, draws and verifies in processes of their own")
+@pytest.mark.ci("computes, draws and verifies in processes of their own")
 def test_entry_points_of_every_kind_run(process, folder):
     environment = install(folder, DECLARED)
     (folder / "mine.yaml").write_text(CONFIG, encoding="utf-8")
@@ -243,7 +243,7 @@ def test_entry_points_of_every_kind_run(process, folder):
             "class MyLaw: pass",
             "controller 'x' of the entry point 'mine:MyLaw' is not a Controller; derive it from "
             "eqt_cli.extend.Controller",
-            marks=pytest.mark.slow("starts an interpreter"),
+            marks=pytest.mark.ci("starts an interpreter"),
         ),
     ],
 )

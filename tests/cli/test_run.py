@@ -225,7 +225,7 @@ def test_wrong_arguments(refused, arguments, said):
     assert refused("run", *arguments).partition(" known: ")[0].rstrip("\n") == f"eqt: {said}"
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_a_result_with_plugins_must_be_trusted(eqt, refused, plugins, forget_plugins):
     eqt("run", "c.yaml", *FAILING)
     forget_plugins()
@@ -265,7 +265,7 @@ def test_equal_messages_of_failed_runs_are_one_line(eqt, folder):
     assert "\ncross-check: nothing to compare, since its runs failed\n" in done.out
 
 
-@pytest.mark.slow("another run that fails is fast")
+@pytest.mark.ci("another run that fails is fast")
 def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
     for _ in ("computed", "remembered"):
         done = eqt("run", "c.yaml", *SOON, *BRIEF)
@@ -276,7 +276,7 @@ def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
     assert "figure &#39;paper&#39; has nothing to show, since every run failed" in page
 
 
-@pytest.mark.slow("another run that fails is fast")
+@pytest.mark.ci("another run that fails is fast")
 def test_many_different_messages_are_cut(eqt):
     done = eqt("run", "c.yaml", *SOON, "--set", "ensemble.runs=12")
     rows = done.err.strip().splitlines()

@@ -38,7 +38,7 @@ def config(folder):
     return path
 
 
-@pytest.mark.slow("searches, confirms and compares")
+@pytest.mark.ci("searches, confirms and compares")
 @pytest.mark.usefixtures("unarranged")
 def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt, config):
     done = eqt("tune", config)
@@ -70,7 +70,7 @@ def _report(eqt):
     return Path("results/t-tuned/report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow("searches, confirms and compares")
+@pytest.mark.ci("searches, confirms and compares")
 def test_as_json(eqt, config):
     done = eqt("tune", config, "--json", "--out", "out")
     found = json.loads(done.out)
@@ -132,7 +132,7 @@ def worst(folder, monkeypatch):
     return path
 
 
-@pytest.mark.slow("searches, and draws what it finds")
+@pytest.mark.ci("searches, and draws what it finds")
 def test_an_angle_to_prove_is_refused_before_the_search(refused, worst):
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     said = refused("worst", worst, "--certified", "200")
@@ -163,7 +163,7 @@ def test_a_bound_that_is_no_number_is_refused(eqt, worst, bound):
     assert (done.code, done.err) == (2, f"eqt: --fail-above: expected a number, got {bound}\n")
 
 
-@pytest.mark.slow("searches again")
+@pytest.mark.ci("searches again")
 def test_a_law_that_is_worse_than_it_may_be_ends_with_4(eqt, worst):
     done = eqt("worst", worst, "--json", "--fail-above", "0")
     assert done.code == 4

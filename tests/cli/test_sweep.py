@@ -177,7 +177,7 @@ PASS = "t,qx,qy,qz,qw,tx,ty,tz\n0,0,0,0,1,1,0,0\n0.3,0.6,0,0,0.8,3,0,0\n0.5,0.8,
 
 
 @pytest.mark.skipif(bool(compiler.missing()), reason="needs a C compiler")
-@pytest.mark.slow("compiles a law, and computes an experiment twice")
+@pytest.mark.ci("compiles a law, and computes an experiment twice")
 def test_shards_with_every_kind_of_stored_file_are_packed(eqt, refused):
     """One is killed, so that its parts are missing; then it is computed again."""
     code = Path(__file__).parents[1] / "extensions" / "code"

@@ -58,7 +58,7 @@ def test_an_animation_or_a_figure_replaces_no_file_of_others(refused, command, n
     assert refused(*command) == f"eqt: {path}: {FOREIGN}\n"
 
 
-@pytest.mark.slow("writes two reports and two animations")
+@pytest.mark.ci("writes two reports and two animations")
 @pytest.mark.usefixtures("unarranged")
 def test_reports_and_animations_are_replaced(eqt, result):
     for _ in range(2):

@@ -129,7 +129,7 @@ def test_plugins_of_a_result_are_executed_on_request_and_quiet_prints_only_what_
     ]
 
 
-@pytest.mark.slow("verifies the paper's experiment")
+@pytest.mark.ci("verifies the paper's experiment")
 def test_paper_shows_what_it_claims(eqt):
     """Every identity holds, energy balance and decrease of L too; K_p = I is Morse-Bott."""
     paper = shipped.folder() / "paper.yaml"
@@ -227,7 +227,7 @@ def test_a_plugin_may_bring_a_certificate(eqt):
     assert (own["verdict"], own["statement"]) == ("holds", "my notes, p. 3")
 
 
-@pytest.mark.slow("verifies another result")
+@pytest.mark.ci("verifies another result")
 def test_runs_bounds_what_is_integrated(eqt):
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 1).out)["runs"] == 2
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 99).out)["runs"] == 6

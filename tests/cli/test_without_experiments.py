@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 LOADED = (
     "import sys\n"
@@ -15,7 +15,7 @@ LOADED = (
 )
 
 
-@mostly_slow(
+@mostly_ci(
     "command",
     [
         "compare RESULT",

@@ -92,7 +92,7 @@ def expected(group, name):
     return y[:, : d * d].reshape(-1, d, d), y[:, d * d : d * d + m]
 
 
-SLOW = pytest.mark.slow("the plain program takes seconds there")
+SLOW = pytest.mark.ci("the plain program takes seconds there")
 ENGINES = ("solve_ivp", "native")
 
 

@@ -15,7 +15,7 @@ from eqt_cli.config.source import read_config
 
 KINDS = {"none": "none", "clamp": "clamp", "back": {"back_calculation": 0.5}}
 T = 0.5
-native = pytest.param("native", marks=pytest.mark.slow("compiles the law"))
+native = pytest.param("native", marks=pytest.mark.ci("compiles the law"))
 
 
 # A body that turns: a plain program on SO(3) ------------------------------------------------------

@@ -43,7 +43,7 @@ BATCHES = [
 ]
 """Every group with one of the shapes, and SO(3) with all of them."""
 
-ALIKE = pytest.mark.slow("its kind of group is tried fast")
+ALIKE = pytest.mark.ci("its kind of group is tried fast")
 
 
 @pytest.fixture(

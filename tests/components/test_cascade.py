@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
-from case_tables import cases, refusal, slow
+from case_tables import cases, in_ci, refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -249,12 +249,12 @@ def nearest(R):
     ("reference", "desired", "R0", "engine", "duration"),
     [
         (HELIX, helix, np.eye(3), "native", 0.05),
-        slow("the plain program takes a minute", *(HELIX, helix, np.eye(3), "native", 10.0)),
-        slow(
+        in_ci("the plain program takes a minute", *(HELIX, helix, np.eye(3), "native", 10.0)),
+        in_ci(
             "the plain program takes half a minute",
             *(HOVER, hover, nearest(UPSIDE_DOWN), "native", 10.0),
         ),
-        slow("the plain program takes ten seconds", *(HELIX, helix, np.eye(3), "solve_ivp", 1.0)),
+        in_ci("the plain program takes ten seconds", *(HELIX, helix, np.eye(3), "solve_ivp", 1.0)),
     ],
 )
 def test_lees_examples_are_those_of_a_plain_program(reference, desired, R0, engine, duration):
@@ -335,7 +335,7 @@ def test_a_wrong_mass_leaves_an_offset():
     assert loop.controller.known[0].weight == MASS * G
 
 
-@pytest.mark.parametrize("rates", ["model", slow("compiles another loop", "filter")])
+@pytest.mark.parametrize("rates", ["model", in_ci("compiles another loop", "filter")])
 def test_derived_rates_enlarge_the_offset_in_a_steady_wind(rates):
     """e = a_w (1 + (k_Ω k_v + J k_x)/k_R)/k_x with rates by the model, else a_w/k_x.
 
@@ -380,7 +380,7 @@ def imbalance(one, times):
 
 
 @pytest.mark.parametrize(
-    "inside", [slow("compiles a law", name, unless=name == "goodarzi2013") for name in INSIDE]
+    "inside", [in_ci("compiles a law", name, unless=name == "goodarzi2013") for name in INSIDE]
 )
 def test_the_energy_of_every_attitude_law_balances(inside):
     one = experiment(law={"attitude": inside}, reference=HELIX)
@@ -540,7 +540,7 @@ SAMPLED = {"control": {"period": 0.01, "delay": 1}, "time": {"duration": 0.1, "s
 @pytest.mark.parametrize(
     "law",
     [
-        slow("compiles a law, and calls it for a second",
+        in_ci("compiles a law, and calls it for a second",
             {"position": {"kx": KX, "kv": KV, "ki": 2, "limit": 6}}),
         {"rates": "filter", "bandwidth": 60, "attitude": {"kind": "goodarzi2013", "ki": 0.5},
          "position": {"kx": KX, "kv": KV, "ki": 2, "period": 0.03}},
@@ -727,7 +727,7 @@ def test_a_model_is_what_acts_and_the_laws_may_know_the_plant():
     assert unknowing.controller.known == () and len(unknowing.vehicle.forces) == 1
 
 
-@pytest.mark.slow("margins of another cascade are fast")
+@pytest.mark.ci("margins of another cascade are fast")
 def test_margins_multiply_the_gains_of_position_and_attitude():
     """Without rates, Jλ⁴/k_R + k_Ωλ³/k_R + λ² + k_vλ + k_x: the attitude must be faster."""
     law = {"rates": "none", "gains": {"kp": 4 * KR / 2, "kd": 2 * KW}}
@@ -766,7 +766,7 @@ def test_verify_judges_the_attitude_law_in_the_loop_that_it_runs_in():
     assert rows["F is not 0"].verdict == "holds"
 
 
-@pytest.mark.slow("verifies a loop")
+@pytest.mark.ci("verifies a loop")
 def test_verify_tells_when_the_force_is_nearly_0():
     """A fall from beyond g/k_x turns F upside down, and then through 0."""
     pose = {"kind": "fixed", "coordinates": [0, 0, 0, 0, 0, -G / KX - 0.2]}
@@ -803,7 +803,7 @@ def test_verify_compares_the_rates_with_those_of_the_commanded_attitude(
     assert (row.measured > 0.01) == (verdict == "FAILS")
 
 
-@pytest.mark.slow("compiles and verifies a loop")
+@pytest.mark.ci("compiles and verifies a loop")
 def test_verify_names_a_wrong_rate(wrong_rate):
     wrong_rate()
     balance = rows_of(reference={**HELIX, "heading": "2*t"})["energy balance"]

@@ -57,14 +57,14 @@ def within(nees, degrees, probability=0.999):
 
 
 @pytest.mark.parametrize(
-    "kind", ["invariant", pytest.param("eqf", marks=pytest.mark.slow("compiles a long program"))]
+    "kind", ["invariant", pytest.param("eqf", marks=pytest.mark.ci("compiles a long program"))]
 )
 @pytest.mark.parametrize(
     ("group", "runs", "duration"),
     [
         ("SE2", 10, 5),
         *(
-            pytest.param(group, 200, 20, marks=pytest.mark.slow("200 runs of 20 s at 10 Hz"))
+            pytest.param(group, 200, 20, marks=pytest.mark.ci("200 runs of 20 s at 10 Hz"))
             for group in ("SO3", "SE2", "SE3", "SE23")
         ),
     ],
@@ -129,7 +129,7 @@ def judged(group, kind, pose, velocity, acceleration, runs=60_000, ticks=50):
     return np.mean(nees), products / squares
 
 
-@pytest.mark.slow("60,000 runs")
+@pytest.mark.ci("60,000 runs")
 @pytest.mark.parametrize("acceleration", [0.0, 0.5], ids=["at rest", "accelerated"])
 @pytest.mark.parametrize(
     ("group", "kind", "pose", "velocity"),
@@ -152,7 +152,7 @@ FROM_120 = ", initial_error: [1.2092, -1.2092, 1.2092]"
 """log(Q̂⁻¹Q), of 120 degrees."""
 
 
-@pytest.mark.slow("200 runs of 30 s for each kind")
+@pytest.mark.ci("200 runs of 30 s for each kind")
 @pytest.mark.parametrize(
     ("kind", "options"),
     [

@@ -4,7 +4,7 @@ import numpy as np
 import plain_current as plain
 import pytest
 import yaml
-from case_tables import slow
+from case_tables import in_ci
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
@@ -113,12 +113,12 @@ def config(case, **changes):
     } | changes
 
 
-NATIVE = pytest.param("native", marks=pytest.mark.slow("compiles the loop"))
+NATIVE = pytest.param("native", marks=pytest.mark.ci("compiles the loop"))
 
 
 @pytest.mark.parametrize("engine", ["solve_ivp", NATIVE])
 @pytest.mark.parametrize(
-    "name", [slow("a boat is tried fast", name, unless=name == "boat") for name in CASES]
+    "name", [in_ci("a boat is tried fast", name, unless=name == "boat") for name in CASES]
 )
 def test_a_vehicle_in_a_current_moves_by_fossens_equations(solved, name, engine):
     case = CASES[name]
@@ -286,7 +286,7 @@ def test_a_regulator_knows_the_current_and_the_added_mass():
     np.testing.assert_allclose(loop.command(s), hold, rtol=0, atol=1e-13)
 
 
-@pytest.mark.slow("compiles and runs the loop")
+@pytest.mark.ci("compiles and runs the loop")
 def test_certificates_know_the_work_of_a_current(tmp_path):
     """L rises by it, which is no fault: its balance holds, and its decrease is not claimed."""
     start = {"pose": {"kind": "exp_normal", "std": 0.0, "centre": [0.2, 0.1, -0.3]}}

@@ -75,7 +75,7 @@ def close(found, expected, tolerance=1e-8):
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
 
 
-MORE = pytest.mark.slow("the filters are written once for all groups")
+MORE = pytest.mark.ci("the filters are written once for all groups")
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from scipy.linalg import expm
 
 from eqt_cli.base.errors import ConfigError, Problems
@@ -237,7 +237,7 @@ def test_pivots_are_those_of_a_triangular_factor():
         assert indefinite(A).shape == shape and indefinite(A).all()
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", slow("the engines agree, see below", "native")])
+@pytest.mark.parametrize("engine", ["solve_ivp", in_ci("the engines agree, see below", "native")])
 def test_a_run_has_the_same_bits_alone(solved, engine):
     """As after an interruption, which cuts a study elsewhere."""
     blocks = "{kind: eqf, initial_pose_std: 0.5}"

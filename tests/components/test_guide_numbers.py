@@ -13,7 +13,7 @@ from eqt_cli.engines.native import Native
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 pytestmark = [
-    pytest.mark.slow("compiles laws and runs examples"),
+    pytest.mark.ci("compiles laws and runs examples"),
     pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler"),
 ]
 

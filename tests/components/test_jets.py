@@ -105,7 +105,7 @@ def plain(name, fails=None):
     return np.array(states), np.array(thrusts), np.array(burnt)
 
 
-SLOW = pytest.mark.slow("the same by the other engine")
+SLOW = pytest.mark.ci("the same by the other engine")
 
 
 @pytest.mark.parametrize(

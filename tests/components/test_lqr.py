@@ -9,7 +9,7 @@ import functools
 import numpy as np
 import pytest
 import yaml
-from case_tables import refusal, slow
+from case_tables import in_ci, refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_are
 
@@ -170,8 +170,8 @@ def errors(kind, pieces, **law):
     ("kind", "law"),
     [
         ("path", {"periodic": True}),
-        slow("as the first", "path", {}),
-        slow("as the first", "slew", {}),
+        in_ci("as the first", "path", {}),
+        in_ci("as the first", "slew", {}),
     ],
 )
 def test_gains_and_values_at_all_times_are_wrong_by_the_square_of_a_piece(kind, law):
@@ -193,7 +193,7 @@ def test_a_slew_from_rest_to_rest_ends_with_the_gains_at_rest():
 
 
 @pytest.mark.parametrize("kind", ["path", "slew"])
-@pytest.mark.parametrize("velocity", [1.0, slow("as the first", 0.0)])
+@pytest.mark.parametrize("velocity", [1.0, in_ci("as the first", 0.0)])
 def test_the_cost_to_come_falls_along_a_reference_that_moves(kind, velocity):
     """ẋ = (A − BK)x by an integration here; L falls by the cost, to the square of a piece."""
     weights = {"velocity": velocity}
@@ -273,7 +273,7 @@ def test_the_cost_of_a_small_error_is_x_s_x(vehicle):
 
 @pytest.mark.parametrize(
     "vehicle",
-    [pytest.param({}, id="continuous"), slow("its cost is tried above", LATE, id="sampled")],
+    [pytest.param({}, id="continuous"), in_ci("its cost is tried above", LATE, id="sampled")],
 )
 def test_the_cost_to_come_falls_near_the_reference(vehicle):
     """L falls by what the interval cost, to 1 %, while it is above rounding."""
@@ -326,7 +326,7 @@ def test_gains_of_a_coupled_body_are_those_of_python_control():
     np.testing.assert_allclose(gain, expected, rtol=0, atol=GAINS * np.abs(expected).max())
 
 
-@pytest.mark.slow("compiles the loops")
+@pytest.mark.ci("compiles the loops")
 @pytest.mark.parametrize("vehicle", [{}, LATE], ids=["continuous", "sampled"])
 def test_gains_that_change_at_knots_are_the_same_by_both_engines(vehicle, tmp_path):
     rates = {"kind": "rates", "rates": RATES}

@@ -161,7 +161,7 @@ def test_gains_of_a_sampled_loop_are_those_of_the_difference_equation():
     assert np.abs(np.delete(found, [*range(12), *range(18, 24)], axis=-1)).max() < 1e-9 * size
 
 
-@pytest.mark.slow("compiles the loops")
+@pytest.mark.ci("compiles the loops")
 @pytest.mark.parametrize("vehicle", [{}, SAMPLED], ids=["continuous", "sampled"])
 def test_it_flies_the_helix_by_both_engines(vehicle, tmp_path):
     """Errors halve in a period; a feedforward that is held and late leaves an error of 0.1."""

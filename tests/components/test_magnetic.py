@@ -267,7 +267,7 @@ def rates_of(state, B, m, inertia):
     )
 
 
-@pytest.mark.slow("hours of a tumbling satellite")
+@pytest.mark.ci("hours of a tumbling satellite")
 def test_it_detumbles_in_the_time_of_a_plain_program(solved):
     """A unit of 1.3 kg from 10 to 1 deg/s, at 10 Hz, by Runge-Kutta at 50 ms."""
     start, k, duration = 10.0, 5e3, 3500

@@ -4,7 +4,7 @@ from functools import reduce
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from small_loops import expressions
@@ -52,7 +52,7 @@ on_engines = pytest.mark.parametrize(
     [
         ("SO3", "native"),
         ("SE3*SO2", "solve_ivp"),
-        *(slow("a product has their parts", name, "solve_ivp") for name in GROUPS[:-1]),
+        *(in_ci("a product has their parts", name, "solve_ivp") for name in GROUPS[:-1]),
     ],
     indirect=["G"],
 )

@@ -99,7 +99,7 @@ def test_each_group_is_met_as_far_as_those_before_it_allow(name):
     np.testing.assert_allclose(thrusts[inside], least[inside], rtol=0, atol=1e-14)
 
 
-@pytest.mark.slow("8,000 linear programs")
+@pytest.mark.ci("8,000 linear programs")
 def test_two_thousand_demands_get_what_linear_programs_give():
     compared("uneven", 2_000)
 
@@ -158,7 +158,7 @@ def flight(engine, duration=0.1):
 
 
 @pytest.mark.parametrize(
-    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles the law"))]
+    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.ci("compiles the law"))]
 )
 def test_runs_have_the_thrusts_of_linear_programs_at_instants(tmp_path, engine, invoke):
     eqt_cli.run(flight(engine), tmp_path)
@@ -191,7 +191,7 @@ def rotors_of(section):
     return np.array([np.concatenate([np.cross(r, a) + c * a, a]) for r, c in each]).T
 
 
-@pytest.mark.slow("compiles the law")
+@pytest.mark.ci("compiles the law")
 def test_both_engines_give_the_same_thrusts(tmp_path):
     found = []
     for engine in ("solve_ivp", "native"):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from case_tables import slow
+from case_tables import in_ci
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
@@ -37,7 +37,7 @@ FAST = ("disturbed", "decoupled")
 @pytest.mark.parametrize(
     "row",
     [
-        slow("compiles a law; one row is fast", row, id="-".join(row), unless=row == FAST)
+        in_ci("compiles a law; one row is fast", row, id="-".join(row), unless=row == FAST)
         for row in STORED
     ],
 )

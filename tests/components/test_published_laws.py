@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 from small_loops import any_matrix, closed_loop
@@ -318,7 +318,7 @@ def test_torque_is_finite_at_a_half_turn(name):
     np.testing.assert_allclose(np.abs(torque), [APPROACHES[name], 0, 0], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", [slow("compiles a longer law", "logarithmic"), "quaternion"])
+@pytest.mark.parametrize("name", [in_ci("compiles a longer law", "logarithmic"), "quaternion"])
 def test_runs_through_a_half_turn_agree_and_keep_the_balance(name):
     """Fast enough to pass π: both engines see the jump, and L, which is continuous, still falls."""
     loop = closed_loop(group_named("SO3"), law(name), gains=EVEN)

@@ -8,7 +8,7 @@ from eqt_cli.engines import compiler
 from eqt_cli.runs.compute_part import shared_reference
 
 HEIGHT = "3.5/(1e-5*sqrt(2*pi))"
-AGAIN = pytest.mark.slow("compiles another reference")
+AGAIN = pytest.mark.ci("compiles another reference")
 BODY = {"inertia": 1.0, "rigid": False, "time.duration": 5.0, "time.samples": 6}
 
 

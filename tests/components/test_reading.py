@@ -319,7 +319,7 @@ def test_a_header_that_is_nearly_right(head, message):
     assert str(caught.value) == message
 
 
-@pytest.mark.slow("reads a million rows")
+@pytest.mark.ci("reads a million rows")
 def test_a_million_rows_take_seconds():
     tail = lines(np.r_[TURNS[1].as_quat(), PLACES[1]][None])
     text = "t,qx,qy,qz,qw,x,y,z\n" + "".join(f"{k / 1000},{tail}" for k in range(1_000_000))

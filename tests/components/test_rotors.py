@@ -132,7 +132,7 @@ def test_on_its_reference_a_loop_starts_with_the_rotors_running(experiment, cont
     assert np.isfinite(matrix).all() and (control is None or lagging.max() < 1e-6)
 
 
-@pytest.mark.slow("compiles a long law; test_benchmarks.py flies it beside a plain program")
+@pytest.mark.ci("compiles a long law; test_benchmarks.py flies it beside a plain program")
 def test_a_crazyflie_flies_by_both_engines_alike(invoke, tmp_path):
     short = "time.duration=0.02", "time.samples=3", "ensemble.runs=1", "solver.cross_check=0"
     found = []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import Problems
@@ -46,7 +46,7 @@ sensors:
 """
 )
 
-ENGINES = ["solve_ivp", slow("the engines are compared below", "native")]
+ENGINES = ["solve_ivp", in_ci("the engines are compared below", "native")]
 
 
 def with_engine(text, engine, options=""):
@@ -88,7 +88,7 @@ def test_noise_has_the_covariance_that_is_asked_for(period):
     np.testing.assert_allclose(later, 0.0, atol=0.011)
 
 
-AGAIN = pytest.mark.slow("draws thousands of runs again")
+AGAIN = pytest.mark.ci("draws thousands of runs again")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -38,7 +38,7 @@ RUNS = [0, 1]
 ARRIVING = [[True, False, True, True], [True, True, True, False]]
 """Of the positions of these runs, measured once a second."""
 
-ENGINES = ["solve_ivp", slow("compiles what the other engine shows, too", "native")]
+ENGINES = ["solve_ivp", in_ci("compiles what the other engine shows, too", "native")]
 
 
 def with_engine(text, engine):

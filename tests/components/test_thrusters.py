@@ -119,15 +119,15 @@ def expected(group, name):
     )
 
 
-COMPILES = pytest.mark.slow("compiles the laws")
+COMPILES = pytest.mark.ci("compiles the laws")
 
-slow = partial(pytest.param, marks=pytest.mark.slow("the plain program takes seconds there"))
+in_ci = partial(pytest.param, marks=pytest.mark.ci("the plain program takes seconds there"))
 RUNS = [
     pytest.param("SE2", "solve_ivp", "saturated and lagging"),
     pytest.param("SE2", "solve_ivp", "current"),
     pytest.param("SE2", "solve_ivp", "bounded"),
-    *(slow("SE2", "native", name) for name in [*CASES][::2]),
-    *(slow("SE3", ("native", "solve_ivp")[k % 2], name) for k, name in enumerate(CASES)),
+    *(in_ci("SE2", "native", name) for name in [*CASES][::2]),
+    *(in_ci("SE3", ("native", "solve_ivp")[k % 2], name) for k, name in enumerate(CASES)),
 ]
 
 
@@ -509,7 +509,7 @@ def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
         assert one["energy_residual"].max() < 1e-5
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_points_with_other_thrusters_have_their_own(folder):
     parts = {
         "none": [],

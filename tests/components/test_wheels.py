@@ -93,8 +93,8 @@ def test_states_are_those_of_a_plain_program(solved):
     [
         ("native", False),
         ("solve_ivp", True),
-        pytest.param("native", True, marks=pytest.mark.slow("the same by the other engine")),
-        pytest.param("solve_ivp", False, marks=pytest.mark.slow("the same by the other engine")),
+        pytest.param("native", True, marks=pytest.mark.ci("the same by the other engine")),
+        pytest.param("solve_ivp", False, marks=pytest.mark.ci("the same by the other engine")),
     ],
 )
 def test_the_total_momentum_is_constant(solved, engine, sampled):
@@ -154,7 +154,7 @@ def exp(v):
     return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis
 
 
-SLOW = pytest.mark.slow("the same by the other engine")
+SLOW = pytest.mark.ci("the same by the other engine")
 
 
 @pytest.mark.parametrize(

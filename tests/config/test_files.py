@@ -60,7 +60,7 @@ def test_content_is_part_of_the_identity_and_the_name_is_not(config):
     assert build(read_config(config)).digest != one
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_a_result_runs_again_without_its_files(config, tmp_path):
     one = execute(study(read_config(config)), tmp_path / "one").folder
     (config.parent / "data/plan.csv").unlink()

@@ -44,7 +44,7 @@ def test_the_remark_is_no_number_of_the_experiment(experiment):
     "command",
     [
         pytest.param(["config", "check"], id="config check"),
-        pytest.param(["run"], id="run", marks=pytest.mark.slow("computes an experiment twice")),
+        pytest.param(["run"], id="run", marks=pytest.mark.ci("computes an experiment twice")),
     ],
 )
 def test_commands_warn_and_go_on(command, experiment, invoke):

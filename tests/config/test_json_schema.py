@@ -41,7 +41,7 @@ def paper(**changes):
     return {key: value for key, value in data.items() if value is not None}
 
 
-@pytest.mark.slow("checks all of it; what configurations need of it is checked by their tests")
+@pytest.mark.ci("checks all of it; what configurations need of it is checked by their tests")
 def test_it_is_a_schema(schema):
     jsonschema.Draft202012Validator.check_schema(schema)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.initial_states import draw_initial_states
@@ -17,7 +17,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.loop.linearised import flow
 
-OF_MANY = pytest.mark.slow("one of many pairs")
+OF_MANY = pytest.mark.ci("one of many pairs")
 METHODS_AND_GAINS = [
     ("solve_ivp, method: DOP853", "kd"),
     ("solve_ivp, method: RK45", "kp"),
@@ -145,7 +145,7 @@ def test_an_inertia_that_is_ill_later_says_when(experiment):
     assert " at t = 1 s, so that rounding alone" in ill_conditioned(made)
 
 
-@mostly_slow("name", shipped.names(), ["paper", "se3_bluerov2"], "integrates every reference")
+@mostly_ci("name", shipped.names(), ["paper", "se3_bluerov2"], "integrates every reference")
 def test_shipped_configurations_are_well_conditioned(name):
     made = build(read_config(Path(shipped.folder() / f"{name}.yaml"), []))
     found = [str(remark) for remark in remarks(made, reference_over_horizon(made))]

@@ -91,7 +91,7 @@ for path in sys.argv[1:]:
 """
 
 
-@pytest.mark.slow("starts an interpreter that loads all of eqt")
+@pytest.mark.ci("starts an interpreter that loads all of eqt")
 def test_a_plugin_is_all_that_a_process_needs_to_load():
     """Nothing else is imported before, so the base class alone brings its registry."""
     paths = sorted(map(str, PLUGINS.glob("*.py")))

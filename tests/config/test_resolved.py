@@ -6,10 +6,10 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from ci_cases import mostly_ci
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from said import said_of, sections_of
-from slow_cases import mostly_slow
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.yaml_source import dump, load
@@ -178,7 +178,7 @@ def test_what_is_fine_fits_the_json_schema_and_reproduces_itself(data):
     SCHEMA.validate(once.resolved)
 
 
-@mostly_slow("name", shipped.names(), {*shipped.names()} - {"sweep_lqr"}, "solves equations")
+@mostly_ci("name", shipped.names(), {*shipped.names()} - {"sweep_lqr"}, "solves equations")
 def test_shipped_configurations_reproduce_themselves(name):
     assert shipped.text(name).startswith("# ")  # which says what it is
     data = load(shipped.text(name), name).data

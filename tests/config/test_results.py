@@ -180,9 +180,7 @@ def test_the_energy_balance_holds(whole):
 # What is kept -----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow(
-    "computes the experiment again; some samples of some runs are kept in a fast test"
-)
+@pytest.mark.ci("computes the experiment again; some samples of some runs are kept in a fast test")
 @pytest.mark.parametrize(
     ("override", "kept"), [("store.trajectories=none", ()), ("store.trajectories=99", TIME)]
 )
@@ -218,7 +216,7 @@ undefined(eqt_cli.components.laws.Controller):
 
 
 @pytest.mark.parametrize(
-    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles two laws"))]
+    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.ci("compiles two laws"))]
 )
 def test_a_failed_run_is_a_row_and_harms_no_other(results, folder, engine):
     (folder / "law.py").write_text(ESCAPE + UNDEFINED, encoding="utf-8")

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import verify_experiment
@@ -71,7 +71,7 @@ ENGINES = {"solve_ivp": BY_SOLVE_IVP, "native": BY_NATIVE}
 CASES = [f"{name}-{engine}" for engine, names in ENGINES.items() for name in names]
 
 
-@mostly_slow("case", CASES, ["attitude_distinct-native"], "verifies the laws of an experiment")
+@mostly_ci("case", CASES, ["attitude_distinct-native"], "verifies the laws of an experiment")
 def test_certificates_hold(case):
     name, engine = case.split("-")
     if engines.get(engine).unavailable():

@@ -512,7 +512,7 @@ _json = st.recursive(
 )
 
 
-@pytest.mark.slow("writes and reads dozens of drawn documents")
+@pytest.mark.ci("writes and reads dozens of drawn documents")
 @settings(max_examples=20)
 @given(st.dictionaries(_texts, _json))
 def test_what_is_written_is_read_back(data):

@@ -104,7 +104,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         argument = f"{ARGUMENTS.get(kind, kind[:-1])}_class"
         if argument in metafunc.fixturenames:
             found = [
-                pytest.param(each, id=each.name, marks=[pytest.mark.slow(reason)] * bool(reason))
+                pytest.param(each, id=each.name, marks=[pytest.mark.ci(reason)] * bool(reason))
                 for each in components()[kind]
                 for reason in [SLOW.get((argument, each.name), "")]
             ]

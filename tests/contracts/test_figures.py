@@ -128,7 +128,7 @@ def look(artist):
     return to_hex(artist.get_color()), str(dashes), artist.get_marker(), artist.get_fillstyle()
 
 
-AGAIN = pytest.mark.slow("draws every figure again")
+AGAIN = pytest.mark.ci("draws every figure again")
 
 
 @pytest.mark.parametrize(

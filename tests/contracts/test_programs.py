@@ -30,7 +30,7 @@ def given(loop, t, state, **errors):
     return {"state": state, "time": [t], **numbers, **errors}
 
 
-EVERY = pytest.mark.slow("compiles every law")
+EVERY = pytest.mark.ci("compiles every law")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from case_tables import slow
+from case_tables import in_ci
 from exported_laws import emulated_arm
 
 import eqt_cli
@@ -47,7 +47,7 @@ sensors:
 LOOPS = {"SE3": ("se3", {}), "flies": ("paper", FLIES)}
 
 
-@pytest.fixture(scope="module", params=["flies", slow("compiles a larger group, too", "SE3")])
+@pytest.fixture(scope="module", params=["flies", in_ci("compiles a larger group, too", "SE3")])
 def loop(request):
     """The study of a few short runs, by the name of the loop."""
     name, changes = LOOPS[request.param]
@@ -97,7 +97,7 @@ def built(monkeypatch):
     return by
 
 
-@pytest.mark.parametrize("called", ["clang", slow("cc is gcc on most machines", "gcc")])
+@pytest.mark.parametrize("called", ["clang", in_ci("cc is gcc on most machines", "gcc")])
 def test_compilers_change_no_bit(batch, expected, built, called):
     if not (found := shutil.which(called)):
         pytest.skip(f"needs {called}")
@@ -105,7 +105,7 @@ def test_compilers_change_no_bit(batch, expected, built, called):
     assert solved(batch) == expected
 
 
-@pytest.mark.slow("ziglang first compiles a part of itself")
+@pytest.mark.ci("ziglang first compiles a part of itself")
 def test_the_compiler_in_a_wheel_changes_no_bit(batch, expected, built):
     if not find_spec("ziglang"):
         pytest.skip("needs ziglang")
@@ -213,8 +213,8 @@ def test_other_runs_change_no_bit(batch):
     ("lanes", "flags"),
     [
         (2, ("-O2", "-march=native")),
-        slow("for no processor of today", 1, ("-O3",)),
-        slow("compiles it again", 8, ("-O0",)),
+        in_ci("for no processor of today", 1, ("-O3",)),
+        in_ci("compiles it again", 8, ("-O0",)),
     ],
 )
 def test_lanes_processors_and_optimisation_change_no_bit(loop, built, lanes, flags):
@@ -355,7 +355,7 @@ def test_the_c_alone_finds_what_the_engine_finds(batch, here):
     assert (steps == solution.steps).all()
 
 
-@pytest.mark.slow("an emulator runs the program")
+@pytest.mark.ci("an emulator runs the program")
 @pytest.mark.parametrize("loop", ["flies"], indirect=True, scope="module")
 def test_another_processor_finds_the_same_bits(alone, here):
     command, emulator = emulated_arm()

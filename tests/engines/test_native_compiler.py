@@ -588,7 +588,7 @@ def test_the_files_that_were_not_used_for_longest_go(monkeypatch):
     assert len(list(own.folder.iterdir())) == 3
 
 
-@pytest.mark.slow("starts two processes")
+@pytest.mark.ci("starts two processes")
 def test_two_processes_that_compile_the_same_both_have_it(cc, tmp_path):
     """Each replaces the file of the other by an equal one while it may be loaded."""
     done = []

@@ -30,7 +30,7 @@ CHANGES = {
 }
 
 
-MORE = pytest.mark.slow("compiles another loop")
+MORE = pytest.mark.ci("compiles another loop")
 
 
 @pytest.fixture(
@@ -70,7 +70,7 @@ def test_numbers_are_those_of_trajectories(changed, expected, threads, monkeypat
     assert expected.variables["status"].data.any() == ("solver.max_steps" in changed[1])
 
 
-@pytest.mark.slow("compiles the loop anew")
+@pytest.mark.ci("compiles the loop anew")
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_lanes_change_no_bit(changed, expected, lanes, monkeypatch):
     monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
@@ -97,7 +97,7 @@ def test_what_cannot_be_compiled_is_measured_of_stored_states(monkeypatch):
     assert_same(part_of(path, FEW), expected)
 
 
-@pytest.mark.slow("compiles several laws anew")
+@pytest.mark.ci("compiles several laws anew")
 def test_laws_that_differ_in_numbers_are_compiled_once(monkeypatch, tmp_path, told):
     """Gains with other principal axes have other critical points, whose code is compiled anew."""
     compiled, compile_ = [], compiler._compiled

@@ -29,7 +29,7 @@ from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp, _jacobian_options
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import with_leaves
 
-LONG = pytest.mark.slow("takes many steps, and each evaluates the law in Python")
+LONG = pytest.mark.ci("takes many steps, and each evaluates the law in Python")
 
 IDEAL = Vehicle()
 METHODS = ["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"]
@@ -490,7 +490,7 @@ def test_message_of_a_tolerance_that_scipy_cannot_use(rtol, got, noted):
     assert noted(SolveIvp(rtol=SMALLEST_RTOL)) == []
 
 
-@pytest.mark.slow("20 s of steps that get ever shorter")
+@pytest.mark.ci("20 s of steps that get ever shorter")
 def test_a_sampled_loop_that_diverges_ends(tmp_path):
     """Each period multiplies the velocity by 1 − kd·period/J = −4; one run begins at rest."""
     (tmp_path / "starts.csv").write_text("qx,qy,qz,qw,wx,wy,wz\n0,0,0,1,0.1,0,0\n0,0,0,1,0,0,0\n")

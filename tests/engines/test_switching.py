@@ -248,7 +248,7 @@ LAWS = {
 }
 
 
-AGAIN = pytest.mark.slow("its kinks and jumps have fast tests against exact solutions")
+AGAIN = pytest.mark.ci("its kinks and jumps have fast tests against exact solutions")
 
 
 @pytest.fixture(

@@ -78,7 +78,7 @@ def test_the_field_by_which_a_device_is_tested_is_defined_everywhere() -> None:
 
 
 @needs_device
-@pytest.mark.slow("drivers compile each law for 1 to 3 s")
+@pytest.mark.ci("drivers compile each law for 1 to 3 s")
 @pytest.mark.parametrize("case", CASES)
 def test_a_device_gives_the_bits_of_the_cpu(case: str, tmp_path: Path) -> None:
     name, changes = CASES[case]
@@ -112,7 +112,7 @@ def test_a_device_that_cannot_build_the_test_is_told(
 
 
 @needs_device
-@pytest.mark.slow("compiles a loop with every elementary function")
+@pytest.mark.ci("compiles a loop with every elementary function")
 def test_the_test_of_a_driver_compares_64_runs_with_the_cpu(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -233,7 +233,7 @@ def test_devices_are_listed(invoke: Callable[..., Any]) -> None:
 
 
 @needs_device
-@pytest.mark.slow("a driver compiles for 1 to 3 s")
+@pytest.mark.ci("a driver compiles for 1 to 3 s")
 def test_warnings_of_the_compiler_of_a_driver_are_not_shown(capfd: Any, tmp_path: Path) -> None:
     """PoCL's clang counts them on stderr."""
     warned = f"int *f(long x) {{ return x + {tmp_path.stat().st_ctime_ns}; }}"

@@ -185,7 +185,7 @@ def test_numbers_that_no_run_has(result, invoke, name, value, reason):
     refused(invoke, result, "compare", reason)
 
 
-@pytest.mark.slow("writes a whole report")
+@pytest.mark.ci("writes a whole report")
 def test_a_report_of_a_reference_that_is_no_number(result, invoke):
     with h5py.File(result, "a") as file:
         file["desired_pose"][...] = np.nan
@@ -214,7 +214,7 @@ def test_a_comparison_of_numbers_whose_squares_overflow(huge, invoke):
     assert invoke("compare", huge).stdout
 
 
-@pytest.mark.slow("starts an interpreter")
+@pytest.mark.ci("starts an interpreter")
 def test_numbers_that_overflow_are_no_warning_of_a_library(result):
     with h5py.File(result, "a") as file:
         for name in ("effort", "mean_pose_error", "energy_residual"):
@@ -228,7 +228,7 @@ def test_numbers_that_overflow_are_no_warning_of_a_library(result):
         assert done.stdout
 
 
-@pytest.mark.slow("writes a whole report")
+@pytest.mark.ci("writes a whole report")
 def test_a_report_of_numbers_whose_squares_overflow(huge, invoke):
     invoke("report", huge, "--quick", "--out", huge.with_name("page.html"))
 

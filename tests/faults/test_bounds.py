@@ -42,7 +42,7 @@ FILES = {
 }
 
 
-@pytest.mark.slow("as large as files may be, each in a process that is measured")
+@pytest.mark.ci("as large as files may be, each in a process that is measured")
 @pytest.mark.parametrize("case", FILES)
 def test_a_check_is_bounded(tmp_path, case):
     config = tmp_path / "c.yaml"

@@ -19,7 +19,7 @@ from eqt_cli.engines.native import Native
 SMALL = CONFIG + "ensemble: {runs: 4, seed: 1}\n" + FLIGHT
 NATIVE = SMALL.replace("rtol:", "engine: native, rtol:")
 
-pytestmark = pytest.mark.slow("runs experiments, some in processes of their own")
+pytestmark = pytest.mark.ci("runs experiments, some in processes of their own")
 
 
 @pytest.fixture

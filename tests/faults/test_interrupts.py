@@ -26,7 +26,7 @@ from eqt_cli.engines.native import Native
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="has no process groups"),
-    pytest.mark.slow("starts eqt, and its workers"),
+    pytest.mark.ci("starts eqt, and its workers"),
 ]
 
 LONG = RUN.replace("runs: 200", "runs: 4000")

@@ -80,7 +80,7 @@ pytestmark = [
     pytest.mark.skipif(
         not Path("/proc/self/task").is_dir(), reason="finds processes as Linux lists them"
     ),
-    pytest.mark.slow("starts eqt several times, and its workers"),
+    pytest.mark.ci("starts eqt several times, and its workers"),
 ]
 
 

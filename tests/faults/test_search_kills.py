@@ -24,7 +24,7 @@ KILLS = 2
 
 pytestmark = [
     pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="as in test_kills"),
-    pytest.mark.slow("starts eqt four times"),
+    pytest.mark.ci("starts eqt four times"),
 ]
 
 

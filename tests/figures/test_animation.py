@@ -152,7 +152,7 @@ def test_gif_has_its_pictures_and_repeats(results, told):
     assert told.total("pictures drawn") == 6
 
 
-@pytest.mark.slow("draws every picture twice")
+@pytest.mark.ci("draws every picture twice")
 def test_gif_moves_and_is_the_same_again(results):
     first, second = (gif(results, 3, ["eqt"], seconds=0.3, rate=10) for _ in range(2))
     assert first == second

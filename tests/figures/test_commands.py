@@ -117,7 +117,7 @@ THRUSTERS = {
 }
 
 
-@pytest.mark.slow("flies a vehicle with thrusters")
+@pytest.mark.ci("flies a vehicle with thrusters")
 def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened, picture):
     result = opened(simulate(actuators=[THRUSTERS]))
     drawing = picture(Commands(run=2, thrusters=True), result)

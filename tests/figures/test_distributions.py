@@ -72,7 +72,7 @@ def test_defaults_are_those_that_the_result_holds(so3, altered, opened):
     assert "No run has a settling time." in drawing.get_supxlabel()
 
 
-@pytest.mark.slow("computes a result of its own")
+@pytest.mark.ci("computes a result of its own")
 def test_trajectories_are_not_needed(so3, altered, opened):
     over_time = [v for v in opened(so3).names if "time" in opened(so3).dims(v)]
     without = altered(so3, **dict.fromkeys(over_time))

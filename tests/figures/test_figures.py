@@ -13,11 +13,11 @@ from string import ascii_lowercase
 import matplotlib
 import numpy as np
 import pytest
+from ci_cases import mostly_ci
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from said import error_of
-from slow_cases import mostly_slow
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
@@ -44,7 +44,7 @@ def every(of):
     """
     names = [name for name in NAMES if of(figures.get(name))]
     why = "finds places for the panels of one of several figures"
-    return mostly_slow("name", names, ["paper"], why, scope="module")
+    return mostly_ci("name", names, ["paper"], why, scope="module")
 
 
 every_figure = every(lambda kind: True)
@@ -53,7 +53,7 @@ every_figure_over_time = every(lambda kind: issubclass(kind, OverTime))
 unarranged = pytest.mark.usefixtures("unarranged")
 
 
-AGAIN = pytest.mark.slow("draws figures again, which are drawn once in fast tests")
+AGAIN = pytest.mark.ci("draws figures again, which are drawn once in fast tests")
 
 
 @dataclass
@@ -128,7 +128,7 @@ OTHER_SHEETS = [
 
 
 @pytest.mark.parametrize(("name", "result", "width"), OTHER_SHEETS)
-@pytest.mark.slow("draws every figure again")
+@pytest.mark.ci("draws every figure again")
 def test_other_sheets_are_as_good(name, result, width, drawn, request):
     found = drawn(name, request.getfixturevalue(result), width)
     assert_inside(found.drawing, width)
@@ -153,7 +153,7 @@ def test_texts_do_not_overlap(name, se3, drawn):
     assert_apart(drawn(name, se3).texts)
 
 
-@pytest.mark.slow("draws many panels")
+@pytest.mark.ci("draws many panels")
 @pytest.mark.parametrize("width", ["column", "page"])
 @pytest.mark.parametrize("name", ["commands", "estimate"])
 def test_panels_of_a_vehicle_fit_the_sheet(name, width, simulate, drawn):
@@ -181,7 +181,7 @@ def assert_apart(boxes):
             assert overlap is None or min(overlap.width, overlap.height) < 9, (text, other)
 
 
-@pytest.mark.slow("draws every figure twice, in processes of their own")
+@pytest.mark.ci("draws every figure twice, in processes of their own")
 def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
     formats = {name: FORMATS if name == "paper" else ("svg",) for name in NAMES}
     code = (
@@ -209,7 +209,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             assert one.read_bytes() == two.read_bytes(), (name, format)
 
 
-@mostly_slow("name", NAMES, ["path"], AGAIN.args[0])
+@mostly_ci("name", NAMES, ["path"], AGAIN.args[0])
 @unarranged
 def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
     expected = encode(figures.get(name)().draw([opened(so3)]), "png")
@@ -218,7 +218,7 @@ def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
         assert matplotlib.rcParams["font.size"] == 20
 
 
-@pytest.mark.slow("writes every format")
+@pytest.mark.ci("writes every format")
 @unarranged
 def test_every_format_is_drawn_once(so3, opened, monkeypatch):
     drawing, own, drawn = figures.get("paper")().draw([opened(so3)]), Figure.draw, []
@@ -316,7 +316,7 @@ def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     )
 
 
-@mostly_slow("name", NAMES, ["path"], AGAIN.args[0])
+@mostly_ci("name", NAMES, ["path"], AGAIN.args[0])
 @unarranged
 def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opened):
     results = opened(so3)

@@ -127,7 +127,7 @@ def test_a_difference_says_where(new, sentence):
     assert sentence in beyond(new, [curve([1, 2])])[0]
 
 
-@pytest.mark.slow("computes and draws another result")
+@pytest.mark.ci("computes and draws another result")
 def test_a_gain_that_is_1_percent_larger_differs(simulate, so3, opened, tmp_path, capsys):
     render([opened(so3)], "paper", tmp_path / "kept", ["json"])
     other = simulate(gains={"kp": 1.01, "kd": 0.5})

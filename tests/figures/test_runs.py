@@ -35,7 +35,7 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     assert names == ["first 2 runs", "median over runs"]
 
 
-@pytest.mark.slow("draws many panels")
+@pytest.mark.ci("draws many panels")
 @unarranged
 def test_the_common_scale_holds_every_run(so3, altered, opened):
     values = opened(so3)["velocity_error"]
@@ -50,7 +50,7 @@ def test_the_common_scale_holds_every_run(so3, altered, opened):
     assert high > values.max()
 
 
-@pytest.mark.slow("computes runs that span decades")
+@pytest.mark.ci("computes runs that span decades")
 def test_errors_that_span_a_decade_have_a_logarithmic_scale(so3, altered, opened):
     falling = np.broadcast_to(np.geomspace(1, 0.01, 41), opened(so3)["pose_error"].shape)
     for factor, scale in ((falling, "log"), (0.5 + 0.5 * falling, "linear")):

@@ -39,7 +39,7 @@ def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
         assert image.info["Description"].endswith(str(opened(so3).attributes["digest"]))
 
 
-@pytest.mark.slow("writes every format")
+@pytest.mark.ci("writes every format")
 def test_a_slide_is_13_inches_wide_but_as_pdf(so3, opened, tmp_path):
     files = render([opened(so3)], "paper", tmp_path, ["png", "svg", "pdf"], "slide", caption=True)
     with Image.open(files[0]) as image:

@@ -77,7 +77,7 @@ def test_variants_of_a_tuned_law_have_its_colour_and_their_own_dashes(so3, opene
 LAWS = [{"kind": "family", "label": label} for label in "abcdefgh"]
 
 
-@pytest.mark.slow("draws seven laws twice")
+@pytest.mark.ci("draws seven laws twice")
 def test_beyond_six_laws_the_others_are_grey_unless_in_focus(simulate, opened):
     result = opened(simulate(controllers=LAWS, ensemble={"runs": 1, "seed": 1}))
 

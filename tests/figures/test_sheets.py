@@ -33,7 +33,7 @@ CASES = [
 """All but those of searches, which take minutes, and one that is refused."""
 
 
-@pytest.mark.slow("draws every figure in each width")
+@pytest.mark.ci("draws every figure in each width")
 @pytest.mark.parametrize(("width", "theme"), LOOKS.values(), ids=LOOKS)
 @pytest.mark.parametrize("name", CASES)
 def test_no_figure_has_a_flaw(name, width, theme, made_once):

@@ -5,9 +5,9 @@ import itertools
 import matplotlib
 import matplotlib.style
 import pytest
+from ci_cases import mostly_ci
 from matplotlib.colors import to_rgb
 from said import error_of
-from slow_cases import mostly_slow
 
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import encode, render
@@ -172,7 +172,7 @@ def test_a_style_holds_for_the_file_too(style, so3, opened):
     assert b"EqT</text>" in svg
 
 
-@pytest.mark.slow("draws every format twice")
+@pytest.mark.ci("draws every format twice")
 @unarranged
 def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
     mine = style("font.size: 9", "axes.grid: False").sheets
@@ -196,7 +196,7 @@ OTHERS = [
 ][::4]
 
 
-@mostly_slow("name", [*DISTINCT, *OTHERS], DISTINCT[:1], "draws other figures")
+@mostly_ci("name", [*DISTINCT, *OTHERS], DISTINCT[:1], "draws other figures")
 def test_figures_can_be_drawn_in_every_style_of_matplotlib(name, so3, opened, caplog):
     style = Style((name,))
     drawing = figures.get("paper")().draw([opened(so3)], style=style)

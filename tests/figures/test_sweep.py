@@ -408,7 +408,7 @@ def settled_by(results, time):
     return (results["settling_time"] <= time).sum(axis=-1)
 
 
-@pytest.mark.slow("computes a sweep of its own")
+@pytest.mark.ci("computes a sweep of its own")
 def test_curves_of_shares_have_their_intervals(swept, picture):
     results = swept(LAGS, **FLIES)
     (panel,) = picture(Settled(), results).axes
@@ -424,7 +424,7 @@ def test_curves_of_shares_have_their_intervals(swept, picture):
         )
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_a_share_may_be_that_of_an_earlier_time(swept, picture):
     results = swept(LAGS, **FLIES)
     (panel,) = picture(Settled(by=2.0), results).axes
@@ -501,7 +501,7 @@ def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
     assert [axes.xaxis.label.get_visible() for axes in panels] == [False, True, True]
 
 
-@pytest.mark.slow("solves SDPs")
+@pytest.mark.ci("solves SDPs")
 def test_shares_may_stand_beside_what_is_proved(simulate, opened, monkeypatch):
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     monkeypatch.setattr(certified, "proved", lambda *_: (1, True))  # which takes seconds

@@ -33,7 +33,7 @@ def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, 
     ("group", "share"),
     [
         ("so3", "total"),
-        pytest.param("se3", "feedback", marks=pytest.mark.slow("draws six panels twice")),
+        pytest.param("se3", "feedback", marks=pytest.mark.ci("draws six panels twice")),
     ],
 )
 def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, request, opened):
@@ -161,7 +161,7 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, pi
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 
 
-@pytest.mark.slow("arranges a figure for each number")
+@pytest.mark.ci("arranges a figure for each number")
 @pytest.mark.parametrize("width", WIDTHS)
 def test_any_number_of_controllers_shares_the_panels(width, simulate, opened, picture):
     path = simulate(

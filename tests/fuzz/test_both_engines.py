@@ -39,7 +39,7 @@ def test_a_difference_beyond_the_estimates_is_told():
     assert beside(error_estimate=np.ones(1), velocity=np.ones((1, 1, 3))) == ("no digits", None)
 
 
-@pytest.mark.slow("runs mutants, and compiles their laws")
+@pytest.mark.ci("runs mutants, and compiles their laws")
 def test_mutants_differ_within_their_estimates():
     if missing := Native.unavailable():
         pytest.skip(missing)

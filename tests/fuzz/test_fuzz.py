@@ -39,7 +39,7 @@ def bases(tmp_path_factory):
     return found
 
 
-@pytest.mark.slow("tries hundreds of commands")
+@pytest.mark.ci("tries hundreds of commands")
 @pytest.mark.parametrize("share", range(SHARES if FULL else 1))
 @pytest.mark.parametrize("kind", CASES)
 def test_each_ends_as_one_message(bases, tmp_path, kind, share):

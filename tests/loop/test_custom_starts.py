@@ -14,7 +14,7 @@ from eqt_cli.runs.batches import batches
 LATER = np.array([0.0, 0.7, 1.9])
 
 
-ALIKE = pytest.mark.slow("the loops of such a file differ from another's in their numbers only")
+ALIKE = pytest.mark.ci("the loops of such a file differ from another's in their numbers only")
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ def test_energy_balance_off_the_plane():
     "name",
     [
         pytest.param(
-            name, marks=[pytest.mark.slow("a minute of flight")] * (name not in ("eqt", "nog"))
+            name, marks=[pytest.mark.ci("a minute of flight")] * (name not in ("eqt", "nog"))
         )
         for name in controllers.names()
         # Else it is code, and no formula, or is designed from a loop.

@@ -300,7 +300,7 @@ def test_bits_are_those_of_one_lane_and_of_eight(functions, tmp_path):
     assert_same_bits(functions, tmp_path, [(compiler, 1, "-O0"), (compiler, 8, "-O1")])
 
 
-@pytest.mark.slow("compiles the functions 17 times")
+@pytest.mark.ci("compiles the functions 17 times")
 def test_bits_are_those_of_any_lanes_compiler_and_optimisation(functions, tmp_path):
     variants = itertools.product(compilers(), (1, 2, 4, 8), ("-O0", "-O2"))
     assert_same_bits(functions, tmp_path, variants)

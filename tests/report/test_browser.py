@@ -12,7 +12,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
-pytestmark = pytest.mark.slow("a browser draws the pages")
+pytestmark = pytest.mark.ci("a browser draws the pages")
 
 
 @pytest.fixture(scope="module")

@@ -52,7 +52,7 @@ def test_label_says_what_is_drawn(svg):
     assert 'role="img" aria-label="what it shows"' in svg
 
 
-@pytest.mark.slow("draws every figure of a page, which the tests of pages do too")
+@pytest.mark.ci("draws every figure of a page, which the tests of pages do too")
 @pytest.mark.usefixtures("unarranged")
 def test_figures_of_a_result(paper_result):
     with open_at(paper_result) as results:

@@ -57,7 +57,7 @@ def test_identifiers_are_unique_and_links_lead_somewhere(page):
     assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
 
 
-@pytest.mark.slow("draws all figures")
+@pytest.mark.ci("draws all figures")
 def test_page_of_the_paper_stays_below_3_megabytes(page_of, paper_result):
     text = page_of(paper_result).read_text(encoding="utf-8")
     # The picker's curves grow with the runs, up to 1.4 MB; of the rest, a row per run of the table,
@@ -66,7 +66,7 @@ def test_page_of_the_paper_stays_below_3_megabytes(page_of, paper_result):
     assert len(text.encode()) - curves + 1_400_000 + 4 * 140 * 100 < 3_000_000
 
 
-@pytest.mark.slow("draws all figures, twice")
+@pytest.mark.ci("draws all figures, twice")
 @pytest.mark.usefixtures("unarranged")
 def test_equal_results_give_equal_pages(paper_result):
     with open_at(paper_result) as results:
@@ -154,7 +154,7 @@ def test_texts_of_a_stranger_stay_texts(make_result):
     assert page.sources == []
 
 
-@pytest.mark.slow("verifies a result for one figure")
+@pytest.mark.ci("verifies a result for one figure")
 @pytest.mark.usefixtures("unarranged")
 def test_command_writes_the_page(invoke, paper_result, tmp_path):
     done = invoke("report", paper_result, "--out", tmp_path / "page.html", "--figure", "torque")
@@ -205,7 +205,7 @@ def test_results_without_trajectories_have_a_page_which_says_why_they_are_not_ve
     assert "needs the trajectories of" in text
 
 
-@pytest.mark.slow("computes a result twice, and draws its page")
+@pytest.mark.ci("computes a result twice, and draws its page")
 @pytest.mark.usefixtures("unarranged")
 def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
     config = Path(__file__).parents[2] / "configs" / "paper.yaml"

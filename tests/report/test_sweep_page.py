@@ -26,7 +26,7 @@ def text(page_of, swept_result):
     return page_of(swept_result).read_text(encoding="utf-8")
 
 
-@pytest.mark.slow("draws the page of a sweep")
+@pytest.mark.ci("draws the page of a sweep")
 def test_the_lead_says_what_was_swept(text):
     assert (
         "6 points over gains.kp and gains.kd, each with 5 runs of 4 s for each of 4 laws; "
@@ -96,13 +96,13 @@ def test_the_best_point_has_the_least_mean_and_the_worst_the_largest(results):
     assert block.rows == expected
 
 
-@pytest.mark.slow("draws the page of a sweep")
+@pytest.mark.ci("draws the page of a sweep")
 def test_its_figures_are_those_of_sweeps(text):
     assert text.count("<figure id=") == 4
     assert 'id="picker"' not in text and 'id="claims"' not in text and "All points" in text
 
 
-@pytest.mark.slow("computes a sweep of eight points, and draws its page")
+@pytest.mark.ci("computes a sweep of eight points, and draws its page")
 @pytest.mark.usefixtures("unarranged")
 def test_three_keys_leave_out_the_maps(invoke, tmp_path):
     grids = [
@@ -127,19 +127,19 @@ def test_three_keys_leave_out_the_maps(invoke, tmp_path):
     assert "8 points over gains.kp, gains.kd and ensemble.seed, each with 2 runs" in text
 
 
-@pytest.mark.slow("draws all figures, twice")
+@pytest.mark.ci("draws all figures, twice")
 @pytest.mark.usefixtures("unarranged")
 def test_equal_sweeps_give_equal_pages(results):
     assert report(results) == report(results)
 
 
-@pytest.mark.slow("draws the page of a sweep")
+@pytest.mark.ci("draws the page of a sweep")
 def test_the_page_holds_valid_data(text):
     table = json.loads(re.search(r'id="data-runs"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
     assert table["item"] == "point"
 
 
-@pytest.mark.slow("draws the page of a sweep")
+@pytest.mark.ci("draws the page of a sweep")
 def test_a_sweep_is_verified_too(text):
     assert "could not be verified" not in text
 

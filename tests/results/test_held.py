@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from case_tables import slow
+from case_tables import in_ci
 from small_experiment import mapping
 
 from eqt_cli import api
@@ -52,7 +52,7 @@ def at_ticks(result: Result, name: str) -> Array:
 
 @pytest.mark.parametrize(
     ("samples", "engine"),
-    [(21, "solve_ivp"), slow("compiles", 41, "native"), slow("as the first", 41, "solve_ivp")],
+    [(21, "solve_ivp"), in_ci("compiles", 41, "native"), in_ci("as the first", 41, "solve_ivp")],
 )
 def test_integrals_are_sums_over_ticks(tmp_path: Path, samples: int, engine: str) -> None:
     with run(tmp_path, samples, [LIMIT], engine) as result:

@@ -22,7 +22,7 @@ def opened(invoke, folder, *options, **keys):
 
 
 @pytest.mark.parametrize(
-    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles a law"))]
+    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.ci("compiles a law"))]
 )
 def test_distance_of_positions_and_turn_about_the_vertical(invoke, tmp_path, engine):
     reference = '{torque: ["cos(t)", "0", "0", "0", "sin(t)", "0"]}'
@@ -57,9 +57,9 @@ def test_a_heading_is_kept_under_a_tilt_and_0_upside_down():
 @pytest.mark.parametrize(
     ("group", "found"),
     [
-        pytest.param("SO3", 0, marks=pytest.mark.slow("as SE23, which has positions")),
+        pytest.param("SO3", 0, marks=pytest.mark.ci("as SE23, which has positions")),
         ("SE23", 0),
-        pytest.param("SE2", 5, marks=pytest.mark.slow("has them, as SE3")),
+        pytest.param("SE2", 5, marks=pytest.mark.ci("has them, as SE3")),
     ],
 )
 def test_groups_with_other_parts_have_no_such_error(invoke, tmp_path, group, found):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from small_experiment import mapping
 
 from eqt_cli import api
@@ -64,10 +64,12 @@ def statuses(folder: Path, duration: float, samples: int = 51, **changes: Any) -
     ("duration", "changes"),
     [
         (10.0, {"initial": {"pose": HALF_TURN, "velocity": AT_REST}}),
-        slow("as the first", 10.0, {"initial": {"pose": HALF_TURN}, "controllers": ["quaternion"]}),
-        slow("tightly solved", 20.0, {"reference": SPIN}),
-        slow("as a cascade", 6.0, QUADROTOR | {"initial": upside_down(0)}),
-        slow("as a cascade", 6.0, QUADROTOR | {"initial": upside_down(0.5)}),
+        in_ci(
+            "as the first", 10.0, {"initial": {"pose": HALF_TURN}, "controllers": ["quaternion"]}
+        ),
+        in_ci("tightly solved", 20.0, {"reference": SPIN}),
+        in_ci("as a cascade", 6.0, QUADROTOR | {"initial": upside_down(0)}),
+        in_ci("as a cascade", 6.0, QUADROTOR | {"initial": upside_down(0.5)}),
     ],
     ids=["half-turn", "jump at a half-turn", "middle axis", "hangs", "moves up inverted"],
 )
@@ -94,10 +96,10 @@ def test_such_a_run_counts_neither_way_and_no_tolerance_is_advised(
 @pytest.mark.parametrize(
     ("duration", "changes"),
     [
-        slow("moves", 10.0, {"initial": {"pose": HALF_TURN, "velocity": MOVING}}),
+        in_ci("moves", 10.0, {"initial": {"pose": HALF_TURN, "velocity": MOVING}}),
         (10.0, {"initial": {"pose": HALF_TURN | {"angle": 0}, "velocity": AT_REST}}),
-        slow("a push", 10.0, {"plant": {"forces": [{"kind": "constant", "force": [0.1, 0, 0]}]}}),
-        slow("a spin", 20.0, {"reference": SPIN | {"velocity": [0, 0, 3]}}),
+        in_ci("a push", 10.0, {"plant": {"forces": [{"kind": "constant", "force": [0.1, 0, 0]}]}}),
+        in_ci("a spin", 20.0, {"reference": SPIN | {"velocity": [0, 0, 3]}}),
     ],
     ids=["moves through it", "at the reference", "is pushed", "greatest axis"],
 )

@@ -28,7 +28,7 @@ def test_memory(run, monkeypatch):
     )
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_disk(run, monkeypatch):
     monkeypatch.setattr(preflight, "_free_disk", lambda folder: 64 * 10**9)
     text = refusal(run, "ensemble.runs=100000000")

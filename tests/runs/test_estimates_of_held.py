@@ -40,7 +40,7 @@ LOOPS = [
 
 
 FAST = (1, 10, 34)
-MORE = pytest.mark.slow("three of them are fast")
+MORE = pytest.mark.ci("three of them are fast")
 
 
 def table_of(study):

@@ -12,7 +12,7 @@ from functools import partial
 import h5py
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from faults_harness import assert_equal, assert_same, contents
 from plugin_sources import component
 from said import error_of, said_of
@@ -219,7 +219,7 @@ def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
 
 
 @pytest.mark.parametrize(
-    "damage", ["foreign", slow("as the first", "truncated"), slow("as the first", "reference")]
+    "damage", ["foreign", in_ci("as the first", "truncated"), in_ci("as the first", "reference")]
 )
 def test_what_is_damaged_is_computed_again(make, whole, tmp_path, damage, begun):
     part = begun / ("parts/reference.h5" if damage == "reference" else "parts/000001.h5")
@@ -233,7 +233,7 @@ def test_what_is_damaged_is_computed_again(make, whole, tmp_path, damage, begun)
     assert_equal(begun, whole)
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path, monkeypatch):
     out = tmp_path / "out"
 
@@ -287,7 +287,7 @@ def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, remarks
     assert_equal(begun, whole)
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_every_session_is_remembered_once(make, tmp_path, remarks):
     out = tmp_path / "out"
     for version in ("1.0", "1.1", "1.0", np.__version__):
@@ -311,14 +311,14 @@ def test_versions_of_what_is_not_there_any_more_do_not_matter(make, remarks, beg
     assert "other_sessions" not in origin_of(begun)
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_what_affects_no_number_is_not_told(make, remarks, begun):
     pretend(begun, h5py="1.0", cpu_count=1000, command="eqt else")
     execute(make(), begun)
     assert remarks == []
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
     execute(make(), out, executor=Losing({1}))
@@ -330,7 +330,7 @@ def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks)
     assert [session["numpy"] for session in origin["other_sessions"]] == [np.__version__]
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
     execute(make(), out, shard=Shard(1, 2))
@@ -366,7 +366,7 @@ def unnamed(rows, names):
     return rows, None
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_numbers_of_a_part_are_read_by_name(make, whole, remarks, begun):
     edit(begun / "parts/000001.h5", exchanged)
     assert execute(make(), begun).resumed == 6
@@ -425,7 +425,7 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
         assert np.isnan(results["effort"][1, :3]).all()
 
 
-@pytest.mark.slow("computes an experiment twice")
+@pytest.mark.ci("computes an experiment twice")
 @pytest.mark.parametrize(
     ("name", "text"),
     [("sweep", CONFIG + SWEEP), ("flight", CONFIG + FLIGHT)],
@@ -445,7 +445,7 @@ def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, finished, tmp_path, na
     assert execute(make(text), out, rerun_failed=True).was_complete
 
 
-@pytest.mark.slow("computes every run twice, and once more by itself")
+@pytest.mark.ci("computes every run twice, and once more by itself")
 def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
     """With a limit of steps that a block of three exceeds by its stricter tolerance only."""
     out = tmp_path / "out"
@@ -462,7 +462,7 @@ def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
     np.testing.assert_allclose(before["effort"], after["effort"], rtol=1e-4)
 
 
-@pytest.mark.slow("compiles two laws")
+@pytest.mark.ci("compiles two laws")
 def test_a_run_with_noise_is_the_same_alone_if_compiled(make, tmp_path):
     """Neither its neighbours in a batch nor the law that waits for all of them changes it."""
     out = tmp_path / "out"
@@ -531,7 +531,7 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
         pass
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 @POSIX
 @pytest.mark.parametrize(("code", "shard"), [(errno.ENOLCK, None), (errno.ENOTSUP, Shard(1, 1))])
 def test_a_disk_that_refuses_locks_is_told_of_once(
@@ -553,7 +553,7 @@ def test_a_disk_that_refuses_locks_is_told_of_once(
 # The state of an unfinished folder.
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_status_counts_from_the_listing_alone(make, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out, after=4)
@@ -569,7 +569,7 @@ def test_status_counts_from_the_listing_alone(make, tmp_path):
 # Sweeps.
 
 
-@pytest.mark.slow("computes every point of a sweep twice")
+@pytest.mark.ci("computes every point of a sweep twice")
 def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path):
     """One point after the other, with blocks that hold runs of one point only, bit for bit."""
     text = CONFIG.replace("block: 3", "block: 7")
@@ -589,7 +589,7 @@ def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path
         np.testing.assert_array_equal(swept["initial_pose"], alone["initial_pose"])
 
 
-@pytest.mark.slow("computes a sweep")
+@pytest.mark.ci("computes a sweep")
 def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_path):
     execute(make(CONFIG, "gains.kp=4"), tmp_path / "alone")
     swept, alone = contents(finished("sweep")), contents(tmp_path / "alone")
@@ -597,7 +597,7 @@ def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_pa
     np.testing.assert_allclose(swept["pose"][4], alone["pose"], atol=1e-5)
 
 
-@pytest.mark.slow("computes a sweep")
+@pytest.mark.ci("computes a sweep")
 def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     execute(make(grids=["ensemble.seed=1,2"]), tmp_path / "sweep")
     execute(make(CONFIG, "ensemble.seed=2"), tmp_path / "alone")
@@ -660,7 +660,7 @@ remembering(eqt_cli.components.laws.EqT):
 """)
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 @pytest.mark.parametrize(
     ("laws", "text"),
     [

@@ -91,7 +91,7 @@ def test_a_lost_worker_costs_its_item_only_which_is_tried_again(task, tmp_path):
     assert len(list((tmp_path / "done").glob("1-*"))) == 1
 
 
-@pytest.mark.slow("starts processes")
+@pytest.mark.ci("starts processes")
 @POSIX
 def test_an_item_that_loses_its_worker_again_and_again_is_given_up(task, tmp_path, told):
     with step("runs", 40):
@@ -172,7 +172,7 @@ def test_a_worker_that_starts_ignores_ctrl_c(task, tmp_path, monkeypatch, capfd)
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.slow("starts processes")
+@pytest.mark.ci("starts processes")
 @POSIX
 def test_workers_that_nobody_has_ended_end_with_python(task):
     """As after an interruption of the very moment in which they are ended."""
@@ -188,7 +188,7 @@ def test_workers_that_nobody_has_ended_end_with_python(task):
 
 @POSIX
 @pytest.mark.parametrize(
-    "threads", [False, pytest.param(True, marks=pytest.mark.slow("starts processes"))]
+    "threads", [False, pytest.param(True, marks=pytest.mark.ci("starts processes"))]
 )
 def test_auto_takes_processes_only_where_they_are_worth_it(threads, task, tmp_path, monkeypatch):
     def processes():

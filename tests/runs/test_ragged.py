@@ -69,7 +69,7 @@ SWEEPS = {"groups": GROUPS, "times": TIMES}
 
 @pytest.fixture(
     scope="module",
-    params=["groups", pytest.param("times", marks=pytest.mark.slow("computes another sweep"))],
+    params=["groups", pytest.param("times", marks=pytest.mark.ci("computes another sweep"))],
 )
 def finished(request, made_once):
     """The folder of a sweep that was not disturbed, to be read only; and the sweep."""
@@ -108,7 +108,7 @@ def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
         assert results.attributes["cross_check_runs"] == 2
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
     """Blocks of five hold the runs of one point only, so that even the last bits agree."""
     found = make(finished[1])
@@ -130,7 +130,7 @@ def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
                     np.testing.assert_array_equal(results[name][point], alone[name])
 
 
-@pytest.mark.slow("computes a sweep anew")
+@pytest.mark.ci("computes a sweep anew")
 def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
     out = tmp_path / "out"
     first = execute(make(text), out, executor=Losing(1))
@@ -148,7 +148,7 @@ def test_a_result_runs_again_from_its_own_config(make, finished):
     assert study(read_config(folder / "results.h5")).digest == make(text).digest
 
 
-@pytest.mark.slow("as test_execute.py has it of one experiment")
+@pytest.mark.ci("as test_execute.py has it of one experiment")
 @only(["times"])
 def test_metrics_only(make, text, tmp_path):
     execute(make(text, "store.trajectories=none"), tmp_path / "out")
@@ -159,7 +159,7 @@ def test_metrics_only(make, text, tmp_path):
         np.testing.assert_array_equal(group["effort"], results["effort"][1])
 
 
-@pytest.mark.slow("computes a sweep anew")
+@pytest.mark.ci("computes a sweep anew")
 def test_xarray_opens_root_and_groups(finished):
     xarray = pytest.importorskip("xarray")
     file = finished[0] / "results.h5"
@@ -184,7 +184,7 @@ def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):
         assert not any(isinstance(entry, h5py.Group) for entry in file.values())
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_one_point_of_a_sweep_without_groups(make, tmp_path):
     execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
     execute(make("", "gains.kp=2"), tmp_path / "alone")
@@ -275,7 +275,7 @@ def test_more_groups_than_a_file_should_have(make, tmp_path):
 # The laws among the points.
 
 
-@pytest.mark.slow("computes a sweep anew")
+@pytest.mark.ci("computes a sweep anew")
 def test_points_that_are_registered_laws(make, tmp_path):
     text = """\
 sweep:

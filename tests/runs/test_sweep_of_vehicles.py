@@ -37,7 +37,7 @@ def swept(tmp_path_factory):
     return api.run(api.load_experiment(CONFIG | SWEEP), folder / "sweep").path
 
 
-@pytest.mark.slow("computes each point by itself")
+@pytest.mark.ci("computes each point by itself")
 @pytest.mark.parametrize("point", range(len(POINTS)))
 def test_a_point_is_the_experiment_by_itself(swept, point, tmp_path):
     alone = api.run(api.load_experiment(CONFIG | POINTS[point]), tmp_path / "alone").path

@@ -1,4 +1,4 @@
-"""Cases of tests: as a text that reads like a file, slow ones, and what an error says."""
+"""Cases of tests: as a text that reads like a file, those of CI, and what an error says."""
 
 import pytest
 
@@ -22,9 +22,9 @@ def cases(text):
     return [("\n".join(written), " ".join(said)) for written, said in pairs]
 
 
-def slow(why, *values, unless=False, **more):
-    """A case of a test that is marked as slow, unless something holds of it."""
-    return pytest.param(*values, marks=[] if unless else [pytest.mark.slow(why)], **more)
+def in_ci(why, *values, unless=False, **more):
+    """A case of a test that only CI tries, unless something holds of it."""
+    return pytest.param(*values, marks=[] if unless else [pytest.mark.ci(why)], **more)
 
 
 def refusal(error, function, *arguments, **named):

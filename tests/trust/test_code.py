@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 from eqt_cli.runs import lock
 from eqt_cli.runs.lock import commit_of
@@ -118,7 +118,7 @@ FAST = ("run", "verify")
 """The others share their code, but for what they print and draw."""
 
 
-@mostly_slow("name", COMMANDS, FAST, "one of many commands")
+@mostly_ci("name", COMMANDS, FAST, "one of many commands")
 def test_no_command_starts_a_program(sent, witness, eqt, name):
     (sent / "t.yaml").write_text((sent / "c.yaml").read_text() + TUNE, encoding="utf-8")
     eqt("run", "c.yaml", "--out", "own", "--quiet")
@@ -137,7 +137,7 @@ def test_git_starts_nothing_of_a_repository(sent, witness):
     assert not witness.exists()
 
 
-@pytest.mark.slow("starts four processes of Python, each of which loads the libraries")
+@pytest.mark.ci("starts four processes of Python, each of which loads the libraries")
 def test_processes_load_nothing_of_the_current_folder(sent, witness, tmp_path):
     """Python looks there first for the modules of its library, in a process that it starts."""
     text = "import os\nopen(os.environ['WITNESS'], 'a').write('module ')\n"
@@ -153,7 +153,7 @@ def test_processes_load_nothing_of_the_current_folder(sent, witness, tmp_path):
     assert not witness.exists()
 
 
-@pytest.mark.slow("starts a process that loads Matplotlib")
+@pytest.mark.ci("starts a process that loads Matplotlib")
 def test_matplotlib_reads_nothing_of_the_current_folder(sent):
     """It would wait for ever for this pipe."""
     if not hasattr(os, "mkfifo"):
@@ -376,7 +376,7 @@ DRAW = {"animate", "report", "plot"}
     "names",
     [
         pytest.param(RESULT_COMMANDS.keys() - DRAW, id="without figures"),
-        pytest.param(DRAW, id="figures", marks=pytest.mark.slow("draws figures")),
+        pytest.param(DRAW, id="figures", marks=pytest.mark.ci("draws figures")),
     ],
 )
 def test_no_command_executes_the_plugins_of_a_result(shards, witness, eqt, forget_plugins, names):
@@ -404,7 +404,7 @@ OWN_COMMANDS = {
 }
 
 
-@pytest.mark.slow("calls every command with a plugin")
+@pytest.mark.ci("calls every command with a plugin")
 @pytest.mark.parametrize("name", OWN_COMMANDS)
 def test_the_plugins_of_a_configuration_are_the_users_own(
     shards, witness, eqt, forget_plugins, name

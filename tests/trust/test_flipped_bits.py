@@ -67,7 +67,7 @@ def flipped(path, bit):
 
 @pytest.mark.parametrize(
     "count",
-    [FEW, pytest.param(MANY, marks=pytest.mark.slow("each flip of a part runs the experiment"))],
+    [FEW, pytest.param(MANY, marks=pytest.mark.ci("each flip of a part runs the experiment"))],
 )
 @pytest.mark.parametrize("state", [WHOLE, BEGUN])
 def test_no_flipped_bit_becomes_another_number(made, tmp_path, state, count):

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 from small_experiment import configuration
 from typer.main import get_command
 
@@ -325,7 +325,7 @@ FAST = ("config new", "plot")
 """One that writes a file, and one that writes several; the others go through links, too."""
 
 
-@mostly_slow("command", COMMANDS, FAST, "tries every name")
+@mostly_ci("command", COMMANDS, FAST, "tries every name")
 def test_links_are_refused(made, lay, canary, command, record_property):
     """A link at every name that eqt writes, under every command that writes.
 

@@ -46,7 +46,7 @@ def full_when(monkeypatch, name):
     monkeypatch.setattr(io, "FileIO", Full)
 
 
-@pytest.mark.slow("computes an experiment on a full disk")
+@pytest.mark.ci("computes an experiment on a full disk")
 def test_parts_and_result_are_counted_together(begun, monkeypatch):
     """What is estimated is less than what was written, and no less than half of it."""
     found, out = begun
@@ -70,7 +70,7 @@ def test_parts_that_are_there_are_not_counted_again(begun, monkeypatch):
     assert execute(found, out).packed
 
 
-@pytest.mark.slow("computes an experiment on a full disk")
+@pytest.mark.ci("computes an experiment on a full disk")
 @pytest.mark.parametrize(
     ("name", "command"), [("results.h5", execute), ("manifest.json", pack_folder)]
 )
@@ -96,7 +96,7 @@ def test_what_cannot_be_packed_is_kept(begun, monkeypatch, name, command):
     assert Path("other disk/results.h5").exists()
 
 
-@pytest.mark.slow("computes an experiment on a full disk")
+@pytest.mark.ci("computes an experiment on a full disk")
 def test_a_part_that_does_not_fit_tells_what_is_kept(begun, monkeypatch):
     found, out = begun
     (out / "parts/000002.h5").unlink()

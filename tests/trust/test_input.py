@@ -171,7 +171,7 @@ def test_times_of_waypoints_have_bounds(sent, refused, times):
     )
 
 
-@pytest.mark.slow("computes what is at the bounds")
+@pytest.mark.ci("computes what is at the bounds")
 def test_times_at_the_bounds_are_taken(sent, eqt):
     rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,2\n1,0,0,1\n1e9,0,0,0\n"
     Path("w.csv").write_text("t,wx [rad],wy [rad],wz [rad]\n" + rows, encoding="utf-8")
@@ -250,7 +250,7 @@ RECORDS = [
 ]
 
 
-@pytest.mark.slow("computes what is at the bounds")
+@pytest.mark.ci("computes what is at the bounds")
 def test_a_search_of_another_shape_is_none(sent, eqt):
     eqt("run", "c.yaml", "--out", "own", "--quiet")
     expected = eqt("compare", "own").out
@@ -261,7 +261,7 @@ def test_a_search_of_another_shape_is_none(sent, eqt):
         assert (done.code, done.out) == (0, expected), record
 
 
-@pytest.mark.slow("starts processes")
+@pytest.mark.ci("starts processes")
 def test_a_date_of_builds_that_is_none(sent, eqt, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "garbage")
     done = eqt("plot", "c.yaml", "--format", "pdf", "--out", "f")

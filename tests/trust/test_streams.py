@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from slow_cases import mostly_slow
+from ci_cases import mostly_ci
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="streams as a POSIX shell has them")
 
@@ -48,7 +48,7 @@ ENDS = {
 
 
 @FULL
-@mostly_slow("case", ENDS, ["a document on a full stdout"], "starts a process for each")
+@mostly_ci("case", ENDS, ["a document on a full stdout"], "starts a process for each")
 def test_closed_and_full_streams(sent, case):
     words, redirection, code, told = ENDS[case]
     found, _, error = shell(words, redirection)
@@ -68,7 +68,7 @@ RUNS = {
 
 
 @FULL
-@pytest.mark.slow("starts a process for each case, which simulates")
+@pytest.mark.ci("starts a process for each case, which simulates")
 @pytest.mark.parametrize("case", RUNS)
 def test_a_run_that_is_done_says_0(sent, case):
     redirection, told = RUNS[case]
@@ -101,7 +101,7 @@ ENCODINGS = {
 }
 
 
-@pytest.mark.slow("starts two processes for each encoding")
+@pytest.mark.ci("starts two processes for each encoding")
 @pytest.mark.parametrize("case", ENCODINGS)
 def test_characters_that_cannot_be_written_are_replaced(sent, case):
     text = (sent / "c.yaml").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 
 import eqt_cli
 from eqt_cli.components import cascade
@@ -60,7 +60,7 @@ def test_c_that_was_typed_is_the_cascade_without_rates(rates, remark, judged):
     assert judged(flying(rates=rates)) == remark
 
 
-@pytest.mark.slow("compiles the C that eqt exports, and flies it")
+@pytest.mark.ci("compiles the C that eqt exports, and flies it")
 @pytest.mark.parametrize("period", [{}, {"period": 0.03}])
 def test_exported_c_is_the_cascade(judged, period):
     law = LAW | {"position": LAW["position"] | period}
@@ -125,7 +125,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(
-    "fault", [slow("with another it is fast", fault, unless=fault == "rates") for fault in FAULTS]
+    "fault", [in_ci("with another it is fast", fault, unless=fault == "rates") for fault in FAULTS]
 )
 def test_what_is_missing_is_named(question, fault):
     changes, words = FAULTS[fault]
@@ -133,7 +133,7 @@ def test_what_is_missing_is_named(question, fault):
     assert explained_cascade(question, wrench_of(question, controller=law), "double") == words
 
 
-@pytest.mark.slow("one of several faults")
+@pytest.mark.ci("one of several faults")
 def test_a_wrong_mass_is_named(question):
     wrench = wrench_of(question, inertia=with_mass(question.loop.inertia, 0.7))
     assert explained_cascade(question, wrench, "double") == (
@@ -150,7 +150,7 @@ def test_a_wrong_mass_is_named(question):
     )
 
 
-@pytest.mark.slow("one of several faults")
+@pytest.mark.ci("one of several faults")
 def test_a_missing_acceleration_is_named(question, monkeypatch):
     of = cascade.attitude
     monkeypatch.setattr(

@@ -15,13 +15,13 @@ from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained
 from eqt_cli.loop.closed_loop import ClosedLoop
 
-OTHER = pytest.mark.slow("SE(3) has what they have")
+OTHER = pytest.mark.ci("SE(3) has what they have")
 
 
 def one_fast(first, *others):
     """A law, and others that are explained by the same parts."""
-    slow = pytest.mark.slow("another law is tried fast")
-    return pytest.mark.parametrize("law", [first, *(pytest.param(x, marks=slow) for x in others)])
+    in_ci = pytest.mark.ci("another law is tried fast")
+    return pytest.mark.parametrize("law", [first, *(pytest.param(x, marks=in_ci) for x in others)])
 
 
 @pytest.fixture(params=["SE3", *(pytest.param(name, marks=OTHER) for name in ("SO3", "SE2"))])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from exported_laws import FLAGS, compilers
 
 import eqt_cli
@@ -15,7 +15,7 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
 
 
-@pytest.mark.slow("compiles two closed loops for each law")
+@pytest.mark.ci("compiles two closed loops for each law")
 @pytest.mark.parametrize("law", ["eqt", "goodarzi2013"])
 def test_a_run_with_the_exported_c_has_the_bits_of_the_law(law, faulty, tmp_path):
     """Double, sampled, by native: with errors of measurement and a delay, too."""
@@ -35,13 +35,13 @@ def test_a_run_with_the_exported_c_has_the_bits_of_the_law(law, faulty, tmp_path
 
 @pytest.mark.parametrize(
     "law",
-    [slow("eqt is fast", law, unless=law == "eqt") for law in ("lee2010", "eqt", "goodarzi2013")],
+    [in_ci("eqt is fast", law, unless=law == "eqt") for law in ("lee2010", "eqt", "goodarzi2013")],
 )
 def test_exported_c_is_the_law(law, faulty, judged):
     assert judged(faulty(law)) == {}
 
 
-@pytest.mark.slow("another fault of a memory is fast")
+@pytest.mark.ci("another fault of a memory is fast")
 def test_a_memory_that_begins_otherwise(faulty, judged):
     last = "memory->integral, next.integral);"
     rows = judged(faulty("goodarzi2013", (last, f"{last} next.integral[0] = 1;")))
@@ -74,7 +74,7 @@ FAST = ("gyroscopic dropped", "gain transposed")
 
 
 @pytest.mark.parametrize(
-    "fault", [slow("one of several faults", fault, unless=fault in FAST) for fault in FAULTS]
+    "fault", [in_ci("one of several faults", fault, unless=fault in FAST) for fault in FAULTS]
 )
 def test_a_fault_is_told_and_named(fault, faulty, judged, exports):
     law, read, by, said = FAULTS[fault]
@@ -96,7 +96,7 @@ def test_exchanged_frames_are_told_and_named(faulty, judged):
     assert list(rows.values()) == ["the frames are exchanged: all errors are in the spatial frame"]
 
 
-@pytest.mark.slow("another fault of a memory is fast")
+@pytest.mark.ci("another fault of a memory is fast")
 def test_a_memory_that_does_not_go_on_is_told_and_named(faulty, judged):
     stale = "    goodarzi2013_memory next;\n    goodarzi2013_step"
     fixed = "    goodarzi2013_memory next = *memory;\n    goodarzi2013_step"
@@ -178,14 +178,14 @@ def adapted(config, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "case", [slow("quaternions are fast", case, unless=case == "quaternions") for case in ADAPTED]
+    "case", [in_ci("quaternions are fast", case, unless=case == "quaternions") for case in ADAPTED]
 )
 def test_c_for_an_adapter_is_the_law_through_it(case, adapted, judged):
     said = judged(adapted(*ADAPTED[case])).values()
     assert all(each.startswith("undecided: ") for each in said)  # not all of a sine is reached
 
 
-@pytest.mark.slow("compiles a program for each case")
+@pytest.mark.ci("compiles a program for each case")
 @pytest.mark.parametrize("case", ADAPTED)
 def test_the_check_of_c_for_an_adapter_passes(case, adapted):
     """It compares the C with exact numbers."""

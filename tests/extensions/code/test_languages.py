@@ -104,7 +104,7 @@ def cplusplus(written, config):
 @pytest.mark.parametrize(
     "said",
     [
-        name if k == 0 else pytest.param(name, marks=pytest.mark.slow("one of them is fast"))
+        name if k == 0 else pytest.param(name, marks=pytest.mark.ci("one of them is fast"))
         for k, name in enumerate(FAULTS)
     ],
 )
@@ -117,7 +117,7 @@ def test_twenty_faults_are_named_in_python_as_in_c(said, written, config, python
     assert found[DOUBLE].split("%")[-1] == expected.split("%")[-1]
 
 
-@pytest.mark.slow("compiles C++ for each fault")
+@pytest.mark.ci("compiles C++ for each fault")
 @pytest.mark.parametrize("said", FAULTS)
 def test_twenty_faults_are_named_in_cplusplus(said, cplusplus, judged):
     found = judged(cplusplus(*FAULTS[said][0]))
@@ -142,7 +142,7 @@ GOODARZI = {"as": {"kind": "goodarzi2013", "ki": 0.3, "c2": 1.0}}
 
 
 @pytest.mark.parametrize(
-    "stale", [pytest.param(False, marks=pytest.mark.slow("a stale one is fast")), True]
+    "stale", [pytest.param(False, marks=pytest.mark.ci("a stale one is fast")), True]
 )
 def test_what_the_object_keeps_is_memory(stale, python, judged):
     numbers = {"kR": 2.0, "kW": 0.5, "J": [1.0, 2.0, 3.0], "kI": 0.3}
@@ -393,7 +393,7 @@ def test_the_answer_is_a_sentence(changes, answer, python):
     assert (found["finding"], found["answer"]) == (answer[0], f"compute in lee.py {answer[1]}")
 
 
-@pytest.mark.slow("flies the law four times")
+@pytest.mark.ci("flies the law four times")
 def test_the_first_line_is_the_answer(python, eqt):
     """And exit codes follow `--fail-on`."""
     data = python((LAST, ""))

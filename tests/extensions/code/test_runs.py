@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import refusal, slow
+from case_tables import in_ci, refusal
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
@@ -23,7 +23,7 @@ def _pair(found, name="pose"):
         return result.read(name, controller=0), result.read(name, controller=1)
 
 
-@pytest.mark.parametrize("engine", [slow("calls it at any time below", "solve_ivp"), "native"])
+@pytest.mark.parametrize("engine", [in_ci("calls it at any time below", "solve_ivp"), "native"])
 def test_every_engine_calls_it_at_instants(engine, written, config, tmp_path):
     written()
     over = {"solver": {"engine": engine, "cross_check": 0}}
@@ -38,7 +38,7 @@ def test_solve_ivp_calls_it_at_any_time(written, config, tmp_path):
     np.testing.assert_allclose(*_pair(found), rtol=0, atol=ROUNDING)
 
 
-@pytest.mark.slow("test_verify.py judges a law in float")
+@pytest.mark.ci("test_verify.py judges a law in float")
 def test_float(written, config, tmp_path):
     written(real="float")
     found = eqt_cli.run(config("lee2010", real="float"), out=tmp_path / "r")

@@ -30,34 +30,34 @@ def test_a_law_that_was_typed_in_well(real, written, config, judged):
         pytest.param([("(in->velocity[i] - W[i])", "in->velocity[i]")], "lacks damping of the "
             "desired velocity: coefficient 0.00 of 1; "
             f"{SAME}stiffness, damping, desired acceleration, gyroscopic, transport",
-            marks=pytest.mark.slow("one of several faults")),
+            marks=pytest.mark.ci("one of several faults")),
         pytest.param([("+ gyro[i]", "- gyro[i]")], "has gyroscopic: coefficient -1.00 of 1 (the "
             "sign is wrong); "
             f"{SAME}stiffness, damping, damping of the desired velocity, desired acceleration, "
-            "transport", marks=pytest.mark.slow("one of several faults")),
+            "transport", marks=pytest.mark.ci("one of several faults")),
         pytest.param([("-n->kR", "-0.999*n->kR")], "has stiffness: coefficient 0.999 of 1; "
             f"{SAME}damping, damping of the desired velocity, desired acceleration, gyroscopic, "
-            "transport", marks=pytest.mark.slow("one of several faults")),
+            "transport", marks=pytest.mark.ci("one of several faults")),
         pytest.param([(E, E.replace("E[3 * j + i]", "(i == j)")),
             (A, A.replace("E[3 * j + i]", "(i == j)"))], "V_d is not carried to the body frame",
-            marks=pytest.mark.slow("one of several faults")),
+            marks=pytest.mark.ci("one of several faults")),
         ([("E[3 * j + i]", "E[3 * i + j]")], "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d"),
         pytest.param([(E, E.replace("[j]", "[2] * (j == 2)")),
             (A, A.replace("[j]", "[2] * (j == 2)"))], "V_d is read on axis 3 only",
-            marks=pytest.mark.slow("one of several faults")),
+            marks=pytest.mark.ci("one of several faults")),
         pytest.param([("in->desired_pose[3 * k + i] * in->pose[3 * k + j]", "in->pose[3 * i + k] * "
             "in->desired_pose[3 * j + k]")], "the frames are exchanged: the pose error is in the "
             "other frame, Q Q_d⁻¹ for Q_d⁻¹Q, wherever it occurs",
-            marks=pytest.mark.slow("test_exported.py has a fast one")),
+            marks=pytest.mark.ci("test_exported.py has a fast one")),
         pytest.param([("(E[7] - E[5]) / 2", "E[7] / 2"), ("(E[2] - E[6]) / 2", "E[2] / 2"),
             ("(E[3] - E[1]) / 2", "E[3] / 2")], "has stiffness: coefficient 0.50 of 1; has "
             "symmetric part of the pose error: coefficient 0.50 of 0 (the difference of Q_d⁻¹Q to "
             "its transpose is missing, or is of "
             f"other matrices); {SAME}damping, damping of the desired velocity, desired "
-            "acceleration, gyroscopic, transport", marks=pytest.mark.slow("one of several faults")),
+            "acceleration, gyroscopic, transport", marks=pytest.mark.ci("one of several faults")),
         pytest.param([("const real eR[3]", "const float eR[3]")], "within the bound of float: "
             "constants or operations are float; make them double",
-            marks=pytest.mark.slow("one of several faults")),
+            marks=pytest.mark.ci("one of several faults")),
         ([("n->kR * eR[i]", "n->kR * eR[i] * eR[i]")], "no sum of the law's parts in any frame: 13 "
          "% of the torque is none of them"),
     ],
@@ -74,7 +74,7 @@ def test_what_is_not_finite_without_an_error(written, config, judged):
     assert re.match(r"at \d+ of \d+ states, for example at t = ", rows[DOUBLE])
 
 
-OTHER = pytest.mark.slow("another branch is tried fast")
+OTHER = pytest.mark.ci("another branch is tried fast")
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_a_line_that_was_never_run(written, config, judged):
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("static real s = 0; s += 1e-3;", marks=pytest.mark.slow("an array is fast")),
+        pytest.param("static real s = 0; s += 1e-3;", marks=pytest.mark.ci("an array is fast")),
         "static struct { int k; } s[2]; ++s[0].k;",
     ],
 )
@@ -170,7 +170,7 @@ solver: {engine: native, cross_check: 0}
 """)
 
 
-@pytest.mark.slow("compiles two closed loops and flies them through 630 control instants")
+@pytest.mark.ci("compiles two closed loops and flies them through 630 control instants")
 def test_the_simplified_lee_law_fails(written, config, eqt):
     """Without transport and desired acceleration it does not follow a reference that moves."""
     written(("- n->J[i] * (WxW[i] - A[i])", ""))

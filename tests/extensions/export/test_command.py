@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from exported_laws import FLAGS, compilers, made, written
 
 import eqt_cli
@@ -88,7 +88,7 @@ def test_json_has_a_record_for_each_law(config, invoke):
     assert len(law["bound"]) == 3 and 0 < max(law["bound"]) < 1e-3
 
 
-@pytest.mark.slow("compiles several exports")
+@pytest.mark.ci("compiles several exports")
 def test_it_replaces_its_own_files_and_no_others(config, invoke):
     command = ["export", "flight.yaml", "--out", "out", "--controller", "lee2010"]
     invoke(*command)
@@ -166,7 +166,7 @@ FUNCTIONS = """* (1 + 0.1 * sin(50.0 * s.V) + exp(-s.V**2) + log(1 + s.V**2) + (
 """
 
 
-@pytest.mark.parametrize("real", ["double", slow("as test_files.py has it", "float")])
+@pytest.mark.parametrize("real", ["double", in_ci("as test_files.py has it", "float")])
 def test_a_plugin_has_the_functions_that_it_calls(config, export_plugin, real):
     export_plugin(FUNCTIONS, "--real", real, offered=", exp, log, sin")
     folder = config.parent / "exported" / "flight"
@@ -209,7 +209,7 @@ REFERENCES = {
 @pytest.mark.parametrize(
     "kind",
     [
-        kind if kind in ("waypoints", "path") else slow("others are tried fast", kind)
+        kind if kind in ("waypoints", "path") else in_ci("others are tried fast", kind)
         for kind in REFERENCES
     ],
 )

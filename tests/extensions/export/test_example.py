@@ -45,14 +45,14 @@ def flies(flown, command, *start):
     return float(said[1])
 
 
-@pytest.mark.slow("a run is stored, a law exported, and a script and a compiler are started")
+@pytest.mark.ci("a run is stored, a law exported, and a script and a compiler are started")
 def test_the_task_gives_the_torques_of_the_stored_run(flown):
     with open_at(flown / "result") as stored:
         assert np.abs(stored["command"]).max() > 0.1
     assert 0 < flies(flown, compilers()[0]) < ROUNDING
 
 
-@pytest.mark.slow("a script, a compiler and an emulator are started")
+@pytest.mark.ci("a script, a compiler and an emulator are started")
 def test_the_task_gives_them_on_emulated_arm(flown):
     assert 0 < flies(flown, *emulated_arm()) < ROUNDING
 

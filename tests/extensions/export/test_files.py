@@ -5,7 +5,7 @@ import shutil
 import subprocess
 
 import pytest
-from case_tables import slow
+from case_tables import in_ci
 from exported_laws import (
     FEW,
     FLAGS,
@@ -23,7 +23,7 @@ M4 = "thumb-freestanding-eabihf"
 
 
 FEW_IN_TURN = [
-    slow("another law is fast", *pair, ("double", "float")[k % 2], unless=pair[0] in FAST)
+    in_ci("another law is fast", *pair, ("double", "float")[k % 2], unless=pair[0] in FAST)
     for k, pair in enumerate(FEW)
 ]
 
@@ -42,7 +42,7 @@ def test_the_check_of_a_law_passes_with_every_compiler(tmp_path, law, group, rea
         )
 
 
-@pytest.mark.slow("every law, by two compilers and in two types")
+@pytest.mark.ci("every law, by two compilers and in two types")
 @pytest.mark.parametrize(("law", "group", "real"), IN_TURN)
 def test_the_check_of_every_law_passes(tmp_path, law, group, real):
     found = law_of(group, law, real)
@@ -52,7 +52,7 @@ def test_the_check_of_every_law_passes(tmp_path, law, group, real):
             assert checked(found, folder, [*command, level])[0] == 0
 
 
-@pytest.mark.slow("every law, by the compiler of another processor")
+@pytest.mark.ci("every law, by the compiler of another processor")
 @pytest.mark.parametrize(("law", "group", "real"), IN_TURN)
 def test_every_law_compiles_for_a_cortex_m4(tmp_path, law, group, real):
     found = law_of(group, law, real)
@@ -73,7 +73,7 @@ def test_every_law_compiles_for_a_cortex_m4(tmp_path, law, group, real):
         assert needed("cortex_m4+vfp4d16sp") == set()
 
 
-@pytest.mark.slow("a compiler and an emulator are started")
+@pytest.mark.ci("a compiler and an emulator are started")
 @pytest.mark.parametrize(("law", "group", "real"), FEW_IN_TURN)
 def test_the_check_passes_on_emulated_arm(tmp_path, law, group, real):
     command, emulator = emulated_arm()

@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import plain_current as plain
 import pytest
-from case_tables import refusal, slow
+from case_tables import in_ci, refusal
 from exported_laws import ALL, FLAGS, IN_TURN, checked, compilers, law_of, library, made, written
 
 import eqt_cli
@@ -79,7 +79,7 @@ def test_a_law_is_within_its_bound(tmp_path, law, group, real):
     judge(law_of(group, law, real), tmp_path, 80)
 
 
-@pytest.mark.slow("every law, at hundreds of states in decimals")
+@pytest.mark.ci("every law, at hundreds of states in decimals")
 @pytest.mark.parametrize(("law", "group", "real"), IN_TURN)
 def test_every_law_is_within_its_bound(tmp_path, law, group, real):
     judge(law_of(group, law, real), tmp_path, STATES)
@@ -99,7 +99,7 @@ def regulator(real):
     return law
 
 
-@pytest.mark.parametrize("real", ["double", slow("laws in float are fast", "float")])
+@pytest.mark.parametrize("real", ["double", in_ci("laws in float are fast", "float")])
 def test_a_regulator_with_a_model_of_its_actuators_is_within_its_bound(tmp_path, real):
     law = regulator(real)
     gain = law.program.values(law.loop)["regulator_gain"]
@@ -117,7 +117,7 @@ def test_a_regulator_whose_gains_change_at_knots_is_refused():
     )
 
 
-@pytest.mark.slow("compiles")
+@pytest.mark.ci("compiles")
 def test_a_regulator_in_c_holds_a_vehicle_in_a_current(tmp_path):
     """By Fossen's equations at the reference, and as eqt around it."""
     body, added = [0.16, 0.16, 0.16, 11.5, 11.5, 11.5], [0.12, 0.12, 0.12, 5.5, 12.7, 14.57]
@@ -204,7 +204,7 @@ MATRIX = [[1.0, -1.0, 0.5, 0.0], [0.0, 0.3, 1.0, -1.0], [0.2, 0.0, 0.4, 1.0]]
         pytest.param(
             {"kind": "wheels", "pyramid": 0.9, "limit": 0.02},
             Wheels(pyramid=0.9, limit=0.02),
-            marks=pytest.mark.slow("thrusters are fast"),
+            marks=pytest.mark.ci("thrusters are fast"),
         ),
         (
             {"kind": "thrusters", "matrix": MATRIX, "low": -0.02, "high": 0.03},
@@ -237,7 +237,7 @@ def test_an_exported_allocation_is_that_of_the_actuator(tmp_path, section, part)
         assert np.abs(np.array(found) - expected).max() <= 2 * bound * np.abs(torque).max()
 
 
-@pytest.mark.slow("exports and compiles a law with 4 rotors")
+@pytest.mark.ci("exports and compiles a law with 4 rotors")
 def test_an_exported_allocation_by_priority_is_that_of_the_actuator(tmp_path):
     """Within the bound of the header, for torques within and beyond the limits."""
     if compiler.missing():
@@ -268,7 +268,7 @@ def test_an_exported_allocation_by_priority_is_that_of_the_actuator(tmp_path):
     assert 5 < at_limits < 40
 
 
-@pytest.mark.slow("exports and compiles a law with an anti-windup")
+@pytest.mark.ci("exports and compiles a law with an anti-windup")
 def test_an_exported_anti_windup_is_told_of_the_limits(tmp_path):
     """Its own check passes, whose states are partly beyond the limits, and so does eqt's law."""
     if compiler.missing():
@@ -353,8 +353,8 @@ def filtered(kind, real="double", rates=None, **timing):
     ("kind", "real", "rates"),
     [
         ("invariant", "double", {"period": 0.3, "dropout": 0.2}),
-        pytest.param("complementary", "double", {}, marks=pytest.mark.slow("one of each is fast")),
-        pytest.param("eqf", "float", {}, marks=pytest.mark.slow("one of each is fast")),
+        pytest.param("complementary", "double", {}, marks=pytest.mark.ci("one of each is fast")),
+        pytest.param("eqf", "float", {}, marks=pytest.mark.ci("one of each is fast")),
     ],
 )
 def test_a_filter_in_c_estimates_what_eqt_estimates(tmp_path, kind, real, rates):
@@ -415,7 +415,7 @@ def test_an_instant_of_native_has_the_bits_of_the_exported_law(tmp_path, law, gr
     compare(tmp_path, law, group)
 
 
-@pytest.mark.slow("every law is compiled twice")
+@pytest.mark.ci("every law is compiled twice")
 @pytest.mark.parametrize(("law", "group"), ALL)
 def test_an_instant_of_native_has_the_bits_of_every_exported_law(tmp_path, law, group):
     compare(tmp_path, law, group)

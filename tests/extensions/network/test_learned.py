@@ -97,7 +97,7 @@ def test_with_a_round_inertia_the_attitude_law_is_that_of_lee(tmp_path):
 
 
 @UNREACHABLE
-@pytest.mark.slow("three laws and five metrics are compiled, and fly 10 s")
+@pytest.mark.ci("three laws and five metrics are compiled, and fly 10 s")
 def test_the_shipped_laws_fly_as_the_page_says(tmp_path):
     """Medians of 20 runs; the 10 of the page's sweep have 0.1 of the reward between quartiles."""
     laws = flown(tmp_path, 20, 10.0, "native")

@@ -42,7 +42,7 @@ def test_the_true_numbers_are_found(recorded):
     assert written["plant"]["forces"][0]["linear"] == [found.numbers[1].value] * 3
 
 
-@pytest.mark.slow("integrates 60 pieces here, and compiles")
+@pytest.mark.ci("integrates 60 pieces here, and compiles")
 def test_added_mass_and_a_current_are_found(tmp_path, monkeypatch):
     """From a motion by Fossen's equations, under a wrench that is held from row to row."""
     monkeypatch.chdir(tmp_path)
@@ -79,7 +79,7 @@ def test_noise_is_all_that_is_left(recorded):
     assert rate.before > 2 * rate.after
 
 
-@pytest.mark.slow("fits ten recordings")
+@pytest.mark.ci("fits ten recordings")
 def test_intervals_hold_the_truth(recorded):
     """95 % intervals of ten recordings: fewer than 7 of them hold a number once in 970 times."""
     keys = [INERTIA, ABOUT, ALONG]
@@ -179,7 +179,7 @@ def test_a_file_of_another_is_not_replaced(recorded, tmp_path, is_link, said):
     assert theirs.read_text() == "mine\n"
 
 
-@pytest.mark.slow("fits a plant again")
+@pytest.mark.ci("fits a plant again")
 def test_the_command_prints_what_the_function_finds(recorded, invoke, tmp_path):
     recorded()
     (tmp_path / "model.yaml").write_text(json.dumps(model("SO3")))
@@ -227,7 +227,7 @@ def test_the_unit_of_a_normalised_torque_is_found(recorded):
     assert said.startswith(f"actuators[0].factor and {INERTIA}: flight.csv cannot distinguish them")
 
 
-@pytest.mark.slow("fits forty recordings")
+@pytest.mark.ci("fits forty recordings")
 @pytest.mark.parametrize(("duration", "horizon"), [(4.0, 0.4), (8.0, 0.8)])
 def test_intervals_of_a_normalised_torque_hold_the_truth(recorded, duration, horizon):
     """Of 20 intervals of 95 %, fewer than 17 hold the truth once in 60 times."""
@@ -296,7 +296,7 @@ def test_speeds_of_rotors_are_a_wrench(tmp_path, monkeypatch):
     assert s.value == pytest.approx(1.0, rel=1e-5)
 
 
-@pytest.mark.slow("compiles a plant and fits three numbers")
+@pytest.mark.ci("compiles a plant and fits three numbers")
 def test_the_delay_of_a_wrench_is_found(recorded):
     recorded(late=1, noise=0.0)
     found = eqt_cli.fit(model("SO3"), "flight.csv", ["delay", ABOUT, INERTIA], horizon=0.6)
@@ -321,7 +321,7 @@ def test_a_wrench_that_was_recorded_a_row_late_is_told(recorded):
     assert not eqt_cli.replay(perfect, "flight.csv", **words, delay=0.04).notes
 
 
-@pytest.mark.slow("fits a longer recording")
+@pytest.mark.ci("fits a longer recording")
 def test_a_delay_that_is_not_fitted_is_told_apart_from_drag(recorded):
     recorded(duration=8.0, late=1, noise=0.5)
     found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT])
@@ -376,7 +376,7 @@ def replayed(engine="solve_ivp", **changes):
 
 
 @pytest.mark.parametrize(
-    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.slow("compiles"))]
+    "engine", ["solve_ivp", pytest.param("native", marks=pytest.mark.ci("compiles"))]
 )
 def test_a_true_plant_repeats_the_motion(recorded, engine):
     recorded(noise=0.0)
@@ -495,7 +495,7 @@ def test_mistakes(recorded, mistake):
     assert sorted(found) == sorted(expected)
 
 
-@pytest.mark.slow("compiles")
+@pytest.mark.ci("compiles")
 @pytest.mark.parametrize("hold", ["zero", "linear"])
 def test_a_sampled_wrench_is_the_same_by_both_engines(recorded, hold):
     recorded()
@@ -531,7 +531,7 @@ def test_a_true_plant_predicts_to_the_noise(recorded):
     np.testing.assert_allclose(found.rms.mean(axis=1), found.noise.mean(axis=1), rtol=0.26)
 
 
-@pytest.mark.slow("computes an experiment several times")
+@pytest.mark.ci("computes an experiment several times")
 def test_errors_of_a_wrong_plant_grow(recorded):
     found = eqt_cli.replay(model("SO3"), recorded(), horizon=1.0, windows=10, out="figures")
     assert (np.diff(found.median[0, 2:]) > 0).all()  # before, noise is as large

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from case_tables import refusal, slow
+from case_tables import in_ci, refusal
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
@@ -163,7 +163,7 @@ MADE = {
 }
 
 
-@pytest.fixture(scope="module", params=[slow("SE3 has its part, too", "SO3"), "SE3"])
+@pytest.fixture(scope="module", params=[in_ci("SE3 has its part, too", "SO3"), "SE3"])
 def made(request, made_once):
     """The folder of a result on this group, and its trajectories of EqT."""
     name = request.param

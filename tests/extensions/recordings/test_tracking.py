@@ -326,7 +326,7 @@ def bomb(path):
     return path
 
 
-@pytest.mark.slow("runs into the limit of time")
+@pytest.mark.ci("runs into the limit of time")
 def test_a_bomb_is_refused_within_ten_seconds():
     path = bomb(Path("f.mcap"))
     assert path.stat().st_size < 60_000

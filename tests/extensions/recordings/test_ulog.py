@@ -165,7 +165,7 @@ HOSTILE = {
 }
 
 
-@pytest.mark.slow("runs into the limit of time")
+@pytest.mark.ci("runs into the limit of time")
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_a_hostile_file_is_refused_within_ten_seconds(kind):
     begin = time.monotonic()
@@ -182,7 +182,7 @@ def test_damage_is_told(content):
     assert "" not in {topic for topic, *_ in eqt_cli.check_log("f.ulg").topics}
 
 
-@pytest.mark.slow("starts a process for each of 24 files")
+@pytest.mark.ci("starts a process for each of 24 files")
 def test_any_change_of_bytes_gives_a_table_or_a_message(content):
     """The flight is accepted before, and a table is read on: as numbers, or to a message."""
     mapping, rng = LogMapping(), np.random.default_rng(0)
