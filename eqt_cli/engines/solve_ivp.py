@@ -666,7 +666,7 @@ def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:
     if method in ("Radau", "BDF"):
         import scipy.sparse
 
-        ones = np.ones((n, n))
+        ones = scipy.sparse.coo_array(np.ones((n, n)))
         return {"jac_sparsity": scipy.sparse.block_diag([ones] * runs, format="csc")}
     if method == "LSODA":
         return {"lband": n - 1, "uband": n - 1}
