@@ -17,7 +17,7 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.process import drop_stdout
 from eqt_cli.base.registry import extensions
 from eqt_cli.base.version import __version__
-from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, Command, Group, example, spread
+from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, START, Command, Group, example, spread
 
 _UsageError: Any = typer.BadParameter.__base__
 """Usage error of the parser; typer's own or click's, depending on the version of typer."""
@@ -100,18 +100,18 @@ MOST_COLUMNS = 1000
 
 
 _CORE = {
-    "run": ("cli.run.run", COMPUTE, "configs/paper.yaml --set gains.kp=2"),
-    "sweep": ("cli.run.sweep", COMPUTE, "configs/paper.yaml --grid gains.kp=1,2"),
+    "run": ("cli.run.run", START, "configs/paper.yaml --set gains.kp=2"),
+    "sweep": ("cli.run.sweep", START, "configs/paper.yaml --grid gains.kp=1,2"),
+    "plot": ("cli.plot.plot", START, "results/paper --figure torque --format pdf"),
+    "compare": ("cli.compare.compare", START, "results/paper --metric mean_torque"),
     "tune": ("cli.run.tune", COMPUTE, "configs/tune_paper.yaml"),
     "worst": ("cli.run.worst", COMPUTE, "late.yaml --fail-above 0.2"),
     "pack": ("cli.run.pack", COMPUTE, "results/sweep_gains"),
     "show": ("cli.show.show", READ, "results/paper --failed"),
     "results": ("cli.show.results", READ, "results"),
-    "compare": ("cli.compare.compare", READ, "results/paper --metric mean_torque"),
     "diff": ("cli.compare.diff", READ, "results/paper results/again"),
     "verify": ("cli.verify.verify", READ, "configs/paper.yaml"),
     "margins": ("cli.verify.margins", READ, "configs/paper.yaml"),
-    "plot": ("cli.plot.plot", READ, "results/paper --figure torque --format pdf"),
     "animate": ("cli.plot.animate", READ, "results/paper --run 1 --format gif"),
     "report": ("cli.plot.report", READ, "results/paper --out report.html"),
     "cite": ("cli.plot.cite", READ, "results/paper > refs.bib"),

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from eqt_cli.config.source import ConfigSource
     from eqt_cli.config.study import Study
 
+START = "Start here"
 COMPUTE = "Compute"
 READ = "Look at results"
 LOOK_UP = "Configurations, recordings and components"
