@@ -11,6 +11,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+import tiers
 import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -41,6 +42,24 @@ def test_wheel_holds_the_package_and_the_shipped_configs(wheel):
     configs = {f"eqt_cli/configs/{path.name}" for path in ROOT.glob("configs/*.yaml")}
     assert "eqt_cli/configs/paper.yaml" in configs
     assert code | configs | {"eqt_cli/py.typed"} <= set(wheel.namelist())
+
+
+def _needed_by_all(wheel, platform):
+    """The names of what pip installs on this platform for the extra `all` and nothing else."""
+    (name,) = (name for name in wheel.namelist() if name.endswith("/METADATA"))
+    stated = message_from_bytes(wheel.read(name)).get_all("Requires-Dist")
+    environment = {"sys_platform": platform, "extra": "all"}
+    needed = [each for each in map(Requirement, stated) if "extra" in str(each.marker)]
+    return {each.name for each in needed if each.marker.evaluate(environment)}
+
+
+def test_all_installs_every_extra_and_a_compiler_on_windows_only(wheel):
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    others = extras.keys() - {"all", "native", "opencl"}
+    expected = {Requirement(each).name for extra in others for each in extras[extra]}
+    assert _needed_by_all(wheel, "linux") == expected
+    assert _needed_by_all(wheel, "win32") == expected | {"ziglang"}
 
 
 def test_wheel_and_citation_carry_the_package_version(wheel):
@@ -106,7 +125,11 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
     assert tested == stated
 
 
-LOCKS = {"lock": "dev docs release", "lock-oracles": "oracles", "lock-basilisk": "basilisk"}
+LOCKS = {
+    "lock": "test lint docs release ci",
+    "lock-oracles": "oracles",
+    "lock-basilisk": "basilisk",
+}
 
 
 @pytest.mark.parametrize("name", [*LOCKS, "lock-lowest"])
@@ -118,7 +141,7 @@ def test_continuous_integration_installs_by_hash_what_the_project_needs(name):
     if name in ("lock", "lock-lowest"):
         needed += [each for extra in extras for each in extras[extra] if "eqt-cli" not in each]
     for group in LOCKS.get(name, "test").split():
-        needed += groups["test"] + groups["lint"] if group == "dev" else groups[group]
+        needed += [each for each in groups[group] if isinstance(each, str)]
     entries = (ROOT / ".ci" / f"{name}.txt").read_text(encoding="utf-8").replace("\\\n", "")
     found = [line.partition(" --hash=sha256:") for line in entries.splitlines()]
     assert all(hashes for _, _, hashes in found)
@@ -126,7 +149,7 @@ def test_continuous_integration_installs_by_hash_what_the_project_needs(name):
     for parsed in (Requirement(entry) for entry, _, _ in found):
         pinned.setdefault(canonicalize_name(parsed.name), []).append(_bound(f"{parsed}", "==")[1])
     for wanted in map(Requirement, needed):
-        if name == "lock-lowest" and wanted.name == "pyopencl":  # not in the extra `all`
+        if wanted.name == "pyopencl":  # installed by hand, where there is a device
             continue
         versions = pinned[canonicalize_name(wanted.name)]
         assert all(version in wanted.specifier for version in versions), wanted
@@ -170,6 +193,17 @@ def test_names_say_what_they_hold():
             if (path.name, name) not in OPTIONS:
                 empty.append(f"{path.relative_to(ROOT)}:{number}: {name}")
     assert empty == []
+
+
+def test_tests_that_the_list_of_quick_ones_names_exist():
+    """`make tiers` writes it anew."""
+    gone = []
+    for name in [*tiers.tiers().functions, *tiers.tiers().cases, *tiers.tiers().longer]:
+        file, _, function = name.partition("[")[0].partition("::")
+        path = ROOT / file
+        if not path.exists() or f"def {function}(" not in path.read_text(encoding="utf-8"):
+            gone.append(name)
+    assert gone == []
 
 
 def test_tests_that_mutants_are_tried_on_exist():
