@@ -16,15 +16,22 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "A new .venv uses the first Python >= 3.11 found; make PYTHON=/path/to/python ... names another."
 
-paper: $(VENV)/.stamp-base ## run the paper's experiment and draw its figure, in results/paper
+paper: $(VENV)/.stamp-base ## run the paper's experiment, draw its figure and compare its laws, in results/paper
 	$(BIN)/eqt run configs/paper.yaml --out results/paper
 	$(BIN)/eqt plot results/paper --option like=print
+	$(BIN)/python docs/figures/printed.py draw results/paper
+	$(BIN)/eqt compare results/paper
+	@echo
+	@echo "all runs          results/paper/results.h5"
+	@echo "figure            results/paper/figures/paper.pdf (.svg, .png)"
+	@echo "next              $(BIN)/eqt report results/paper"
+	@echo "your own          $(BIN)/eqt config new mine.yaml --from paper"
 
 figures: $(VENV)/.stamp-base ## draw every figure of the documentation anew, in docs/figures
 	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh draw
@@ -36,32 +43,37 @@ sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colo
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
 
 # As the commands: threads of BLAS only wait for each other where matrices are small.
-test test-all test-lowest faults fuzz: export OPENBLAS_NUM_THREADS = 1
+test test-all test-lowest tiers faults fuzz: export OPENBLAS_NUM_THREADS = 1
 
-test: $(VENV)/.stamp-dev ## run the tests but the slow ones
+test: $(VENV)/.stamp-test ## run the quick tests, which call every function that is tested quickly: 2 minutes
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
 
-test-all: $(VENV)/.stamp-dev ## run all tests; ARGS='-m ci': the slow ones only
-	$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
+SHARE ?= full
+test-all: $(VENV)/.stamp-test ## run all tests; SHARE=3/8: of cases like quick ones a share; ARGS='-m ci': only others
+	EQT_SHARE=$(filter-out full,$(SHARE)) $(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
+
+tiers: $(VENV)/.stamp-test ## measure all tests and choose the quick ones, in tests/tiers.tsv (needs Python 3.12)
+	rm -rf build/tiers
+	EQT_MEASURE=build/tiers $(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
+	$(BIN)/python tests/shared/choose_tiers.py build/tiers
 
 test-lowest: $(LOWEST)/.stamp ## run all tests on the oldest supported versions (needs python3.11)
 	$(LOWEST)/bin/python -m pytest -n auto --dist worksteal $(ARGS)
 
-SHARE ?= full
-faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
+faults: $(VENV)/.stamp-test ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
 	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto --dist worksteal tests/faults $(ARGS)
 
-fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a fortieth
+fuzz: $(VENV)/.stamp-test ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a fortieth
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
-oracles: $(VENV)/.stamp-dev ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
+oracles: $(VENV)/.stamp-test ## compare with Basilisk, MuJoCo, Pinocchio, RotorPy and python-control, which it installs
 	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-oracles.txt,install --group oracles)
 	$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED)-basilisk.txt,install --no-deps --group basilisk)
 	$(BIN)/python -m pytest tests/components/test_oracles.py tests/components/test_rotors.py tests/components/test_basilisk.py \
 		tests/components/test_lqr.py $(ARGS)
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'
-mutants: $(VENV)/.stamp-dev ## plant small faults in the mathematical core; its tests must tell 95 % of 300
+mutants: $(VENV)/.stamp-test ## plant small faults in the mathematical core; its tests must tell 95 % of 300
 	$(BIN)/python -m mutants $(ARGS)
 
 # The commit before signals were compiled; make bench BEFORE=HEAD^ compares with another one.
@@ -71,7 +83,7 @@ BEFORE ?= 7cbc8f6^
 bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
 	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)
 
-check: $(VENV)/.stamp-dev ## format, lint, types, import layering, subjects of commits
+check: $(VENV)/.stamp-lint ## format, lint, types, import layering, subjects of commits
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -82,7 +94,7 @@ COMPILE = $(BIN)/python -m uv pip compile --quiet --no-header --no-annotate --up
 	--python-version 3.11 --generate-hashes pyproject.toml
 lock: $(VENV)/.stamp-base ## write the versions and hashes that continuous integration installs, in .ci
 	$(BIN)/$(PIP) install uv
-	$(COMPILE) --all-extras --group dev --group docs --group release --output-file .ci/lock.txt
+	$(COMPILE) --extra all --group test --group lint --group docs --group release --group ci --output-file .ci/lock.txt
 	$(COMPILE) --group oracles --constraint .ci/lock.txt --output-file .ci/lock-oracles.txt
 	$(subst pyproject.toml,,$(COMPILE)) --no-deps --group basilisk --output-file .ci/lock-basilisk.txt
 	$(COMPILE) --extra all --extra native --group test --constraint tests/lowest.txt --output-file .ci/lock-lowest.txt
@@ -92,7 +104,7 @@ hooks: ## check the subject of each of your commits before it is made
 	printf '#!/bin/sh\nexec .ci/subjects "$$1"\n' > "$$(git rev-parse --git-path hooks)/commit-msg"
 	chmod +x "$$(git rev-parse --git-path hooks)/commit-msg"
 
-format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
+format: $(VENV)/.stamp-lint ## format the code and mend what ruff can mend
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
@@ -148,21 +160,29 @@ fi
 @$(if $(LOCKED),,$(1)/bin/$(PIP) install 'pip>=25.1')
 endef
 
+# A compiler in a wheel, for the engine `native` of the tests where the machine has none.
+NATIVE := $(if $(shell command -v $${CC:-cc} || command -v clang || command -v gcc),,,native)
+
 $(VENV)/.stamp-base: pyproject.toml
 	$(call venv,$(VENV),$(PYTHONS))
-	@echo "Installing eqt into $(VENV)"
-	@$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED).txt,install --editable '.[certify,xarray]')
+	@echo "Installing eqt into $(VENV): 85 MB to download, 400 MB on disk, a minute"
+	@$(BIN)/$(PIP) $(if $(LOCKED),$(HASHED).txt,install --editable .)
 	@$(if $(LOCKED),$(BIN)/$(PIP) install --no-deps --no-build-isolation --editable .)
 	@touch $@
 
-$(VENV)/.stamp-dev: $(VENV)/.stamp-base
-	@echo "Installing the development tools into $(VENV)"
-	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group dev --editable '.[ardupilot,bags,logs,native,opencl]')
+$(VENV)/.stamp-test: $(VENV)/.stamp-base
+	@echo "Installing what the tests need into $(VENV): 50 MB more to download, 800 MB on disk in all, a minute"
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group test --editable '.[all$(NATIVE)]')
+	@touch $@
+
+$(VENV)/.stamp-lint: $(VENV)/.stamp-test
+	@echo "Installing ruff, mypy and import-linter into $(VENV)"
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group lint)
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base
 	@echo "Installing what builds the documentation into $(VENV)"
-	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group docs)
+	@$(if $(LOCKED),,$(BIN)/$(PIP) install --group docs --editable '.[all]')
 	@touch $@
 
 $(LOWEST)/.stamp: pyproject.toml tests/lowest.txt

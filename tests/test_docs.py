@@ -146,7 +146,11 @@ def test_comparison_of_the_paper(page, paper):
     printed = _printed(paper[0], "compare", "results/paper", COLUMNS="80")
     texts = [block.text for block in docs_runner.blocks(_text(page)) if block.language == "text"]
     (shown,) = [text for text in texts if text.startswith("GT against EqT")]
-    assert docs_runner.matches(shown, printed)
+    compared, _, places = shown.partition("all runs ")  # which `make paper` adds
+    assert docs_runner.matches(compared, printed)
+    recipe = (ROOT / "Makefile").read_text("utf-8").replace("$(BIN)", ".venv/bin")
+    assert places == "" or f'"all runs {places.splitlines()[0]}"' in recipe
+    assert all(f'"{line}"' in recipe for line in places.splitlines()[1:])
 
 
 COLUMNS = re.findall(

@@ -95,6 +95,8 @@ references() {
 
 paper() {
 	experiment paper configs/paper.yaml
+	"$eqt" plot "$result" --option like=print --format png --quiet
+	"$python" $place/printed.py "$task" "$result" || status=$?
 	numbers_of_paper
 	picture paper paper --option like=print
 	picture torque torque --width page --option share=total
