@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import plugin_sources
 import pytest
+import tiers
 import typer.main
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -70,36 +71,19 @@ settings.register_profile(
 settings.load_profile("eqt")
 
 
-class ProcessorTime:
-    """A test that takes more than so many s of the processor fails, unless only CI runs it.
-
-    Its children that have ended count, and its fixtures do not.
-    """
-
-    def __init__(self, most: float) -> None:
-        self.most = most
-
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
-        start = sum(os.times()[:4])
-        yield
-        seconds = sum(os.times()[:4]) - start
-        if seconds > self.most and not item.get_closest_marker("ci"):
-            pytest.fail(
-                f"takes {seconds:.1f} s of the processor; expected at most {self.most:g} s. Let it "
-                'do less, or mark it @pytest.mark.ci("why it must be")',
-                pytrace=False,
-            )
-
-
 def pytest_configure(config: pytest.Config) -> None:
     if folder := os.environ.get("EQT_MEASURE"):
         config.pluginmanager.register(Measuring(Path(folder).absolute()))
-    if most := float(os.environ.get("EQT_MOST_CPU") or 0):
-        config.pluginmanager.register(ProcessorTime(most))
+    config.pluginmanager.register(tiers.Costs(strict="EQT_CI" in os.environ))
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_report_header() -> str:
+    share = os.environ.get("EQT_SHARE", "")
+    return share and f"a share of cases, which `make test-all SHARE={share}` repeats"
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m reads the marks
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     silent = [
         item.nodeid
         for item in items
@@ -110,6 +94,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         raise pytest.UsageError(
             'expected a reason, @pytest.mark.ci("why it must be"), of ' + ", ".join(silent)
         )
+    if "EQT_MEASURE" not in os.environ:  # which chooses anew among all without a mark
+        tiers.mark(items)
+    if share := os.environ.get("EQT_SHARE"):
+        drawn = tiers.draw(items, share)
+        config.hook.pytest_deselected(items=list({*items} - {*drawn}))
+        items[:] = drawn
 
 
 @pytest.hookimpl(wrapper=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import sys
 import time
 from collections.abc import Iterator
@@ -13,15 +12,10 @@ from types import CodeType
 from typing import Any
 
 import pytest
+from tiers import processor_time
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = str(ROOT / "eqt_cli") + os.sep
-
-
-def processor_time() -> float:
-    """The s of the processor of this process and of its children that have ended."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 class Measuring:
