@@ -57,7 +57,7 @@ TESTS = (
         )
     ),
 )
-"""The tests of the core, of which those that are marked as slow are left out."""
+"""The tests of the core, of which those that are marked `ci` are left out."""
 
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 
@@ -68,7 +68,7 @@ def main() -> int:
     equivalent = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or {}
     drawn = _drawn(options.seed, options.only)
     sample = [mutant for mutant in drawn if mutant.key not in equivalent][: options.count]
-    kept = KNOWN / f"seed-{options.seed}.json"
+    kept = KNOWN / f"seed-{options.seed}{'-quick' * options.quick}.json"
     known: dict[str, list[str]] = json.loads(kept.read_text()) if kept.exists() else {}
 
     def done(mutant: Mutant, outcome: str, told: str) -> None:
@@ -88,6 +88,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=300, help="how many count")
     parser.add_argument("--only", default="", help="in files whose path contains this")
     parser.add_argument("--trials", type=int, help="at most so many now")
+    parser.add_argument("--quick", action="store_true", help="by the tests of `make test` alone")
     parser.add_argument("--again", action="store_true", help="try survivors anew")
     parser.add_argument(
         "--ignore", action="append", default=[], help="a file of tests to leave out"
@@ -112,11 +113,13 @@ def _try(
     mutants: list[Mutant], options: argparse.Namespace, done: Callable[[Mutant, str, str], None]
 ) -> None:
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    if not options.quick:
+        os.environ["EQT_TIERS"] = "off"  # tests/tiers.tsv leaves none out
     with tempfile.TemporaryDirectory() as folder:
         os.environ["PYTEST_DEBUG_TEMPROOT"] = folder
         ignored = [f"--ignore={file}" for file in options.ignore]
         fast = ["-m", "not ci", "-p", "no:cacheprovider", "-p", "no:xdist"]
-        arguments = ["-q", "-s", *fast, *ignored, *TESTS]
+        arguments = ["-q", "-s", *fast, *ignored, *(["tests"] if options.quick else TESTS)]
         code = pytest.main(arguments, plugins=[Trials(mutants, options.workers, done)])
     if code:
         sys.exit(f"the tests of the core cannot be run: {code!r}")

@@ -79,8 +79,8 @@ class Trials:
         if session.testsfailed:
             raise pytest.UsageError("the tests cannot be collected")
         self.items = {item.nodeid: item for item in session.items}
-        self.tests = _what_tests_call(session)
-        gc.unfreeze()  # tests/conftest.py hides what was collected from the collector, and so from here
+        self.tests = _what_tests_call(session, self.workers)
+        gc.unfreeze()  # tests/conftest.py hides functions from the collector
         self.functions = _functions()
         for budget in (BUDGET, AGAIN):
             self.budget, self.survivors = budget, list[Mutant]()
@@ -218,27 +218,50 @@ def _watch(called: set[tuple[str, str]]) -> Any:
     return trace
 
 
-def _what_tests_call(session: pytest.Session) -> dict[str, dict[str, Any]]:
+def _what_tests_call(session: pytest.Session, workers: int) -> dict[str, dict[str, Any]]:
     """Seconds and called functions of every test; kept, until the text of the test changes."""
     KNOWN.mkdir(parents=True, exist_ok=True)
     by_file: dict[Path, list[pytest.Item]] = {}
     for item in session.items:
         by_file.setdefault(item.path, []).append(item)
-    found: dict[str, dict[str, Any]] = {}
+    watching: dict[int, Path] = {}
+
+    def wait() -> None:
+        pid, status = os.wait()
+        file = watching.pop(pid)
+        if status:
+            raise pytest.UsageError(f"without a fault, tests of {file} fail")
+
     for file, items in by_file.items():
-        kept = KNOWN / f"{file.relative_to(ROOT).with_suffix('').as_posix().replace('/', '-')}.json"
-        known = json.loads(kept.read_text()) if kept.exists() else {}
+        known = _known(file)
         new = [item for item in items if known.get(item.nodeid, {}).get("text") != _text(item)]
-        if new:
-            print(f"watching {len(new)} tests of {file.relative_to(ROOT)}", flush=True)
-            pid = os.fork()
-            if not pid:
-                _quietly(partial(_watched, new, known, kept))
-            if os.waitpid(pid, 0)[1]:
-                raise pytest.UsageError(f"without a fault, tests of {file} fail")
-            known = json.loads(kept.read_text())
-        found |= {item.nodeid: known[item.nodeid] for item in items}
-    return found
+        if not new:
+            continue
+        while len(watching) >= workers:
+            wait()
+        print(f"watching {len(new)} tests of {file.relative_to(ROOT)}", flush=True)
+        pid = os.fork()
+        if not pid:
+            _quietly(partial(_watched, new, known, _kept(file)))
+        watching[pid] = file
+    while watching:
+        wait()
+    return {
+        item.nodeid: known[item.nodeid]
+        for file, items in by_file.items()
+        for known in [_known(file)]
+        for item in items
+    }
+
+
+def _kept(file: Path) -> Path:
+    """Where what tests of a file call is kept."""
+    return KNOWN / f"{file.relative_to(ROOT).with_suffix('').as_posix().replace('/', '-')}.json"
+
+
+def _known(file: Path) -> dict[str, Any]:
+    kept = _kept(file)
+    return json.loads(kept.read_text()) if kept.exists() else {}
 
 
 def _text(item: pytest.Item) -> str:
