@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from eqt_cli.base.arrays import less, sqrt, where
+from eqt_cli.base.arrays import apply, less, sqrt, where
 from eqt_cli.extensions.firmware.program_error import DOUBLE, FLOAT, bounded, evaluated
 from eqt_cli.numbers.program import Constant, Input, traced
 
@@ -116,3 +116,22 @@ def test_the_exact_number_is_within_the_bound():
     for row, value, bound in zip(x, rounded(program, x, np.float64), found.errors, strict=True):
         [exact] = evaluated(program, {"x": row})["y"]
         assert abs(float(exact) - value[0]) <= bound[0]
+
+
+def exactly(function, x):
+    return evaluated(program_of(function, len(x)), {"x": np.array(x)})["y"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("sin", np.inf), ("asin", 1.5), ("log", -1.0), ("sqrt", -1.0), ("atan", np.nan)],
+)
+def test_an_exact_number_is_none_where_a_function_is_undefined(name, value):
+    assert mpmath.isnan(exactly(lambda x: apply(name, x), [value])[0])
+
+
+def test_what_is_not_chosen_of_an_exact_number_may_be_undefined():
+    def function(x):
+        return [where(less(x[0], 1.0), x[1], x[1] / (x[0] - x[2] - 0.5))[()]]
+
+    assert exactly(function, [0.5, 2.0, 0.0]) == [2]

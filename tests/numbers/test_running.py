@@ -1,14 +1,22 @@
-"""What follows from samples one by one is, to the bit, what follows from all of them."""
+"""Numbers of samples: weights of integrals, and that one by one is, to the bit, all at once."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.integrate import simpson
 
 from eqt_cli.base.arrays import less
 from eqt_cli.base.errors import TraceError
-from eqt_cli.numbers.running import Memory, Running, SampledRuns
+from eqt_cli.numbers.running import (
+    Memory,
+    Running,
+    SampledRuns,
+    held_weights,
+    simpson_weights,
+    trapezoidal_weights,
+)
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Window
 
@@ -97,3 +105,28 @@ def test_only_sums_over_a_window_are_found_one_by_one(name):
     )
     with pytest.raises(TraceError, match="only sums are taken over a window"):
         of(over, values)
+
+
+@given(st.lists(st.floats(0.01, 10.0), min_size=1, max_size=12))
+def test_weights_are_those_of_numpy_and_scipy(steps):
+    times = np.cumsum([0.3, *steps])
+    unit = np.eye(len(times))
+    # Sums and quotients of steps that differ by 1000 times.
+    np.testing.assert_allclose(trapezoidal_weights(times), np.trapezoid(unit, times), rtol=1e-12)
+    np.testing.assert_allclose(
+        simpson_weights(times), simpson(unit, x=times), rtol=1e-9, atol=1e-12 * times[-1]
+    )
+
+
+def test_the_integral_of_a_held_ramp_is_right_where_samples_skip_ticks():
+    """The sum over ticks is 0.1 (0 + 0.1 + … + 4.9); trapezoids of a ramp are exact."""
+    times = np.linspace(0, 5, 11)
+    assert held_weights(times, 0.1) @ times == pytest.approx(0.01 * 49 * 50 / 2)
+
+
+def test_a_window_of_held_values_is_not_interpolated():
+    """1 until 0.1, then 3, then 0; from 0.05 s to 0.15 s it is 0.05 + 0.15."""
+    times, values = np.array([0, 0.1, 0.2, 0.3]), np.array([[1.0, 3.0, 0.0, 0.0]])
+    cut, inside = Window(0.05, 0.15).cut(times, values, held=True)
+    assert inside[0].tolist() == [1.0, 3.0, 3.0]
+    assert held_weights(cut, 0.1) @ inside[0] == pytest.approx(0.2)
