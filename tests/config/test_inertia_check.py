@@ -38,17 +38,3 @@ def test_it_is_not_remarked_of_what_is_said_not_to_be_rigid(experiment):
 
 def test_the_remark_is_no_number_of_the_experiment(experiment):
     assert experiment("rigid=false").digest == experiment().digest
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        pytest.param(["config", "check"], id="config check"),
-        pytest.param(["run"], id="run", marks=pytest.mark.ci("computes an experiment twice")),
-    ],
-)
-def test_commands_warn_and_go_on(command, experiment, invoke):
-    experiment(inertia=HEAVY)  # writes c.yaml
-    assert "violate the triangle inequality: 1 + 1 < 3" in invoke(*command, "c.yaml").stderr
-    silenced = invoke(*command, "c.yaml", "--set", "rigid=false")
-    assert "triangle" not in silenced.stderr

@@ -1,16 +1,13 @@
 """The styles of figures and the looks of curves."""
 
-import itertools
-
 import matplotlib
 import matplotlib.style
 import pytest
 from ci_cases import mostly_ci
-from matplotlib.colors import to_rgb
 from said import error_of
 
 from eqt_cli.figures.figure import figures
-from eqt_cli.figures.render import encode, render
+from eqt_cli.figures.render import encode
 from eqt_cli.figures.style import WIDTHS, CurvePlace, Style, distinct, house_style, ink, line_style
 
 unarranged = pytest.mark.usefixtures("unarranged")
@@ -34,33 +31,6 @@ def test_the_sheet_holds_inside_and_leaves_nothing_behind():
         assert matplotlib.rcParams["pdf.fonttype"] == 42
         assert matplotlib.rcParams["mathtext.fontset"] == "stix"
     assert dict(matplotlib.rcParams) == before
-
-
-def test_24_curves_look_different():
-    with house_style():
-        looks = {str(line_style(index)) for index in range(24)}
-    assert len(looks) == 24
-
-
-def test_four_neighbours_differ_in_dashes_and_colour():
-    with house_style():
-        looks = [line_style(index) for index in range(8)]
-    for four in zip(*(looks[k:] for k in range(4)), strict=False):
-        for one, other in itertools.combinations(four, 2):
-            assert one["linestyle"] != other["linestyle"]
-            assert one["color"] != other["color"]
-
-
-def test_colours_stand_out_from_white_paper():
-    # WCAG 2's relative luminance; 2 : 1 is what Okabe and Ito's lightest colour here reaches.
-    with house_style():
-        for index in range(7):
-            channels = [
-                c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
-                for c in to_rgb(line_style(index)["color"])
-            ]
-            luminance = 0.2126 * channels[0] + 0.7152 * channels[1] + 0.0722 * channels[2]
-            assert 1.05 / (luminance + 0.05) > 2
 
 
 def test_later_sheets_win_and_eqts_own_comes_first(style):
@@ -120,11 +90,6 @@ def test_no_two_curves_look_alike_whatever_the_style(style, cycle):
             assert len({(look.colour, look.marker) for look in looks}) == len(places)
 
 
-def test_a_cycle_of_dashes_alone_is_drawn_in_the_colour_of_text(style):
-    with house_style(style("text.color: blue", 'axes.prop_cycle: cycler(ls=["-", ":"])')):
-        assert line_style(1) == {"color": "#0000ff", "linestyle": ":"}
-
-
 @pytest.mark.parametrize(
     ("lines", "full", "half"),
     [
@@ -170,17 +135,6 @@ def test_a_style_holds_for_the_file_too(style, so3, opened):
     svg = encode(drawing, "svg", style=grey)
     assert b"fill: #123456" in svg
     assert b"EqT</text>" in svg
-
-
-@pytest.mark.ci("draws every format twice")
-@unarranged
-def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
-    mine = style("font.size: 9", "axes.grid: False").sheets
-    results, found = [opened(so3)], []
-    for folder in ("one", "two"):
-        files = render(results, "paper", tmp_path / folder, ["svg"], style=Style(("bmh", *mine)))
-        found.append([file.read_bytes() for file in files])
-    assert found[0] == found[1]
 
 
 # With frames and fonts that differ most; the others are variations of them.

@@ -31,7 +31,7 @@ class Page(HTMLParser):
         given = dict(attributes)
         self.tags.append(tag)
         self.ids += [given["id"]] if "id" in given else []
-        self.links += [given["href"]] if tag == "a" else []
+        self.links += [given["href"]] if tag in ("a", "use") else []
         self.sources += [given[name] for name in ("src", "data", "poster") if name in given]
 
 
@@ -55,6 +55,10 @@ def test_page_loads_nothing(text, page):
 def test_identifiers_are_unique_and_links_lead_somewhere(page):
     assert len(page.ids) == len(set(page.ids))
     assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
+
+
+def test_parts_of_a_figure_are_named_within_it(text, page):
+    assert set(re.findall(r"url\(#([\w-]+)\)", text)) - {*page.ids} == set()
 
 
 @pytest.mark.ci("draws all figures")

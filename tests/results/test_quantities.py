@@ -4,44 +4,9 @@ import pytest
 
 from eqt_cli.config.experiment import build
 from eqt_cli.config.source import read_config
-from eqt_cli.results.metrics import METRICS, QUANTITIES, quantity_of
-from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.results.metrics import QUANTITIES, quantity_of
+from eqt_cli.results.quantity import Quantity
 from eqt_cli.runs.folder import quantities
-
-
-@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)
-def test_plain_names_hold_no_commands(quantity):
-    assert not set(quantity.described) & set("\\{}$")
-
-
-@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)
-def test_a_label_with_a_place_for_a_symbol_has_one(quantity):
-    assert quantity.symbol or "{}" not in quantity.label + quantity.formula
-
-
-@pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.name)
-def test_metrics_take_signals_and_say_what_is_better(metric):
-    assert metric.signals and metric.of and metric.better != "neither"
-    assert all(QUANTITIES[name].per is ValuePer.TRAJECTORY for name in metric.signals)
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("early_torque", "mean ‖τ‖, first 5 s"),
-        ("effort", "effort ∫‖τ‖² dt"),
-        ("peak_torque", "largest ‖τ‖"),
-        ("actuator_work", "actuator work ∫|⟨τ, V⟩| dt"),
-        ("final_pose_error", "final ‖I − Q_E‖"),
-        ("squared_pose_error", "squared error ∫‖I − Q_E‖² dt"),
-        ("decay_rate", "decay rate of √L"),
-        ("lyapunov_rise", "largest rise of L, relative to L(0)"),
-        ("steps", "work of the solver, as its engine counts it"),
-        ("torque_norm_rotation", "‖τ‖ rotation"),
-    ],
-)
-def test_names_in_plain_characters(name, expected):
-    assert quantity_of(name).described == expected
 
 
 def test_parts_of_a_number_are_of_the_part_of_its_signal():
