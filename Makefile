@@ -114,6 +114,7 @@ reference: $(VENV)/.stamp-base ## write what the program knows into the pages of
 # -E: docstrings change, which Sphinx cannot see.
 docs: $(VENV)/.stamp-docs ## build the documentation, in build/docs
 	$(BIN)/python docs/reference/generate.py --check
+	$(BIN)/python docs/_ext/words.py
 	$(BIN)/python -m sphinx --quiet -E -W --keep-going --nitpicky -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
 
