@@ -83,11 +83,12 @@ BEFORE ?= 7cbc8f6^
 bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
 	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)
 
-check: $(VENV)/.stamp-lint ## format, lint, types, import layering, subjects of commits
+check: $(VENV)/.stamp-lint ## format, lint, types, import layering, names, subjects of commits
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+	$(BIN)/python .ci/names
 	.ci/subjects
 
 COMPILE = $(BIN)/python -m uv pip compile --quiet --no-header --no-annotate --upgrade --universal \

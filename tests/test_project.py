@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections import Counter
 from email import message_from_bytes
 from pathlib import Path
 from zipfile import ZipFile
@@ -159,40 +158,6 @@ def _bound(requirement, operator):
     parsed = Requirement(requirement)
     (version,) = (spec.version for spec in parsed.specifier if spec.operator == operator)
     return parsed.name, Version(version)
-
-
-ASSIGNED = r"^(\w+(?:, \w+)*)(?:: .*?)? = "
-
-
-def test_no_module_gives_a_name_of_its_own_two_values():
-    """Two modules that become one may each have had a name like `_LETTER`."""
-    twice = []
-    for path in sorted((ROOT / "eqt_cli").rglob("*.py")):
-        made = re.findall(ASSIGNED, path.read_text(encoding="utf-8"), re.MULTILINE)
-        names = [name for each in made for name in each.split(", ")]
-        twice += [(path.name, name) for name, count in Counter(names).items() if count > 1]
-    assert twice == []
-
-
-EMPTY = re.compile(r"\b_*(?:told|asked|answered|knowing|kept|own|found|given|luck)_*\b")
-PROSE = re.compile(r'"""(?s:.*?)"""|"(?:\\.|[^"\\\n])*"|#.*')
-OPTIONS = {("thrusters.py", "told")}
-"""Names that users write in configurations."""
-
-
-def test_names_say_what_they_hold():
-    """Such a name says how a value came about, not what it is, as `rows`, `path` and `R` do."""
-    empty = []
-    for path in sorted((ROOT / "eqt_cli").rglob("*.py")):
-        text = path.read_text(encoding="utf-8")
-        code = PROSE.sub(lambda prose: "\n" * prose[0].count("\n"), text).splitlines()
-        places = [
-            (name, number) for number, line in enumerate(code, 1) for name in EMPTY.findall(line)
-        ]
-        for name, number in [*((name, 1) for name in EMPTY.findall(path.stem)), *places]:
-            if (path.name, name) not in OPTIONS:
-                empty.append(f"{path.relative_to(ROOT)}:{number}: {name}")
-    assert empty == []
 
 
 def test_tests_that_the_list_of_quick_ones_names_exist():
