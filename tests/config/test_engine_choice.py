@@ -5,6 +5,7 @@ import pickle
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from small_experiment import configuration
 
 from eqt_cli.base.errors import ConfigError, EqtError
@@ -130,23 +131,7 @@ def test_all_points_of_a_sweep_have_one_engine(grids, engine, told):
     assert len(told.remarks) == (engine == "solve_ivp")
 
 
-@pytest.mark.parametrize(
-    ("grid", "message"),
-    [
-        (
-            "solver.engine=auto,native",
-            "solver.engine: must be named where a point or a case sets the solver",
-        ),
-        (
-            "solver={rtol: 1e-6},{rtol: 1e-7}",
-            "solver.engine: must be named where a point or a case sets the solver",
-        ),
-        (
-            "solver.engine=native,auto",
-            "sweep: point 1: solver.engine is given there or at point 0 only; give it at both",
-        ),
-    ],
-)
+@from_yaml
 def test_a_sweep_of_the_solver_names_its_engines(grid, message):
     with pytest.raises(ConfigError) as caught:
         read(grids=[grid])

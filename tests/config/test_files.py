@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from said import cases, said_of
+from case_tables import from_yaml
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import ConfigError
@@ -85,21 +85,7 @@ def test_starts_of_a_table_take_a_mapping(config):
     assert found.resolved["initial"]["mapping"]["body"] == "FRD to FLU"
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    cases("""
-["initial={pose: fixed, mapping: {}}"] →
-    applies only to poses from a `file`; give `file` too, or remove this key
-["initial.mapping={time: {offset: 1}}"] →
-    rows of initial states have no times, and their velocities are in the body frame; remove this
-        key
-["initial.mapping={columns: {wx: p}}"] →
-    starts.csv:1: no column 'p'; write a heading of the file, without a unit
-["initial.mapping={euler: ZZZ}"] →
-    expected each of the three axes once, such as ZYX (yaw, pitch, roll about the rotated axes) or
-        zyx (about the fixed ones), got 'ZZZ'
-"""),
-)
+@from_yaml
 def test_a_mapping_of_starts_that_will_not_do(config, asked, said):
     assert messages(config, *asked) == [said]
 
@@ -114,15 +100,7 @@ def test_runs_start_where_those_of_a_result_did(config, tmp_path):
     np.testing.assert_allclose(starts, expected, rtol=0, atol=rounding)
 
 
-@pytest.mark.parametrize(
-    ("override", "message"),
-    said_of("""
-reference.file=none.csv → not found; paths are relative to the configuration's
-time.duration=3 → expected at most 2.5 s, the end of the reference, got 3
-reference.velocity=0 → a reference of kind waypoints determines its velocity; remove this key
-initial.pose=haar → starts.csv gives the pose, one row per run; remove this key
-""").items(),
-)
+@from_yaml
 def test_what_is_wrong(config, override, message):
     assert any(message in found for found in messages(config, override))
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from case_tables import from_yaml
 from ci_cases import mostly_ci
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from said import said_of, sections_of
+from said import sections_of
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.yaml_source import dump, load
@@ -271,29 +272,9 @@ def test_angles_in_degrees_resolve_to_radians(experiment):
 
 
 ON_SE3 = "group: SE3; inertia: 1; reference: {kind: constant}"
-WITH_UNITS = """
-time: {duration: 2 min} → time: {duration: 120}
-early_window: 1500 ms → early_window: 1.5
-inertia: [20 kg cm^2, 3e4 g cm², 1] → inertia: [2.0e-3, 3.0e-3, 1]
-gains: {kp: 5 mN m, kd: 30 mN m s} → gains: {kp: 5.0e-3, kd: 0.03}
-initial: {velocity: {kind: fixed, coordinates: [3 rpm, 18 deg/s, 0]}} →
-    initial: {velocity: {kind: fixed, coordinates: [pi/10, pi/10, 0]}}
-initial: {velocity: {kind: normal, std: 1 deg/s}} →
-    initial: {velocity: {kind: normal, std: pi/180}}
-actuators: [{kind: limit, low: -2 mN m, high: [2 mNm, 2000 µN m, 0.002]}] →
-    actuators: [{kind: limit, low: -2.0e-3, high: [2.0e-3, 2.0e-3, 2.0e-3]}]
-control: {period: 20 ms, delay: 40 ms} → control: {period: 0.02, delay: 2}
-control: {period: 20 ms}; sensors: {pose: [{kind: noise, std: 10 arcsec, period: 100ms}]} →
-    control: {period: 0.02}; sensors: {pose: [{kind: noise, std: pi/64800, period: 0.1}]}
-control: {period: 0.1}; sensors: {velocity: [{kind: bias, value: {uniform: [-9 deg/s, 9 deg/s]}}]} →
-    control: {period: 0.1}; sensors: {velocity: [{kind: bias, value: {uniform: [-pi/20, pi/20]}}]}
-SE3; initial: {pose: {kind: exp_normal, std: [1 deg, 0, 0, 2 cm, 0, 0]}} →
-    SE3; initial: {pose: {kind: exp_normal, std: [pi/180, 0, 0, 0.02, 0, 0]}}
-SE3; inertia: [1 kg m^2, 1, 1, 500 g, 1, 1] → SE3; inertia: [1, 1, 1, 0.5, 1, 1]
-"""
 
 
-@pytest.mark.parametrize(("written", "plain"), said_of(WITH_UNITS).items())
+@from_yaml
 def test_numbers_with_units_are_those_in_units_of_eqt(experiment, written, plain):
     """Up to rounding: a factor such as π/180 is rounded once."""
     left, right = (

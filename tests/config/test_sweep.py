@@ -2,10 +2,10 @@ import pickle
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
-from said import cases
 
 from eqt_cli.base.errors import Problems
 from eqt_cli.config.designs import Choices, DrawnRange, Spaced, Sweep
@@ -160,103 +160,17 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
     assert found.point(point)["a"] == (point >> 10) / 1023
 
 
-@pytest.mark.parametrize(
-    ("blocks", "said"),
-    [
-        *cases(r"""
-[] → expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, got []
-[{grdi: {}}] → [0].grdi: unknown design 'grdi'; did you mean 'grid'?
-[{grid: {a: []}}] → [0].grid.a: expected at least 1 entry, got []
-[{grid: {a: {low: 0, high: 1, points: 1}}}] →
-    [0].grid.a.points: expected a whole number of at least 2, got 1
-[{zip: {a: [1], b: [1, 2]}}] → [0].zip.b: expected 1 values, as many as a has, got 2
-[{sobol: {points: 0, axes: {a: {low: 0, high: 1}}}}] →
-    [0].sobol.points: expected a whole number of at least 1, got 0
-[{lhs: {points: 4, axes: {a: {low: 2, high: 1}}}}] →
-    [0].lhs.axes.a.high: expected more than 2, the value of low, got 1
-[{random: {points: 4, axes: {a: {low: 0, high: 1, scale: log}}}}] →
-    [0].random.axes.a.low: expected a number greater than 0 on a log scale, got 0
-[{random: {points: 4, axes: {a: {low: 0, high: .inf}}}}] →
-    [0].random.axes.a.high: expected a finite number, got .inf
-[{random: {points: 4, axes: {a: {lo: 0, high: 1, low: 0}}}}] →
-    [0].random.axes.a.lo: unknown key; did you mean 'low'?
-[{grid: {a: [1]}}, {grid: {a.b: [1]}}] →
-    [1].grid.a.b: a.b overlaps with a, which is swept by an earlier block; remove one of them
-[{grid: {a: [1]}}, {concat: [{grid: {a: [1]}}, {grid: {a: [2]}}]}] →
-    [1].concat[0].grid.a: a is swept by an earlier block; remove one of them
-[{grid: {a: [1]}}, {grid: {a: {low: 0, high: 1, points: 2}}}] →
-    [1].grid.a: a is swept by an earlier block; remove one of them
-[{concat: [{grid: {a: [1]}}, {grid: {b: [1]}}]}] →
-    [0].concat[1]: expected the same keys as in the first part: a
-[{cases: {one: {a.b: 1}, other: {c: 1}}}, {grid: {a: [1]}}] →
-    [1].grid.a: a overlaps with a.b, which is swept by an earlier block; remove one of them
-[{cases: {one: {}}}, {cases: {other: {}}}] →
-    [1].cases: case is swept by an earlier block; remove one of them
-[{cases: {one: {a: 1, "a[0]": 2}}}] → [0].cases.one.a[0]: a[0] overlaps with a; remove one of them
-[{cases: {one: {a: 1}, other: {a: 1}}}] →
-    [0].cases.other: changes the same as 'one'; remove one of them
-[{cases: {"": {}}}] → [0].cases.: expected a name of 1 to 40 printable characters, got ''
-[{cases: {one: {a..b: 1}}}] →
-    [0].cases.one.a..b: expected a key such as gains.kp or controllers[0].label, got 'a..b'
-[{cases: {one: [a]}}] → [0].cases.one: expected a mapping, got ['a']
-[{grid: {a: [1, [{b: 2}]]}}] →
-    [0].grid.a[1]: expected a number, a text, a list of numbers or one mapping, got [{b: 2}]; give
-        each list a name: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]
-[{random: {points: 4, axes: {a: {low: 1, high: 2.5, integer: true}}}}] →
-    [0].random.axes.a.low: expected whole numbers as low and high, since integer is true
-[{random: {points: 4, axes: {a: {low: 0.5, high: 2, integer: true}}}}] →
-    [0].random.axes.a.low: expected whole numbers as low and high, since integer is true
-[{random: {points: 4, axes: {a: {low: 1, high: 1}}}}] →
-    [0].random.axes.a.high: expected more than 1, the value of low, got 1
-[{grid: {a: {low: 1, high: 0, points: 2}}}] →
-    [0].grid.a.high: expected more than 1, the value of low, got 0
-[{zip: {a: {low: 1, high: 0, points: 2}}}] →
-    [0].zip.a.high: expected more than 1, the value of low, got 0
-[{grid: {a: {low: 0, high: 1, points: "3"}}}] → [0].grid.a.points: expected a whole number, got '3'
-[{random: {points: 4, axes: {a: {low: 1, high: 3, integer: "yes"}}}}] →
-    [0].random.axes.a.integer: expected true or false, got 'yes'
-[{random: {points: 4, axes: {a: {values: []}}}}] →
-    [0].random.axes.a.values: expected at least 1 entry, got []
-[{grid: {}}] → [0].grid: expected at least 1 entry, got {}
-[{cases: {}}] → [0].cases: expected at least 1 entry, got {}
-[{random: {points: 4, axes: {}}}] → [0].random.axes: expected at least 1 entry, got {}
-[{cases: {xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx: {}}}] →
-    [0].cases.xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx: expected a name of 1 to 40 printable
-        characters, got 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx'
-[{cases: {"a\nb": {}}}] →
-    [0].cases.a
-    b: expected a name of 1 to 40 printable characters, got 'a\nb'
-[{cases: {" ": {}}}] → [0].cases. : expected a name of 1 to 40 printable characters, got ' '
-[{cases: {one: {"": 1}}}] → [0].cases.one.: expected a key of the configuration, got ''
-[{concat: []}] → [0].concat: expected a list of blocks, got []
-[{concat: {}}] → [0].concat: expected a list of blocks, got {}
-[x] →
-    [0]: expected one design, such as {grid: {…}}, and one only; known: cases, concat, grid, lhs,
-        random, sobol, zip
-[{}] →
-    [0]: expected one design, such as {grid: {…}}, and one only; known: cases, concat, grid, lhs,
-        random, sobol, zip
-[{grid: {a: [1]}, zip: {b: [1]}}] →
-    [0]: expected one design, such as {grid: {…}}, and one only; known: cases, concat, grid, lhs,
-        random, sobol, zip
-[{grid: {a: [2, 1, 1.0]}}] → [0].grid.a[2]: 1.0 is listed twice; give each value once
-[{grid: {a: [x, true, true]}}] → [0].grid.a[2]: True is listed twice; give each value once
-# Nothing is counted of a design with an error.
-[{grid: {a: [1, 1], b: {low: 0, high: 1, points: 10000000}}}] →
-    [0].grid.a[1]: 1 is listed twice; give each value once
-[{grid: {a: {low: 0, high: 1, points: 1000000}, b: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10]}}] →
-    [0].grid: has 11,000,000 points; expected at most 10,000,000
-"""),
-        (
-            [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": 10**400}}}}],
-            f"[0].random.axes.a.high: expected a number, got 1{56 * '0'}...",
-        ),
-    ],
-)
+@from_yaml
 def test_what_is_wrong_is_said_at_its_place(blocks, said):
     problems = Problems()
     assert Sweep.read(blocks, problems) is None
     assert [f"{each.path}: {each.message}".removeprefix(": ") for each in problems] == [said]
+
+
+def test_a_number_of_401_digits_is_shortened():
+    block, problems = {"points": 4, "axes": {"a": {"low": 0, "high": 10**400}}}, Problems()
+    assert Sweep.read([{"random": block}], problems) is None
+    assert [problem.message for problem in problems] == [f"expected a number, got 1{56 * '0'}..."]
 
 
 @pytest.mark.parametrize(

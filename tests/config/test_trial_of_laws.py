@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from plugin_sources import component
-from said import said_of
 
 from eqt_cli.base.errors import ComponentError
 
@@ -45,16 +45,7 @@ def law(body, loss="None"):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(
-    ("body", "said"),
-    said_of("""
-1 / 0 → fails at the start of run 0: ZeroDivisionError: division by zero
-s.tau_dd → fails at the start of run 0: AttributeError: 'Tracking' object has no attribute 'tau_dd'
--s.V * np.sin(s.t) →
-    fails at the start of run 0: ValueError: operands could not be broadcast together with shapes
-        (5,6,3) (6,)
-""").items(),
-)
+@from_yaml
 def test_a_law_that_raises(message, engine, body, said):
     text = message(f"solver.engine={engine}", **law(body))
     where, _, rest = text.partition(": controllers[1]: ")
@@ -62,16 +53,7 @@ def test_a_law_that_raises(message, engine, body, said):
     assert rest == f"controller 'own' {said} at own.py:12: return {body}"
 
 
-@pytest.mark.parametrize(
-    ("body", "found"),
-    [
-        ("None", "None; expected an array"),
-        ("s.V[..., :2]", "an array of shape (5, 2) for 5 runs; expected (5, 3)"),
-        ("np.array([0.0, 0.0, 1.0])", "an array of shape (3,) for 5 runs; expected (5, 3)"),
-        ("s.V * 1j", "an array of complex128; expected real numbers"),
-        ("s.V if s.V.ndim == 2 else s.V[0]", None),
-    ],
-)
+@from_yaml
 def test_a_law_of_another_shape(message, body, found):
     found = found or ("an array of shape (6, 3) for 5 runs of 6 samples; expected (5, 6, 3)")
     assert message(**law(body)).partition(": controllers[1]: ")[2] == (
@@ -86,17 +68,7 @@ def test_a_dissipation_of_another_shape(message):
     )
 
 
-@pytest.mark.parametrize(
-    ("body", "said"),
-    said_of("""
-Pd.foo →
-    fails at the start of run 0: AttributeError: 'numpy.ndarray' object has no attribute 'foo' at
-        own.py:9: return Pd.foo
-Pd[..., :1] →
-    is wrong at the start of run 0: own.py:8: driving_torque returns an array of shape (5, 1) for 5
-        runs; expected (5, 3)
-""").items(),
-)
+@from_yaml
 def test_a_reference(message, body, said):
     Path("own.py").write_text(REFERENCE.replace("BODY", body), encoding="utf-8")
     text = message(plugins="[own.py]", reference="{kind: own}")

@@ -4,9 +4,10 @@ import math
 
 import pytest
 import yaml
+from case_tables import from_yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from said import cases, error_of
+from said import error_of
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError, dotted
@@ -201,21 +202,7 @@ def test_parse_value(text, value):
     assert parse_value(text, "overrides[0]") == value
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    cases(r"""
-"017" → overrides[0]: 017 is ambiguous: write 17 or 0o17
-"{a: 1, a: 2}" → overrides[0]: a: duplicate key
-"[1, 2" → overrides[0]: the '[' is never closed
-"[1, 2}" → overrides[0]: expected ',' or ']' in the list
-"[" → overrides[0]: a '[' or '{' is never closed
-"{a[0]: 1}" → overrides[0]: a key with a bracket must be quoted here: {"a[0]": …}
-"@x" → overrides[0]: a value cannot start with '@'; quote it
-"\u0007" →
-    overrides[0]: character U+0007 is not allowed; remove it, or write it as an escape in double
-        quotes
-"""),
-)
+@from_yaml
 def test_message_for_a_value(text, message):
     assert _set_message(text) == message
 
@@ -223,47 +210,15 @@ def test_message_for_a_value(text, message):
 # Errors of content ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        *cases(r"""
-"a: 017" → c.yaml:1:4: a: 017 is ambiguous: write 17 or 0o17
-"a: +017" → c.yaml:1:4: a: +017 is ambiguous: write 17 or 0o17
-"a: -017" → c.yaml:1:4: a: -017 is ambiguous: write -17 or -15
-"a: 08" → c.yaml:1:4: a: 08 is ambiguous: write 8
-"a: [00]" → c.yaml:1:5: a[0]: 00 is ambiguous: write 0
-"a: 1e400" → c.yaml:1:4: a: 1e400 is too large for a floating-point number; write .inf for infinity
-"a: 1\na: 2" → c.yaml:2:1: a: duplicate key; the first is at c.yaml:1:1
-"b: {c: 1, 'c': 2}" → c.yaml:1:11: b.c: duplicate key; the first is at c.yaml:1:5
-"1: a" → c.yaml:1:1: expected text as a key, got 1; write "1"
-"a: {017: b}" → c.yaml:1:5: a: expected text as a key, got 017; write "017"
-"true: a" → c.yaml:1:1: expected text as a key, got true; write "true"
-"null: a" → c.yaml:1:1: expected text as a key, got null; write "null"
-"? # x\n: a" → c.yaml:1:2: expected a key before ':'
-"[a, b]: 1" → c.yaml:1:1: expected text as a key, got a list
-"{a: 1}: 2" → c.yaml:1:1: expected text as a key, got a mapping
-"a: &x k\n*x : 1" → c.yaml:2:1: expected text as a key, got an alias
-"<<: {a: 1}" → c.yaml:1:1: merge keys (<<) are not supported; write out the keys to merge
-"a: !!python/object/apply:os.system [ls]" →
-    c.yaml:1:4: a: tag !!python/object/apply:os.system is not allowed; write the value without it
-"a: !!str 1" → c.yaml:1:4: a: tag !!str is not allowed; write the value without it
-"!x a: 1" → c.yaml:1:1: a: tag !x is not allowed; write the value without it
-"a: *b" → c.yaml:1:4: a: *b refers to nothing; no &b comes before it
-"a: &b [1, *b]" → c.yaml:1:11: a[1]: *b is part of what it refers to
-"a: 1\n---\nb: 2" → c.yaml:2:1: a second document starts here; expected only one
-name paper → c.yaml:1:1: expected lines of 'key: value', got text
-"- a" → c.yaml:1:1: expected lines of 'key: value', got a list
-"# x\n5" → c.yaml:2:1: expected lines of 'key: value', got a single value
-"null" → c.yaml:1:1: expected lines of 'key: value', got a single value
-"""),
-        (
-            f"a: {'9' * 4001}",
-            f"c.yaml:1:4: a: {'9' * 37}... has 4001 digits; expected at most 4000",
-        ),
-    ],
-)
+@from_yaml
 def test_message(text, message):
     assert _message(text) == message
+
+
+def test_message_of_many_digits():
+    assert _message(f"a: {'9' * 4001}") == (
+        f"c.yaml:1:4: a: {'9' * 37}... has 4001 digits; expected at most 4000"
+    )
 
 
 def test_all_problems_are_reported_together():
@@ -292,52 +247,7 @@ def test_problems_carry_path_message_and_place():
 # Errors of syntax -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    cases(r"""
-"a: b: c" → c.yaml:1:5: unexpected ':'; check the indentation, or quote the text
-"a: 1\n  b: 2" → c.yaml:2:4: unexpected ':'; check the indentation, or quote the text
-"a:\n  b: 1\n c: 2" →
-    c.yaml:3:2: expected a key of the mapping that starts at c.yaml:1:1; check the indentation
-"a: 1\n- b" →
-    c.yaml:2:1: expected a key of the mapping that starts at c.yaml:1:1; check the indentation
-"a:\n  - 1\n  b: 2" →
-    c.yaml:3:3: expected a '- ' of the list that starts at c.yaml:2:3; check the indentation
-"a: 1\nfoo\nb: 2" → c.yaml:2:1: expected ':' after this text, or '- ' before it
-"a: - b" → c.yaml:1:4: a list cannot start here; start it on a new line
-"a: ? b" → c.yaml:1:4: unexpected '?'; quote text that starts with it
-"a: 'it's'" → c.yaml:1:8: unexpected 's' after a value; quote the whole value
-"a: [1]]" → c.yaml:1:7: unexpected ']' after a value; quote the whole value
-"a: ]" → c.yaml:1:4: unexpected ']'; quote text that starts with it
-"a: [,]" → c.yaml:1:5: unexpected ','; quote text that starts with it
-"a: [1, 2" → c.yaml:1:4: the '[' is never closed
-"a: {b: 1\n\n" → c.yaml:1:4: the '{' is never closed
-"a: [1, 2\nb: 3" → c.yaml:2:2: expected ',' or ']' in the list that starts at c.yaml:1:4
-"a: {b: 1 c: 2}" → c.yaml:1:11: expected ',' or '}' in the mapping that starts at c.yaml:1:4
-"a: {b: 1, c[0].d: [1, 2]}" → c.yaml:1:11: a key with a bracket must be quoted here: {"c[0].d": …}
-"- {b:\n  {c[0][1] : 2}}" → c.yaml:2:4: a key with a bracket must be quoted here: {"c[0][1]": …}
-"a: {b: c[0]}" → c.yaml:1:9: expected ',' or '}' in the mapping that starts at c.yaml:1:4
-"a: \"b\nc: 1\n" → c.yaml:1:4: the quote " is never closed
-"a: 'b\n--- c'" → c.yaml:1:4: the quote ' is never closed
-"a: \"C:\\data\"" → c.yaml:1:4: unknown escape in this text; use single quotes, or \\ for \
-"a:\n\tb: 1" → c.yaml:2:1: a tab cannot stand here; use spaces
-"\ta: 1" → c.yaml:1:1: a tab cannot stand here; use spaces
-"a: |\n\tb" → c.yaml:2:1: a tab cannot stand here; use spaces
-"a: @b" → c.yaml:1:4: a value cannot start with '@'; quote it
-"a: `b`" → c.yaml:1:4: a value cannot start with '`'; quote it
-"a: %b" → c.yaml:1:4: a value cannot start with '%'; quote it
-"a: * b" → c.yaml:1:4: '*' starts a reference; quote text that starts with it
-"a: & b" → c.yaml:1:4: '&' starts an anchor; quote text that starts with it
-"a: | b\n c" → c.yaml:1:4: '|' starts a block of text; quote text that starts with it
-"a: >9x\n c" → c.yaml:1:4: '>' starts a block of text; quote text that starts with it
-"a: !x!y z" → c.yaml:1:4: '!' starts a tag, which is not allowed; quote text that starts with it
-"a: !<x" → c.yaml:1:4: '!' starts a tag, which is not allowed; quote text that starts with it
-"%YAML 2.0\n---\na: 1" → c.yaml:1:1: expected YAML 1.1 or 1.2
-"%YAML 1.2\n%YAML 1.2\n---\na: 1" →
-    c.yaml:2:1: '%' starts a directive; quote text that starts with it
-"a: 1\n...\nb" → c.yaml:3:1: unexpected text after the end of the document
-"""),
-)
+@from_yaml
 def test_message_of_syntax(text, message):
     assert _message(text) == message
 

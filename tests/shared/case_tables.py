@@ -1,6 +1,34 @@
-"""Cases of tests: as a text that reads like a file, those of CI, and what an error says."""
+"""Cases of tests: in YAML files or as a text, those of CI, and what an error says."""
+
+from functools import cache
+from pathlib import Path
 
 import pytest
+import yaml
+
+
+def from_yaml(test):
+    """Try a test on its cases in the file beside it: `sweep.yaml` of `test_sweep.py`.
+
+    There a case is a mapping of arguments, below the name of the test; `id` names the case where
+    its arguments do not, and `ci` says why only CI tries it.
+    """
+    path = Path(test.__code__.co_filename)
+    table = _tables(path.with_name(f"{path.stem.removeprefix('test_')}.yaml"))[test.__name__]
+    names = [name for name in table[0] if name not in ("id", "ci")]
+    cases = []
+    for case in table:
+        assert case.keys() <= {*names, "id", "ci"}, case
+        marks = [pytest.mark.ci(case["ci"])] if "ci" in case else []
+        values = (case[name] for name in names)
+        cases.append(pytest.param(*values, id=case.get("id"), marks=marks))
+    return pytest.mark.parametrize(names, cases)(test)
+
+
+@cache
+def _tables(path):
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # as eqt reads YAML, fast
+    return yaml.load(path.read_text(encoding="utf-8"), loader)  # noqa: S506
 
 
 def cases(text):
