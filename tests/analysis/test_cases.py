@@ -5,7 +5,8 @@ from copy import deepcopy
 import numpy as np
 import pytest
 import small_experiment
-from said import cases, error_of
+from case_tables import from_yaml
+from said import error_of
 
 from eqt_cli import api
 from eqt_cli.analysis.fronts import Scores, best_of, held_out
@@ -139,25 +140,6 @@ def test_cases_in_another_order_are_another_search():
     assert read(cases=dict(reversed(cases.items()))).digest != read().digest
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    cases("""
-{cases: null} → tune.over_cases: there are no cases; add `cases`, or leave it out
-{cases: {}} → tune.cases: expected at least 1 entry, got {}
-{over_cases: median} → tune.over_cases: expected 'mean' or 'worst', got 'median'
-{cases: {a: {gains.kd: 2}}} →
-    tune.cases.a.gains.kd: no case can change it: gains belongs to the laws, and is tuned by `over`
-{cases: {a: {ensemble.seed: 2}}} →
-    tune.cases.a.ensemble.seed: no case can change it: ensemble is that of the search and of
-        `confirm`
-{cases: {a: {plants.inertia: 2}}} →
-    tune.cases.a.plants.inertia: unknown key 'plants.inertia'; keys are in: group
-{cases: {a: {plant.inertia.relative: -2}}} →
-    tune.cases.a: plant.inertia.relative: expected a number greater than -1, got -2
-{cases: {a: {}, b: {}}} → tune.cases.b: changes the same as 'a'; remove one of them
-{objective: saturated_share, cases: {a: {}}} →
-    tune.objective: no metric 'saturated_share' is stored of every run
-"""),
-)
+@from_yaml
 def test_what_is_wrong_with_cases_is_said_at_its_place(changed, message):
     assert message in error_of(read, **changed, kind=ConfigError)

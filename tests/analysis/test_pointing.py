@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from small_experiment import configuration, study_of
@@ -358,48 +359,9 @@ def test_a_quadrotor_points_its_thrust_and_leaves_its_yaw(invoke, tmp_path):
 # What is refused
 
 POINT = "{kind: point, axis: [0, 0, 1], at: [0, 1, 0]}"
-LAW = "use a law with its error in the body, such as lee2010"
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"task": "{kind: point, axis: [0, 1], at: [0, 1, 0]}"},
-         "9:21: task.axis: expected a direction of 3 numbers, got [0.0, 1.0]"),
-        ({"task": "{kind: point, axis: [0, 0, 1], at: [0, 0, 0]}"},
-         "task.at: expected a direction of 3 numbers, got [0.0, 0.0, 0.0]"),
-        ({"task": "{kind: turn, axis: [0, 0, 1]}"}, "task.kind: expected 'point', got 'turn'"),
-        ({"task": "{kind: point, axis: [0, 0, 1], along: reference}", "controllers": "[lee2010]"},
-         "reference: missing; along: reference needs a reference to follow"),
-        ({"reference": "{kind: constant}"},
-         "task.at: excludes `along` and a reference; remove these, or it"),
-        ({"target": "{pose: identity}"}, "target: is a key of task: stabilise;"),
-        ({"gains": "{kp: [0, 1, 1], kd: 1}", "controllers": "[lee2010]"},
-         "gains.kp: expected k > 0, or k c cᵀ with c = (0, 0, 1) in its frame, got "),
-        ({"gains": "{kp: [0, 0, 1], kd: 1}", "controllers": "[eqt]"},
-         "gains.kp: expected k > 0, or k c cᵀ with c = (0, 1, 0) in its frame, got "),
-        ({"gains": "{kp: -1, kd: 1}", "controllers": "[lee2010]"},
-         "gains.kp: expected k > 0, or k c cᵀ with c = (0, 0, 1) in its frame, got"),
-        ({"gains": "{kp: 1, kd: [0, 1, 1]}", "controllers": "[lee2010]"},
-         "gains.kd: expected a positive definite matrix, or 0 along (0, 0, 1) in the law's"),
-        ({"gains": "{kp: 1, kd: [1, 1, 0]}", "controllers": "[eqt]"},
-         "gains.kd: expected a positive definite matrix, or 0 along (0, 1, 0) in the law's"),
-        ({"controllers": "[quaternion]"},
-         f"[0]: quaternion does not turn one axis alone, as its force is not −dΥ; {LAW}"),
-        ({"controllers": "[goodarzi2013]"}, "controllers[0]: goodarzi2013 does not turn one axis"),
-        ({"task": "{kind: point, axis: [0, 0, 1], along: reference}", "controllers": "[eqt]",
-          "reference": "{kind: constant}"},
-         f"controllers[0]: eqt has K in space, where R_d a moves; give `at`, or {LAW}"),
-        ({"group": "SO2", "inertia": "1", "controllers": "[lee2010]"},
-         "controllers[0]: lee2010 on SO2 does not: use SO3, or a cascade with along: reference"),
-        (QUADROTOR | {"controllers": "[lee2010]", "gains": "{kp: 1, kd: 1}"},
-         "controllers[0]: lee2010 on SE3 does not: use SO3, or a cascade with along: reference"),
-        (QUADROTOR | {"task": POINT, "reference": None},
-         "controllers[0]: cascade on SE3 does not: use SO3, or a cascade with along: reference"),
-        (QUADROTOR | {"task": "{kind: point, axis: [0, 1, 1], along: reference}"},
-         "task.axis: expected the direction of the push, [0.0, 0.0, 1.0]"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_is_no_pointing_is_refused(tmp_path, changes, said):
     with pytest.raises(EqtError) as error:
         experiment(tmp_path, **{"task": POINT, "target": None} | changes)

@@ -1,7 +1,8 @@
 """What the section `tune` is read as, and what is said where it is wrong."""
 
 import pytest
-from said import cases, error_of
+from case_tables import from_yaml
+from said import error_of
 
 from eqt_cli.analysis.search_record import values_text
 from eqt_cli.analysis.tune import Search
@@ -103,50 +104,7 @@ def test_no_other_command_minds_the_section(small):
     assert one.digest == other.digest
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    cases("""
-{over: {time.duration: [1, 2]}} →
-    tune.over.time.duration: expected a key of gains or controllers; all other keys define the task,
-        which is the same for all laws
-{over: {gains.kp: [1, 2], "controllers[2].gyroscopic": [1, 2]}} →
-    tune.over.controllers[2].gyroscopic: expected an option of one of the 2 controllers, as
-        controllers[0].gains.kp
-{over: {gains.kp: [2, 1]}} → tune.over.gains.kp: expected more than 2, the value of low, got 1
-{over: {gains.kp: [1, 2, 3]}} →
-    tune.over.gains.kp: expected [low, high], {log: [low, high]} or {low: …, high: …, scale: …}, got
-        [1, 2, 3]
-{over: {"gains.kp[2:2]": [1, 2]}} →
-    tune.over.gains.kp[2:2]: expected a range of 1 to 100 entries, such as gains.kp[0:3] for the
-        first three, got 'gains.kp[2:2]'
-{over: {"gains.kp[0:2]": [1, 2]}} →
-    tune.over: at the lower ends, controller 'eqt': gains.kp[0]: gains.kp is 1.0, not a list; set
-        all of gains.kp instead
-{over: {gains.kp: [1, 2], "gains.kp[0]": [1, 2]}} →
-    tune.over.gains.kp[0]: gains.kp[0] overlaps with gains.kp; remove one of them
-{over: {"gains.kd[0:3]": [1, 2], "controllers[1].gains.kd[2]": [1, 2]}} →
-    tune.over.controllers[1].gains.kd[2]: controllers[1].gains.kd[2] overlaps with gains.kd[0:3];
-        remove one of them
-{over: {"controllers[1].gyroscopic": [0, 1]}} →
-    tune.over: has no key of controller 'eqt'; add one that all laws share, or leave the controller
-        out
-{over: {gains.kp: [-1, 1]}} →
-    tune.over: at the lower ends, controller 'eqt': gains.kp: must be positive
-{objective: mean_pose_eror} →
-    tune.objective: no metric 'mean_pose_eror' is stored of every run; did you mean
-        'mean_pose_error'?
-{objectives: [effort, mean_pose_error]} →
-    tune: expected either `objective`, a metric, or `objectives`, two of them
-{objective: null, objectives: [effort]} →
-    tune.objectives: expected two different metrics, got ["effort"]
-{subject_to: {effort: {}}} → tune.subject_to.effort: expected `max` or `min`, got neither
-{seeds: 0} → tune.seeds: expected a whole number of at least 1, got 0
-{seeds: [1, 2]} → tune.seeds: expected a whole number, got [1, 2]
-{confirm: {seed: 1}} →
-    tune.confirm.seed: expected a seed other than ensemble.seed, got 1; held-out runs must differ
-        from the runs of the search
-"""),
-)
+@from_yaml
 def test_what_is_wrong_is_said_at_its_place(small, changed, message):
     small["tune"] |= changed
     assert message.replace('["effort"]', "['effort']") in error_of(read, small, kind=ConfigError)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import small_experiment
 import yaml
-from said import cases, error_of
+from case_tables import from_yaml
+from said import error_of
 
 from eqt_cli import api
 from eqt_cli.analysis.search_record import WORST, fits_worst
@@ -346,31 +347,7 @@ def test_no_other_command_minds_the_section():
     assert one.digest == other.digest
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    cases("""
-{over: {ensemble.runs: [1, 2]}} →
-    worst.over.ensemble.runs: ensemble.runs cannot be swept: run k starts from the same state
-        however many runs there are
-{over: {gain.kp: [1, 2]}} → worst.over.gain.kp: unknown key 'gain.kp'; keys are in: group, inertia
-{over: {group: [1, 2]}} →
-    worst.over.group: expected a key that holds a number, and this one holds 'SO2'
-{over: {control.delay: [0, 2.5]}} →
-    worst.over.control.delay: expected whole numbers at both ends, since control.delay takes whole
-        numbers, got [0, 2.5]
-{over: {gains.kd: [2, 1]}} → worst.over.gains.kd: expected more than 2, the value of low, got 1
-{over: {plant.inertia.relative: [-2, 1]}} →
-    worst.over: at the lower ends, controller 'stabilising': plant.inertia.relative: expected a
-        number greater than -1, got -2
-{over: {"controllers[1].gains.kp": [1, 2]}} →
-    worst.over: has no key of controller 'stabilising'; add one that all laws share, or leave the
-        controller out
-{objective: mean_pose_eror} →
-    worst.objective: no metric 'mean_pose_eror' is stored of every run; did you mean
-        'mean_pose_error'?
-{population: 4} → worst.population: expected a whole number of at least 5, got 4
-"""),
-)
+@from_yaml
 def test_what_is_wrong_is_said_at_its_place(changed, message):
     assert message in error_of(read, **changed, kind=ConfigError)
 

@@ -10,7 +10,7 @@ import warnings
 
 import numpy as np
 import pytest
-from case_tables import cases
+from case_tables import from_yaml
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -233,99 +233,7 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
 # Errors ---------------------------------------------------------------------------------------
 
 
-LONG_MESSAGES = """
-omega*t
-    unknown name 'omega' at column 1; known names: t, pi, sin, cos, tan, asin, acos, atan, sinh,
-    cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, step, smoothstep, atan2,
-    where
-__import__('os')
-    unknown name '__import__' at column 1; known names: t, pi, sin, cos, tan, asin, acos, atan,
-    sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, step, smoothstep,
-    atan2, where
-1,5
-    unexpected ',' at column 2; write decimals with a point; only min, max, step, smoothstep, atan2,
-    where take several arguments
-atan2(t)
-    function 'atan2' at column 1 takes two arguments, as in 'atan2(y, x)', the angle of the point
-    (x, y) in rad, got 1
-sign(t, 1)
-    function 'sign' at column 1 takes one argument, got another after ',' at column 7
-1 + step(t)
-    function 'step' at column 5 takes two arguments, as in 'step(t, 1)', which is 0 before t = 1 and
-    1 after, got 1
-where(t, 1, 2)
-    function 'where' at column 1 takes a comparison and two values, as in 'where(t < 1, 0, 2)', got
-    no comparison at column 7
-where(t < 1, 2)
-    function 'where' at column 1 takes a comparison and two values, as in 'where(t < 1, 0, 2)', got
-    no more
-t < 1
-    unexpected '<' at column 3; a comparison may only be the first argument of 'where', as in
-    'where(t < 1, 0, 2)'
-where(0 < t < 1, 2, 3)
-    unexpected '<' at column 13; a comparison may only be the first argument of 'where', as in
-    'where(t < 1, 0, 2)'
-where(t < 1 and t > 0, 2, 3)
-    unexpected 'and' at column 13; write one 'where' within another
-smoothstep(t, 3, 1)
-    'smoothstep' at column 1 must rise from a smaller to a larger number, got 3 and 1
-sin(t, 2)
-    function 'sin' at column 1 takes one argument, got another after ',' at column 6
-"""
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        *cases(LONG_MESSAGES),
-        ("", "expected an expression at column 1, got an empty text"),
-        ("  \n", "expected an expression at column 1, got an empty text"),
-        ("2 + sinn(t)", "unknown name 'sinn' at column 5; did you mean 'sin'?"),
-        ("arcsin(t)", "unknown name 'arcsin' at column 1; did you mean 'asin'?"),
-        ("PI", "unknown name 'PI' at column 1; did you mean 'pi'?"),
-        ("e**t", "unknown name 'e' at column 1; write 'exp(1)' for Euler's number"),
-        ("ln(t)", "unknown name 'ln' at column 1; the natural logarithm is 'log'"),
-        ("pow(t, 2)", "unknown name 'pow' at column 1; write 'a**b' for a power"),
-        ("math.sin(t)", "unknown name 'math' at column 1; write 'sin' for 'math.sin'"),
-        ("np.sin(t)", "unknown name 'np' at column 1; write 'sin' for 'np.sin'"),
-        ("t^2", "unexpected character '^' at column 2; write '**' for a power"),
-        ("atan2(0, 0)", "'atan2' at column 1 has no finite value (got nan)"),
-        ("min(t)", "function 'min' at column 1 takes two or more arguments, got 1"),
-        ("max()", "function 'max' at column 1 takes two or more arguments, got none"),
-        ("2·t", "unexpected character '·' at column 2; write '*'"),
-        ("t − 1", "unexpected character '−' at column 3; write '-'"),
-        ("−1", "unexpected character '−' at column 1; write '-'"),
-        ("2*π", "unexpected character 'π' at column 3; write 'pi'"),
-        ("t²", "unexpected character '²' at column 2; write '**2'"),
-        ("t;", "unexpected character ';' at column 2"),
-        ("t\x00", "unexpected character '\\x00' at column 2"),
-        ("2t", "missing operator between '2' and 't' at column 2; write '2*t' to multiply"),
-        ("t t", "missing operator between 't' and 't' at column 3; write 't*t' to multiply"),
-        ("t(1)", "missing operator between 't' and '(' at column 2; write 't*(' to multiply"),
-        ("(t)(t)", "missing operator between ')' and '(' at column 4; write ')*(' to multiply"),
-        ("sin(2 t)", "missing operator between '2' and 't' at column 7; write '2*t' to multiply"),
-        ("1_000", "missing operator between '1' and '_000' at column 2"),
-        ("0x10", "missing operator between '0' and 'x10' at column 2"),
-        ("1e", "missing operator between '1' and 'e' at column 2"),
-        ("2*(t + 1", "the '(' at column 3 is never closed"),
-        ("sin(t", "the '(' at column 4 is never closed"),
-        ("t + 1)", "the ')' at column 6 has no matching '('"),
-        ("2*", "expected a number, a name or '(' at column 3, but the expression ends"),
-        ("*2", "expected a number, a name or '(' at column 1, but got '*'"),
-        ("1//2", "expected a number, a name or '(' at column 3, but got '/'"),
-        ("()", "expected a number, a name or '(' at column 2, but got ')'"),
-        ("sin t", "function 'sin' at column 1 needs its argument in parentheses, as in 'sin(t)'"),
-        ("sin()", "function 'sin' at column 1 takes one argument, got none"),
-        ("1e400", "number '1e400' at column 1 is too large"),
-        ("t/0", "division by zero at column 2"),
-        ("t*(1/(1/0.0))", "division by zero at column 8"),
-        ("1/(1 - 1)", "division by zero at column 2"),
-        ("log(0)*t", "'log' at column 1 has no finite value (got -inf)"),
-        ("1/exp(1000)", "'exp' at column 3 has no finite value (got inf)"),
-        ("(-8)**(1/3)", "'**' at column 5 has no finite value (got nan)"),
-        ("10**400", "'**' at column 3 has no finite value (got inf)"),
-    ],
-)
+@from_yaml
 def test_message(text: str, message: str) -> None:
     assert _message(text) == message
 

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 import yaml
-from case_tables import cases, in_ci, refusal
+from case_tables import from_yaml, in_ci, refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
@@ -628,63 +628,7 @@ def test_swept_gains_of_the_position_have_no_name_of_a_law():
 # What is refused ----------------------------------------------------------------------------------
 
 
-REFUSED = """
-group: SO3
-inertia: [0.082, 0.0845, 0.1377]
-model: null
-    controllers[0]: cascade needs a group of one rotation and one translation, SE2 or SE3, got SO3
-law: {attitude: stabilising}
-    controllers[0].attitude: expected a law of SO3 that tracks with given gains, such as lee2010,
-    got stabilising
-law: {along: null}
-    controllers[0].along: missing; no thrusters in `actuators` determine the direction of the push;
-    give it in the body frame, such as along: [0, 0, -1]
-law: {along: null}
-actuators: [{kind: thrusters, matrix: [[0, 0], [0, 0], [0, 0], [1, 0], [0, 1], [0, 0]]}]
-    controllers[0].along: missing; the thrusters push in more than one direction; give the one that
-    carries the body, such as along: [0, 0, -1]
-law: {along: [0, 1]}
-    controllers[0].along: expected a direction of 3 numbers, got [0.0, 1.0]
-inertia: [0.082, 0.0845, 0.1377, 4, 4, 5]
-    controllers[0]: needs an inertia diag(J, m I), and this one has masses that differ by direction;
-    use a law of SE2 or SE3 for a body with added mass
-inertia: [[0.082, 0, 0, 0, 0, 0.01], [0, 0.0845, 0, 0, 0.01, 0], [0, 0, 0.1377, 0.01, 0, 0],
-  [0, 0, 0.01, 4, 0, 0], [0, 0.01, 0, 0, 4, 0], [0.01, 0, 0, 0, 0, 4]]
-    controllers[0]: needs an inertia diag(J, m I), and this one couples rotation and translation;
-    move the frame of the body to its centre of mass
-reference: {kind: torque, torque: [0, 0, 0, 0, 0, 0]}
-    controllers[0]: needs a reference that gives jerk and snap; use reference: {kind: flat,
-    position: […]}, or {kind: flat, of: …}
-reference: {kind: flat, position: [0.0, 0.0, 0.0], heading: free}
-law: {rates: heading}
-    controllers[0].rates: the reference gives no heading; use rates: model
-law: {gains: {kp: 4}}
-    controllers[0].gains.kd: missing; this key is required: cascade needs its own gains, of its
-    law on SO3, such as gains: {kp: 4, kd: 2}
-law: {rates: filter}
-    controllers[0].bandwidth: missing; rates: filter needs it, in rad/s
-law: {bandwidth: 60}
-    controllers[0].bandwidth: applies to rates: filter only, got rates: model
-law: {position: {kx: 16.0, kv: 5.6, period: 25 ms}}
-control: {period: 0.01}
-    controllers[0].position.period: expected a whole number of periods of 10 ms, got 25 ms; write 20
-    ms or 30 ms
-law: {position: {kx: 16.0, kv: 5.6, period: 20 ms}}
-    controllers[0].position.period: counts control periods; set control.period
-law: {position: {kx: [4, 4], kv: 5.6}}
-    controllers[0].position.kx: expected a number, or 3 of them, got 2
-law: {position: {kx: 16.0, kv: 5.6, c1: 2}}
-    controllers[0].position.c1: applies to the integral only; add ki
-law: {position: {kx: 16.0, kv: 5.6, ki: -1}}
-    controllers[0].position.ki: expected at least 0, got -1; an integral of the wrong sign makes any
-    offset grow
-controllers: [lee2010]
-    gains: missing; this key is required: Gains of the control laws, for example gains: {kp: 1, kd:
-    1}
-"""
-
-
-@pytest.mark.parametrize(("changes", "message"), cases(REFUSED))
+@from_yaml
 def test_what_no_cascade_can_fly_is_refused(changes, message):
     assert message in [
         line.partition(": ")[2]

@@ -3,7 +3,7 @@
 import numpy as np
 import plain
 import pytest
-from case_tables import cases, refusal
+from case_tables import from_yaml, refusal
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.vehicle_parts import Clock, Sampling
@@ -204,24 +204,7 @@ def test_margins_are_those_of_a_monodromy_by_hand(experiment_of):
     np.testing.assert_allclose(multipliers(*again.closed), expected, rtol=1e-6)
 
 
-WRONG = """
-{period: 0.1, tick: 50 ms}
-{kind: noise, std: 0, period: 0.12}
-    sensors.pose[0].period: expected a whole number of ticks of 50 ms, got 120 ms; write 100 ms or
-    150 ms
-{period: 0.1, tick: 30 ms}
-{kind: noise, std: 0}
-    control.period: expected a whole number of ticks of 30 ms, got 100 ms; write 90 ms or 120 ms
-{period: 0.1, offset: 0.1}
-{kind: noise, std: 0}
-    control.offset: expected at least 0 s and less than the period, 0.1 s, got 0.1 s
-{period: 0.1}
-{kind: noise, std: 0, period: 1.0e-6}
-    control.tick: expected at least 1.5e-06 s, which makes 1,000,000 ticks in 1.5 s, got 1e-06
-"""
-
-
-@pytest.mark.parametrize(("sections", "message"), cases(WRONG))
+@from_yaml
 def test_times_of_clocks_are_checked(experiment_of, sections, message):
     control, entry = sections.splitlines()
     text = TEXT.replace("{period: 0.1, offset: 50 ms, delay: 150 ms}", control)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from case_tables import in_ci
+from case_tables import from_yaml, in_ci
 from scipy.linalg import expm
 
 from eqt_cli.base.errors import ConfigError, Problems
@@ -52,45 +52,7 @@ solver: {{engine: {engine}}}
 """
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"clock": ""}, "estimator: acts at control instants; set "
-         "control.period"),
-        ({"pose": ""}, "estimator: no sensor measures the pose, so its error grows without "
-         "bound; add an entry to sensors.pose"),
-        ({"estimator": "{kind: eqf, pose_std: 0}"}, "estimator.pose_std: expected deviations "
-         "greater than 0 for the rotation, got 0"),
-        ({"estimator": "{kind: eqf, velocity_std: [0.1, -1]}"}, "estimator.velocity_std: expected "
-         "a standard deviation of at least 0, got -1"),
-        ({"estimator": "{kind: eqf, bias_walk: [1, 2]}"}, "estimator.bias_walk: expected 1 entries "
-         "for SO2, got 2"),
-        ({"estimator": "{kind: eqf, initial_pose_std: 1, initial_error: [1, 2]}"},
-         "estimator.initial_error: expected 1 entries for SO2, got 2"),
-        ({"estimator": "{kind: eqf, initial_pose_std: 0}"}, "estimator.initial_pose_std: expected "
-         "deviations greater than 0 for the rotation, got 0"),
-        ({"velocity": "[{kind: bias, value: 0.05}]"}, "estimator.velocity_std: sensors.velocity "
-         "has no noise of the rotation, whose deviation is the default; give deviations greater "
-         "than 0"),
-        ({"pose": "[bias]"}, "estimator.pose_std: sensors.pose has no noise of the rotation, whose "
-         "deviation is the default; give deviations greater than 0"),
-        ({"estimator": "{kind: eqf, initial_error: 2}"}, "estimator.initial_pose_std: missing; "
-         "initial_error needs the deviation that the filter assumes for it"),
-        ({"group": "SE2", "pose": ATTITUDE}, "estimator: the bias of the translation cannot be "
-         "estimated: no sensor measures the translation; add an entry for it to sensors.pose, or "
-         "set initial_bias_std and bias_walk to 0 there"),
-        ({"group": "SE2", "pose": ATTITUDE, "velocity": "[{kind: noise, std: 0.1}, {kind: bias, "
-          "walk: 0.1}]"}, "estimator: the bias of the translation cannot be estimated: no sensor "
-         "measures the translation; add an entry for it to sensors.pose, or set initial_bias_std "
-         "and bias_walk to 0 there"),
-        ({"group": "SE2", "pose": ATTITUDE, "velocity": "[{kind: noise, std: 0.1}]"},
-         "estimator.initial_pose_std: missing; no sensor measures the translation, so no fix "
-         "starts its estimate"),
-        ({"estimator": "{kind: complementary, kp: 11}"}, "estimator: the estimate of the rotation "
-         "does not settle with fixes every 0.2 s: an error grows by 1.21 from one to the next; "
-         "choose kp between 0 and 10 and a smaller ki"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_cannot_be_estimated_is_refused(solved, options, said):
     with pytest.raises(ConfigError) as error:
         solved(text(**options))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from case_tables import cases, refusal
+from case_tables import from_yaml, refusal
 from scipy.interpolate import PPoly
 
 from eqt_cli.base.errors import EqtError, Problems
@@ -152,42 +152,9 @@ BODY = {
     "time": "{duration: 2, samples: 5}",
 }
 HOVER = "position: [0, 0, 1]"
-REFUSED = """
-{position: [0, 0, '-4.9*t**2'], along: [0, 0, 1]}
-    reference: needs a thrust of 0.02 N at 0 s: no attitude follows; change the motion there
-{position: ['2*(t-1.3003)**3', 0, '-4.905*t**2'], along: [0, 0, 1]}
-    reference: needs a thrust of 0 N at 1.3 s: no attitude follows; change the motion there
-{position: ['sqrt(t - 100)', 0, 1], along: [0, 0, 1]}
-    reference: has no finite real value at any time; correct its expressions
-{position: [0, 0, 1]}
-    reference.along: missing; the direction of the push is unknown; give it in the
-    body frame, such as along: [0, 0, 1]
-{position: [0, 0, 1], along: [0, 1]}
-    reference.along: expected a direction of 3 numbers, got [0.0, 1.0]
-{position: [0, 0, 1], along: [0, 0, 1], heading: velocity}
-    reference.heading: has no direction at 0 s, where the velocity is 0 m/s horizontally; give an
-    expression
-{position: ['(t - 1.3003)**2', 0, t], along: [0, 0, 1], heading: velocity}
-    reference.heading: has no direction at 1.3 s, where the velocity is
-{position: [0, '5*t**2', '-4.905*t**2'], along: [0, 0, 1], heading: pi/2}
-    reference.heading: is along the thrust at 0 s: no attitude follows; choose another heading
-{position: [0, 0]}
-    reference.position: expected 3 expressions for SE3, got 2
-{heading: 0}
-    reference: expected one of position, minimum_snap, of, got none
-{minimum_snap: [{t: 1, position: [0, 0]}]}
-    reference.minimum_snap: expected at least two points, got 1
-{minimum_snap: [{t: 1, position: [0, 0]}]}
-    reference.minimum_snap[0].position: expected 3 numbers, got 2
-{minimum_snap: [{t: 1, position: [0, 0, 0]}, {t: 1, position: [0, 0, 0]}]}
-    reference.minimum_snap[1].t: expected a time after 1 s, got 1 s
-{of: {kind: slew, to: identity, duration: 2}}
-    reference.of: a reference of kind slew has no jerk and snap everywhere; use path, waypoints or
-    log, or minimum_snap
-"""
 
 
-@pytest.mark.parametrize(("options", "said"), cases(REFUSED))
+@from_yaml
 def test_what_no_motion_follows_from_is_said_before_a_run(experiment, options, said):
     assert said in refusal(EqtError, experiment, **BODY, reference="{kind: flat, " + options[1:])
 

@@ -6,7 +6,7 @@ times σ/√N from what it estimates, which another seed would exceed once in 16
 
 import numpy as np
 import pytest
-from said import cases
+from case_tables import from_yaml
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
@@ -219,46 +219,7 @@ def test_options_that_do_not_fit_are_reported(distribution, group, options):
     assert [option for option, _ in problems] == options
 
 
-@pytest.mark.parametrize(
-    ("group", "name", "options", "said"),
-    cases("""
-SO3, haar, {position: {}} →
-    position: SO3 has no position column, since it has no translations; remove this key
-SE3, haar, {velocity: {}} → velocity: SE3 has no velocity column, only position; remove this key
-R3, haar, {} → kind: haar needs a group with rotations; for R3 use exp_normal
-SO3*R3, haar, {} →
-    kind: haar needs a group with rotations; for SO3*R3 use exp_normal, or a list of 2, one per
-        factor
-R3, angle, {axis: [1.0]} → kind: angle needs a group with rotations; for R3 use exp_normal
-SO3*R3, angle, {} →
-    kind: angle needs a group with rotations; for SO3*R3 use exp_normal, or a list of 2, one per
-        factor
-SE2, euler, {} → kind: euler needs rotations in three dimensions; for SE2 use haar or exp_normal
-SO3, euler, {low: 1.0, high: -1.0} → low: expected at most -1, the value of high, got 1
-SO3, exp_normal, {std: [1.0, 2.0]} → std: expected a number or a list of 3, got a list of 2
-SO3, exp_normal, {std: [1.0, -2.0, 3.0]} → std: expected a standard deviation of at least 0, got -2
-SE3, exp_normal, {centre: [1, 2]} → centre: expected 6 numbers for SE3, got 2
-SE3, angle, {angle: [2.0, 1.0], axis: [0.0, 0.0, 0.0]} →
-    angle: expected a number, or a list of the smallest and the largest, got [2.0, 1.0]
-    axis: expected random, or a list of 3 that are not all 0, got [0.0, 0.0, 0.0]
-SO2, angle, {angle: 4.0, axis: [1.0, 0.0]} →
-    angle: expected an angle from 0 to 180 deg, got 229.183 deg
-    axis: expected random, or [1] or [-1], got [1.0, 0.0]
-R3, speed, {speed: 1.0} → speed: R3 has no rotations; give `translation` instead
-SE3*SO2, speed, {speed: 1.0} → speed: SE3*SO2 has 2 rotations; use fixed or normal
-SO3, speed, {speed: -1.0, translation: {speed: -1.0}} →
-    speed: expected a number of at least 0, got -1
-    translation.speed: expected a number of at least 0, got -1
-    translation: SO3 has no translations; remove this key
-SE3*R3, speed, {translation: {speed: 1.0}} →
-    translation: SE3*R3 has 2 translations; use fixed or normal
-SE2, speed, {axis: [-1.0], translation: {speed: [1.0, 2.0], axis: [1.0]}} →
-    translation.axis: expected random, or a list of 2 that are not all 0, got [1.0]
-SE3, speed, {axis: [0.0, 1.0], translation: {speed: 1.0, axis: [1.0]}} →
-    axis: expected random, or a list of 3 that are not all 0, got [0.0, 1.0]
-    translation.axis: expected random, or a list of 3 that are not all 0, got [1.0]
-"""),
-)
+@from_yaml
 def test_what_is_said_of_options_that_do_not_fit(group, name, options, said):
     distribution = velocity_distribution if name == "speed" else pose_distribution
     parts = {"position": Spread, "velocity": Spread, "translation": Speed}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from scipy.integrate import solve_ivp
 
 import eqt_cli
@@ -271,50 +272,7 @@ def test_margins_do_not_depend_on_the_propellant(experiment_of):
             assert np.abs(eigenvalues - value).min() < 1e-7
 
 
-NEED = "need period: 10 ms or so, low: 0, and allocation: bounded or by priority"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("    period: 0.01\n", "", f"jets: {NEED}"),
-        ("low: 0", "low: -1", f"jets: {NEED}"),
-        ("{kind: priority, order: [torque x, torque y, torque z]}", "pseudo_inverse", NEED),
-        ("    low: 0", "    thrust_constant: 1\n    low: 0", NEED),
-        (
-            "minimum: 30 ms",
-            "minimum: 5 ms",
-            "jets.minimum: expected at least period, 0.01 s, got 0.005 s",
-        ),
-        (
-            "every: 0.2",
-            "every: 0.205",
-            "jets.every: expected a whole number of periods of the thrusters of 10 ms, got 205 ms",
-        ),
-        ("minimum: 30 ms, ", "", "jets.minimum: missing; this key is required"),
-        ("minimum: 30 ms", "minimum: -1", "jets.minimum: expected a number greater than 0, got -1"),
-        (
-            "every: 0.2",
-            "every: 0.2, on: 0.5",
-            "jets: expected every, or levels and the filter of a trigger, got both; remove one",
-        ),
-        (
-            "every: 0.2",
-            "on: 0.1",
-            "jets.on: expected a number between off, 0.15, and gain, 4.5, got 0.1",
-        ),
-        ("every: 0.2", "gain: 0.3", "a number between off, 0.15, and gain, 0.3, got 0.45"),
-        ("every: 0.2", "time_constant: 0", "jets.time_constant: expected a number greater than 0"),
-        ("every: 0.2", "of: 0.2", "jets.of: unknown key"),
-        ("isp: 220.0", "isp: 0", "isp: expected a number greater than 0, got 0"),
-        ("isp: 220.0", "isp: [1, 2]", "isp: expected 6 entries, one for each thruster, got 2"),
-        (
-            "samples: 201",
-            "samples: 101",
-            "time.samples: means over pulses need a sample at each tick; give 201 or more",
-        ),
-    ],
-)
+@from_yaml
 def test_what_does_not_fit_is_said(experiment_of, old, new, message):
     text = TEXT.replace("JETS", WIDTH).replace("ENGINE", "solve_ivp")
     assert text.count(old) == 1

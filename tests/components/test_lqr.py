@@ -9,7 +9,7 @@ import functools
 import numpy as np
 import pytest
 import yaml
-from case_tables import in_ci, refusal
+from case_tables import from_yaml, in_ci, refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_are
 
@@ -353,27 +353,7 @@ def test_swept_weights_have_no_name_of_a_law():
 SEMI, DEFINITE = "expected a positive semidefinite matrix", "expected a positive definite matrix"
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"weights": {"torque": -1}}, f".weights.torque: {DEFINITE}, got an eigenvalue of -1"),
-        ({"weights": {"torque": 0}}, f".weights.torque: {DEFINITE}, got an eigenvalue of 0"),
-        ({"weights": {"pose": -1}}, f".weights.pose: {SEMI}, got an eigenvalue of -1"),
-        ({"weights": {"velocity": [1, -2, 1]}},
-         f".weights.velocity: {SEMI}, got an eigenvalue of -2"),
-        ({"weights": {"pose": [1, 2]}},
-         ".weights.pose: expected 3 diagonal entries for SO3, got 2"),
-        ({"weights": {"pose": [[1, 0], [0, 1]]}}, ".weights.pose: expected 3×3 for SO3, got 2×2"),
-        ({"weights": {"pose": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}}, ".weights.pose: expected a "
-         "symmetric matrix, got [[1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]"),
-        ({"weights": {"poses": 1}}, ".weights.poses: unknown key; did you mean 'pose'?"),
-        ({"weights": 3}, ".weights: expected a mapping, got 3"),
-        ({"pieces": 0}, ".pieces: expected a whole number of at least 1, got 0"),
-        ({"weights": {"pose": 0}}, ": the loop to first order has no stabilising regulator: an "
-         "error that does not decay by itself is moved by no command, or has no weight; give "
-         "weights.pose a weight along every axis, and check the actuators"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_weights_that_give_no_regulator_are_refused(options, message):
     place, _, said = refusal(
         ConfigError, law_of, controllers=[{"kind": "lqr", **options}]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from case_tables import cases, refusal
+from case_tables import from_yaml, refusal
 from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
@@ -306,44 +306,6 @@ def test_it_detumbles_in_the_time_of_a_plain_program(solved):
     assert settled == pytest.approx(plain, rel=0.01)
 
 
-WRONG = """
-{group: SE2, inertia: [1, 1, 1]}
-    controllers[0]: b_dot needs group SO3 or SE3, got SE2
-{group: SE2, inertia: [1, 1, 1]}
-    actuators[0]: magnetorquers needs group SO3 or SE3, got SE2
-{actuators: []}
-    controllers[0]: commands dipole, and actuators take torque; only {kind: magnetorquers, …
-{controllers: [stabilising], gains: {kp: 1, kd: 1}}
-    controllers[0]: commands torque, and actuators take dipole; only {kind: magnetorquers, …
-{actuators: [{kind: magnetorquers, limit: 0.2, takes: dipole}]}
-    actuators[0]: expected either orbit or flux; add orbit, with altitude and inclination
-{actuators: [{kind: magnetorquers, limit: 0.2, takes: dipole, flux: [1, 2]}]}
-    actuators[0].flux: expected 3 expressions for SO3, got 2
-{actuators: [{kind: magnetorquers, limit: 0, takes: dipole, flux: [1, 2, 3]}]}
-    actuators[0].limit: expected a number greater than 0, got 0
-{actuators: [{kind: magnetorquers, limit: [1, 2], takes: dipole, flux: [1, 2, 3]}]}
-    actuators[0].limit: expected a number, or 3 of them, got 2
-{actuators: [{kind: magnetorquers, limit: 1 N m, takes: dipole, flux: [1, 2, 3]}]}
-    actuators[0].limit: expected a number or a number in A m^2, got '1 N m'
-{actuators: [{kind: magnetorquers, limit: 1, takes: dipole, dump: 1, flux: [1, 2, 3]}]}
-    actuators[0].dump: needs takes: torque; remove one of the two
-{actuators: [{kind: magnetorquers, limit: 1, dump: 1, flux: [1, 2, 3]}]}
-    actuators[0].dump: takes the momentum of wheels; put wheels before it
-{actuators: [{kind: wheels, pyramid: 1}, {kind: magnetorquers, limit: 1, flux: [1, 2, 3]}]}
-    actuators[1]: the torque of wheels is final; put it before, or give dump
-{actuators: [], sensors: {magnetometer: [{kind: noise, std: 1 nT}]}}
-    sensors.magnetometer: needs the field of magnetorquers; add them to actuators
-{sensors: {magnetometer: [{kind: noise, std: 1 deg}]}}
-    sensors.magnetometer[0].std: expected a number or a magnetic field in T, uT or nT, got '1 deg'
-{sensors: {magnetometer: [{kind: lag, time_constant: 1}]}}
-    sensors.magnetometer[0]: lag measures velocities; move it to sensors.velocity
-{settling_threshold: {rates: 1}}
-    settling_threshold.rates:
-{settling_threshold: {rate: 1 deg}}
-    settling_threshold.rate: expected
-"""
-
-
-@pytest.mark.parametrize(("changes", "said"), cases(WRONG))
+@from_yaml
 def test_what_is_wrong_is_said_at_its_place(experiment_of, changes, said):
     assert said in refusal(ConfigError, experiment_of, changed(yaml.safe_load(changes)))

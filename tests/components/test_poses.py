@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from case_tables import cases
+from case_tables import from_yaml
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import Problems
@@ -33,24 +33,7 @@ def test_ways_to_write_a_quarter_turn(value, name):
     np.testing.assert_allclose(G.rotation(found), QUARTER, rtol=0, atol=1e-15)
 
 
-WRONG = """
-quaternion: {xyzw: [0, 0, 0, 2]}
-    expected a quaternion of norm 1, got norm 2; divide it by its norm
-quaternion: [0, 0, 0, 1]
-    expected {xyzw: […]} or {wxyz: […]}, where w is the scalar part, got [0, 0, 0, 1]
-euler: {sequence: ZZX, angles: [0, 0, 0]}
-    expected no axis twice in a row, got ZZX
-euler: {sequence: ZYX, angles: [0, 0]}
-    expected 3 angles for ZYX, got 2
-rotvec: [0, 0, 1]
-euler: {sequence: Z, angles: [1]}
-    rotvec already gives the rotation; give one of the two
-rotvec: [0, 1.0e+308, 0]
-    expected numbers of at most 1e+15, got 1e+308
-"""
-
-
-@pytest.mark.parametrize(("value", "message"), cases(WRONG))
+@from_yaml
 def test_what_is_wrong_with_a_pose(value, message):
     problems = Problems()
     assert pose_from(yaml.safe_load(value), group_named("SO3"), problems) is None

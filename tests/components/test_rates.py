@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from case_tables import cases, refusal
+from case_tables import from_yaml, refusal
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.signal import butter, lfilter, lfilter_zi
@@ -298,41 +298,7 @@ def test_what_is_exported_is_a_rate_and_a_force(experiment_of):
     assert "bandwidth" not in [each.name for each in program.numbers]  # it is the autopilot's
 
 
-WRONG = """
-{actuators: []}
-    controllers[0]: commands rates, and actuators take torque; only {kind: rate_loop,
-{controllers: [eqt], gains: {kp: 1, kd: 1}, actuators: [{kind: rate_loop, bandwidth: 5}]}
-    controllers[0]: commands torque, and actuators take rates; only {kind: rate_loop, bandw
-{actuators: [{kind: rate_loop}]}
-    actuators[0]: expected either bandwidth or gains; for example bandwidth: 40
-{actuators: [{kind: rate_loop, bandwidth: 5, gains: 1}]}
-    actuators[0]: expected either bandwidth or gains; for example bandwidth: 40
-{actuators: [{kind: rate_loop, bandwidth: [5, 6]}]}
-    actuators[0].bandwidth: expected a number, or 3 of them, got 2
-{actuators: [{kind: rate_loop, gains: -1}]}
-    actuators[0].gains: expected a number greater than 0, got -1
-{actuators: [{kind: rate_loop, bandwidth: 5, cutoff: 30 Hz}]}
-    actuators[0].cutoff: needs gains in place of bandwidth; for example gains: 0.15
-{actuators: [{kind: rate_loop, gains: 5, ki: [0, 0, 1]}]}
-    actuators[0].ki: needs cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz
-{actuators: [{kind: rate_loop, gains: 5, i_limit: 0.3}]}
-    actuators[0].i_limit: needs cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz
-{actuators: [{kind: rate_loop, gains: 5, cutoff: 30, kd: [0.1, -0.1, 0]}]}
-    actuators[0].kd: expected a number of at least 0, got -0.1
-{actuators: [{kind: rate_loop, gains: 5, cutoff: 30, feedforward: []}]}
-    actuators[0].feedforward: expected a number, or 3 of them, got 0
-{actuators: [{kind: rate_loop, gains: 5, cutoff: 0}]}
-    actuators[0].cutoff: expected a number greater than 0, got 0
-{controllers: [{kind: rate, kp: 5}]}
-    controllers[0]: rate is a law for SO3, got SE3; on SE3, use it inside a cascade
-{controllers: [{kind: cascade, attitude: {kind: rate, kp: [1, 2]}, position: {kx: 1, kv: 1}}]}
-    controllers[0].attitude.kp: expected a number, or 3 of them, got 2
-{control: {period: 0.01}, actuators: [{kind: rate_loop, bandwidth: 5}, {kind: deadband, width: 1}]}
-    actuators[1]: deadband acts on a held command; put it before rate_loop
-"""
-
-
-@pytest.mark.parametrize(("changes", "said"), cases(WRONG))
+@from_yaml
 def test_what_no_rate_loop_takes_is_refused(experiment_of, changes, said):
     config = QUADROTOR | {"controllers": [BY_RATES]}
     config["actuators"] = [{"kind": "rate_loop", "bandwidth": 20}]

@@ -4,6 +4,7 @@ from time import process_time
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import InputError, Problems
@@ -77,55 +78,14 @@ def test_euroc_subtracts_nanoseconds_as_integers():
     np.testing.assert_allclose(poses, TURNS.as_matrix(), rtol=0, atol=EXACT)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "a.csv:1: expected a header that names the columns, such as t, qx, qy, qz, qw"),
-        ("0,0,0,0,1\n", "a.csv:1: expected a header that names the columns, such as t, qx, qy, qz, "
-         "qw"),
-        (HEAD, "a.csv: holds no rows of numbers"),
-        (HEAD + "0,0,0,0,1\n", "a.csv:2: expected two rows or more, got 1"),
-        (HEAD + "0,0,0,0,1\n1,0,0,0,1.1\n",
-         "a.csv:3: expected a quaternion of norm 1, got norm 1.1"),
-        (HEAD + "0,0,0,0,1\n\n0,0,0,0,1\n", "a.csv:4: expected a time after 0 s, got 0 s"
-         + DROP % "repeated"),
-        (HEAD + "0,0,0,0,1\n1,0,nan,0,1\n", "a.csv:3: expected a finite number in column qy, got "
-         "'nan'" + DROP % "invalid"),
-        (HEAD + "0,0,0,0,1\n1,0,x,0,1\n",
-         "a.csv:3: expected a finite number in column qy, got text"),
-        (HEAD + "0,0,0,0,1\n1,0,0,1\n", "a.csv:3: expected 5 entries, got 4"),
-        (HEAD.strip() + ',note\n0,0,0,0,1,ok\n1,0,0,0,1,"no\n2,0,0,0,1,end\n', "a.csv:3: expected "
-         "quotes in pairs"),
-        (HEAD + "0,0,0,0,1\n1,1_0,0,0,1\n", "a.csv:2: expected numbers up to line 3"),
-        ("t,qx,qy,qz,qw,qx\n", "a.csv:1: two columns are named qx: qx and qx; rename one"),
-        ("t,qx,qy,qw\n0,0,0,1\n1,0,0,1\n", "a.csv:1: missing column qz; a pose of SO3 has qx, qy, "
-         "qz, qw (or yaw, pitch, roll, or the coordinates wx, wy, wz)"),
-        ("qx,qy,qz,qw\n0,0,0,1\n", "a.csv:1: missing column t, the time in seconds"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_is_wrong_is_said_with_its_line(text, message):
     with pytest.raises(InputError) as caught:
         trajectory(text, "a.csv", "csv", group_named("SO3"))
     assert str(caught.value) == message
 
 
-EUROC = "#timestamp, p_RS_R_x [m]\n10,0,0,0,1,0,0,0\n"
-
-
-@pytest.mark.parametrize(
-    ("kind", "text", "message"),
-    [
-        ("euroc", EUROC + "12.5,0,0,0,1,0,0,0\n", "a:3: expected whole nanoseconds, got '12.5'"),
-        ("euroc", EUROC + "10,0,0,0,1,0,0,0\n", "a:3: expected a time after 0 s, got 0 s"
-         + DROP % "repeated"),
-        ("euroc", EUROC + "20,0,0,0,2,0,0,0\n", "a:3: expected a quaternion of norm 1, got norm 2"),
-        ("euroc", EUROC + "20,0,0,0,1,0,0\n", "a:3: expected 8 entries, got 7"),
-        ("euroc", EUROC, "a:2: expected two rows or more, got 1"),
-        ("tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", "a:2: expected 8 entries, got 7"),
-        ("tum", "0 0 0 0 0 0 0 1\n1 0 inf 0 0 0 0 1\n", "a:2: expected a finite number in column "
-         "y, got 'inf'" + DROP % "invalid"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_is_wrong_in_other_formats(kind, text, message):
     with pytest.raises(InputError) as caught:
         trajectory(text, "a", kind, group_named("SE3"))
@@ -270,15 +230,7 @@ def test_a_mapping_that_does_not_fit_its_file(text, mapping, path, message):
     assert (caught.value.path, str(caught.value)) == (path, message)
 
 
-@pytest.mark.parametrize(
-    ("name", "kind", "mapping", "message"),
-    [
-        ("SE2", "csv", {"world": "NED to ENU"}, "NED to ENU are axes of space, which SE2 does not "
-         "have"),
-        ("SE3", "tum", {"columns": {"t": "time"}}, "the format tum has no header; remove this key, "
-         "or use format: csv"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_a_mapping_that_its_group_or_format_cannot_have(name, kind, mapping, message):
     text = "t,angle,x,y\n0,0,0,0\n1,0,0,0\n" if kind == "csv" else "0 0 0 0 0 0 0 1\n"
     with pytest.raises(MappingError) as caught:
@@ -304,15 +256,7 @@ def test_what_is_wrong_with_a_mapping_whatever_the_file_is():
     ]
 
 
-@pytest.mark.parametrize(
-    ("head", "message"),
-    [
-        ("t,yaw (grad),pitch,roll", "a.csv:1: column yaw: expected an angle in rad, mrad, deg, "
-         "arcmin or arcsec, got 'grad'"),
-        ("time,yaw,pitch,roll", "a.csv:1: missing column t, the time in seconds; add `columns: {t: "
-         "time}` if that is what time holds"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_a_header_that_is_nearly_right(head, message):
     with pytest.raises(InputError) as caught:
         trajectory(head + "\n0,0,0,0\n1,0,0,0\n", "a.csv", "csv", group_named("SO3"))

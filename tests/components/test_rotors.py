@@ -7,7 +7,7 @@ import numpy as np
 import plain
 import pytest
 import yaml
-from case_tables import cases, refusal
+from case_tables import from_yaml, refusal
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -343,30 +343,7 @@ def test_a_regulator_does_not_know_what_fails(experiment_of):
     np.testing.assert_array_equal(gain(), gain(fails={"rotor": 1, "at": 0.1}, sag="1 - t"))
 
 
-WRONG = """
-{fails: {rotor: 5, at: 1}}
-    fails.rotor: expected a number from 1 to 4, or one of thruster 1, thruster 2, thruster 3,
-    thruster 4, got 5
-{fails: {rotor: 1, at: 1, to: 1.5}}
-    fails.to: expected the share that is left, from 0 to 1, got 1.5
-{fails: {rotor: 1}}
-    fails.at: missing
-{sag: 1.2}
-    sag: expected a share of the thrust, above 0 and up to 1, got 1.2 at 0 s; for example
-    1 - 0.02*t
-{sag: 1 - x}
-    sag: '1 - x':
-{sag: 0.9, told: true, allocation: bounded}
-    told: needs allocation: pseudo_inverse; no other adapts to a failure
-{rotor_inertia: 1.0e-5}
-    rotor_inertia: needs thrusters with places and turns, thrust_constant and
-    time_constant
-{rotor_inertia: 0, time_constant: 0.01}
-    rotor_inertia: expected a number greater than 0, got 0
-"""
-
-
-@pytest.mark.parametrize(("options", "said"), cases(WRONG))
+@from_yaml
 def test_what_no_rotor_does_is_refused(experiment_of, options, said):
     text = rotors_text("native", {"period": 0.01}, **yaml.safe_load(options))
     assert "actuators[0]." + said in refusal(EqtError, experiment_of, text)

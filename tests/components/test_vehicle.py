@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from small_loops import expressions
 
 from eqt_cli.base.errors import Problems
@@ -731,26 +732,7 @@ def test_a_rate_limit_is_judged_by_the_change_of_the_torque():
     np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
 
 
-@pytest.mark.parametrize(
-    ("limit", "warning"),
-    {
-        "limit: [1, 0.2, 1]": "actuators[0]: limit gives at least -0.2, but the reference "
-            "alone needs -0.3 at t = 1 s; no law can follow it there",
-        "limit: 0.4, norm: true": "actuators[0]: limit gives at most 0.4, but the reference alone "
-            "needs 0.5 at t = 1 s; no law can follow it there",
-        "limit: [0.5, 0.3, 1]": None,
-        "kind: rate_limit, rate: 0.41": None,
-        "kind: momentum_limit, momentum: [0.19, 1, 1]": "actuators[0]: momentum_limit gives at "
-            "most a momentum of 0.19, but the reference alone needs 0.2 at t = 1 s; no law can "
-            "follow it there",
-        "kind: momentum_limit, momentum: [0.21, 0.16, 1]": None,
-        "low: [0, -0.2, -1], high: 1": "actuators[0]: limit gives at least -0.2, but the reference "
-            "alone needs -0.3 at t = 1 s; no law can follow it there",
-        "low: [0, -0.3, -1], high: [0.4, 0, 1]": None,
-        "low: [-1, 0, -1], high: 1": "actuators[0]: limit gives at least 0, but the reference "
-            "alone needs -0.3 at t = 1 s; no law can follow it there",
-    }.items(),
-)  # fmt: skip
+@from_yaml
 def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):
     path = tmp_path / "c.yaml"
     text = CONFIG.replace("torque: [0, 0, 0]", "torque: [0.4*t, -0.3*t, 0]")
