@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from said import said_of
+from case_tables import from_yaml
 from scipy.stats import ttest_rel
 
 from eqt_cli.report.document import report
@@ -264,14 +264,7 @@ def test_units_of_a_user(invoke, paper_result):
         assert other[name, window] == (pytest.approx(factor * mean, rel=1e-14, nan_ok=True), wanted)
 
 
-@pytest.mark.parametrize(
-    ("wish", "message"),
-    said_of("""
-foo → unit 'foo': unknown; write for example mN m, deg/s or arcsec
-efort=mN m → unit of 'efort': no such quantity; did you mean 'effort'?
-mean_torque=deg → unit of 'mean_torque': expected a torque in N m, mN m or uN m, got 'deg'
-""").items(),
-)
+@from_yaml
 def test_a_unit_that_fits_nothing_is_a_message(invoke, paper_result, wish, message):
     assert invoke("compare", paper_result, "--unit", wish, code=2).stderr == f"eqt: {message}\n"
 

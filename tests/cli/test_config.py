@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from ci_cases import mostly_ci
 
 from eqt_cli.cli import options
@@ -79,37 +80,7 @@ def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
     assert done.out.splitlines()[1:] == [gains]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (
-            "--mass 2",
-            "--mass applies to vehicles only; add --vehicle quadrotor | satellite | auv | boat",
-        ),
-        ("--vehicle boat --mass 2", "--vehicle boat needs --bandwidth, in rad/s, such as 5"),
-        ("--vehicle boat --from so2", "--vehicle replaces --from; leave one of them out"),
-        (
-            "--vehicle boat --inertia 2,1 --mass 2 --bandwidth 1",
-            "--inertia: expected 1 positive kg m² of a boat, as 20",
-        ),
-        (
-            "--vehicle satellite --inertia 1,2,3 --bandwidth 1",
-            "--inertia: each moment of a rigid body is less than the sum of the others",
-        ),
-        (
-            "--vehicle auv --inertia 1,2,2.5 --bandwidth 1",
-            "--mass: expected the mass of the auv in kg, such as 1.2",
-        ),
-        (
-            "--vehicle satellite --inertia 1,2,x --bandwidth 1",
-            "--inertia: expected numbers such as 0.1,0.2,0.25, got '1,2,x'",
-        ),
-        (
-            "--vehicle bot --inertia 1 --bandwidth 1",
-            "--vehicle: expected quadrotor, satellite, auv, boat, got 'bot'",
-        ),
-    ],
-)
+@from_yaml
 def test_a_vehicle_refuses(refused, folder, arguments, said):
     assert refused("config", "new", "mine.yaml", *arguments.split()) == f"eqt: {said}\n"
     assert not (folder / "mine.yaml").exists()
@@ -257,14 +228,7 @@ def test_every_key_has_a_meaning_and_all_engines_theirs(eqt):
     )
 
 
-@pytest.mark.parametrize(
-    ("key", "hint"),
-    [
-        ("kp", "; did you mean 'gains.kp'?"),
-        ("solver.rtoll", "; did you mean 'solver.rtol'?"),
-        ("xyzzy", "; known are: name, task, group, "),
-    ],
-)
+@from_yaml
 def test_no_such_key(refused, key, hint):
     assert refused("config", "keys", key).startswith(
         f"eqt: no key '{key}' in a configuration{hint}"

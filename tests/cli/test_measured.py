@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from said import cases
+from case_tables import from_yaml
 
 from eqt_cli.api.loading import open_at
 
@@ -79,21 +79,7 @@ def test_the_figure_is_drawn_by_default(invoke, paper_result, log, folder, unarr
     }
 
 
-@pytest.mark.parametrize(
-    ("command", "options", "said"),
-    cases("""
-compare, [--mapping, log.yaml] → --mapping applies to recordings only; add --measured FILE
-compare, [--run, "1"] → --run applies to recordings only; add --measured FILE
-plot, [--log-format, tum] → --log-format applies to recordings only; add --measured FILE
-compare, [--measured, flight.csv, --metric, effort] →
-    --measured compares with a recording; leave --metric, --window and other tables out
-compare, [--measured, flight.csv, --against, gtt] →
-    RESULT/results.h5: holds no controller 'gtt'; did you mean 'gt'?
-plot, [--measured, flight.csv, --figure, torque] →
-    measured: no figure that is drawn shows a recording; 'measured' does
-compare, [--measured, flight.txt] → flight.txt: not found; check the path
-"""),
-)
+@from_yaml
 def test_what_is_refused(command, options, said, invoke, paper_result, log):
     found = invoke(command, paper_result, *options, code=2)
     assert found.stderr.replace(str(paper_result), "RESULT") == f"eqt: {said}\n"

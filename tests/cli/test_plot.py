@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from plugin_sources import component
-from said import said_of
 from small_experiment import configuration
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -42,16 +42,7 @@ def test_names_and_remarks_are_for_print(eqt, result):
     assert min(curve["x"][0] for curve in kept) >= 0.1
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    said_of("""
---title eqx=ours → titles: 'eqx' is neither a controller nor a metric; did you mean 'eqt'?
---title eqt → --title: expected NAME=TEXT, got 'eqt'
---colour eqt → --colour: expected LAW=COLOUR, got 'eqt'
---figure distributions --from 1 → --from: distributions has no time axis
---figure runs --panel x → --panel: runs has no panels to choose from
-""").items(),
-)
+@from_yaml
 def test_what_cannot_be_drawn_for_print_is_said(options, message, refused, result):
     assert refused("plot", result, *options.split()) == f"eqt: {message}\n"
 
@@ -89,18 +80,7 @@ def test_options_go_to_the_figures_that_have_them(eqt, result):
     assert curves("--option", "paper.controllers=[eqt]") == [both[0], torque]
 
 
-@pytest.mark.parametrize(
-    ("option", "said"),
-    said_of("""
-lgo=true → none of paper, torque has an option 'lgo'; did you mean 'log'?
-x=1 →
-    none of paper, torque has an option 'x'; they have: controllers, focus, colours, start, end,
-        panels, like, log, log_torque, bands, degrees, share
-papr.log=true → figure 'papr' is not drawn; did you mean 'paper'?
-sweep.metric=effort → figure 'sweep' is not drawn; drawn are: paper, torque
-log → expected KEY=VALUE, got 'log'
-""").items(),
-)
+@from_yaml
 def test_an_option_that_no_figure_has(eqt, result, option, said):
     done = eqt("plot", result, *BOTH, "--option", option)
     assert (done.code, done.err.strip()) == (2, f"eqt: --option[0]: {said}")

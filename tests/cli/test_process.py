@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from case_tables import from_yaml
 from plugin_sources import EVERY_KIND
 
 import eqt_cli
@@ -16,28 +17,7 @@ import eqt_cli
 HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 
 
-@pytest.mark.parametrize(
-    ("command", "told"),
-    [
-        ("ruun", "unknown command 'ruun'; did you mean 'run'?; see `eqt --help`"),
-        (
-            "run",
-            "CONFIG: missing; try `eqt config new --vehicle satellite "
-            "--inertia 2,3,4 --bandwidth 1`; see `eqt run --help`",
-        ),
-        ("compare r --latex", "unknown option --latex; did you mean '--format latex'?; see `eqt c"),
-        (
-            "fit c.yaml --measured m.csv --over gains=[1,2]",
-            "--over: expected keys without values, such as 'gains', got 'gains=[1,2]'",
-        ),
-        ("run c.yaml d", "unexpected argument: d; see `eqt run --help`"),
-        ("run c.yaml --forse", "unknown option --forse; did you mean '--force'?; see `eqt run -"),
-        ("run c.yaml --set", "--set: expected a value; see `eqt --help`"),
-        ("run c.yaml --workers 0", "--workers: expected at least 1, got '0'; see `eqt run --help`"),
-        ("sweep c --workers=x", "--workers: expected a whole number, got 'x'; see `eqt sweep -"),
-        ("config nope", "unknown command 'nope'; see `eqt config --help`"),
-    ],
-)
+@from_yaml
 def test_wrong_usage_is_told_as_other_errors_are(refused, command, told):
     said = refused(*command.split())
     assert said.startswith(f"eqt: {told}")
@@ -229,24 +209,7 @@ def test_entry_points_of_every_kind_run(process, folder):
     assert own <= found
 
 
-@pytest.mark.parametrize(
-    ("name", "module", "said"),
-    [
-        (
-            "MyLaw",
-            "import eqt_does_not_exist",
-            "controller 'x' of the entry point 'mine:MyLaw' cannot be loaded: No module named "
-            "'eqt_does_not_exist'; fix or uninstall the distribution that declares it",
-        ),
-        pytest.param(
-            "MyLaw",
-            "class MyLaw: pass",
-            "controller 'x' of the entry point 'mine:MyLaw' is not a Controller; derive it from "
-            "eqt_cli.extend.Controller",
-            marks=pytest.mark.ci("starts an interpreter"),
-        ),
-    ],
-)
+@from_yaml
 def test_a_broken_entry_point(process, folder, name, module, said):
     environment = install(folder, {"controllers": name}, module)
     done = process("list", "controllers", **environment)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from plugin_sources import ESCAPE, SHIFTED
 
 from eqt_cli.base.store_reader import open_results
@@ -208,19 +209,7 @@ def test_a_wrong_configuration(refused, folder):
     assert not (folder / "results").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["no.yaml"], "no.yaml: not found. Create one with `eqt config new`"),
-        (["no.h5"], "no.h5: not found; give a result folder or its results.h5"),
-        (["."], ".: is a folder without a result; give one of its files: c.yaml"),
-        (["c.yaml", "--set", "gains.kp"], "--set gains.kp: expected KEY=VALUE, got 'gains.kp'"),
-        (
-            ["c.yaml", "--engine", "solveivp"],
-            "--engine: solver.engine: unknown engine 'solveivp'; did you mean 'solve_ivp'?",
-        ),
-    ],
-)
+@from_yaml
 def test_wrong_arguments(refused, arguments, said):
     assert refused("run", *arguments).partition(" known: ")[0].rstrip("\n") == f"eqt: {said}"
 

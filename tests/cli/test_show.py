@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from case_tables import from_yaml
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli import result_tables
@@ -239,18 +240,7 @@ def test_parts_of_an_unfinished_result_are_not_there(eqt, refused, result, part)
     )
 
 
-@pytest.mark.parametrize(
-    ("path", "said"),
-    [
-        ("no", "eqt: no: not found; give a result folder or its results.h5\n"),
-        (".", "eqt: .: the folder holds no results.h5; run its experiment to the end first\n"),
-        (
-            "c.yaml",
-            "eqt: c.yaml is a configuration, not a result; run it with `eqt run c.yaml`, then give "
-            "the result folder, such as results/c\n",
-        ),
-    ],
-)
+@from_yaml
 def test_what_is_no_result(refused, path, said):
     assert refused("show", path) == said
 
@@ -262,31 +252,12 @@ def test_a_format_is_of_the_table(refused, result):
     )
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--table", "metrix"), "--table: unknown table 'metrix'; did you mean 'metrics'?"),
-        (("--table", "runs"), "--table: unknown table 'runs'; known: metrics, unsettled"),
-        (
-            ("--table", "metrics", "--format", "xlsx"),
-            "--format: unknown format 'xlsx'; known: csv, jsonl, parquet",
-        ),
-    ],
-)
+@from_yaml
 def test_unknown_tables_and_formats(refused, result, options, message):
     assert refused("show", result, *options) == f"eqt: {message}\n"
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--run", 1), "--controller, --run: apply to --export only"),
-        (
-            ("--export", "a.csv", "--table", "metrics"),
-            "--export: writes a file and prints no table; leave the other options out",
-        ),
-    ],
-)
+@from_yaml
 def test_options_of_an_export(refused, result, options, message):
     assert refused("show", result, *options) == f"eqt: {message}\n"
 

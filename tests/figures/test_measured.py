@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from said import cases
+from case_tables import from_yaml
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
@@ -109,16 +109,7 @@ def test_what_is_shown_is_said(result, recording, paper_result):
     assert text.endswith(" of GT; correlation 1.000.")
 
 
-@pytest.mark.parametrize(
-    ("options", "given", "said"),
-    cases("""
-{}, false →
-    figure 'measured' shows a recording beside a run, and none is given; give one with measured=…
-{controllers: [eqt, gt]}, true → RESULT/results.h5: figure 'measured' shows one controller, got 2
-{run: -1}, true → figure 'measured': run: expected a whole number of at least 0, got -1
-{run: 60}, true → RESULT/results.h5: the trajectory of run 60 is not stored; stored are runs 0 to 59
-"""),
-)
+@from_yaml
 def test_what_it_refuses(options, given, said, result, recording, paper_result):
     with pytest.raises(EqtError) as caught:
         drawn(result, recording if given else None, **options)

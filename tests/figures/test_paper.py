@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from matplotlib.colors import to_rgba
-from said import cases, error_of
+from said import error_of
 
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.figures.run_figures import RunsFigure
@@ -160,19 +161,7 @@ def test_laws_panels_and_times_are_chosen(so3, opened, picture):
     np.testing.assert_array_equal(panel.lines[1].get_ydata(), expected)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    cases("""
-{start: 9.0} →
-    {path}: figure 'paper' needs two samples or more in the time that it shows, got 9 s to 4 s; the
-        result holds 0 s to 4 s
-{panels: [energy]} →
-    figure 'paper': panels: no panel 'energy'; there are: pose_error, velocity_error, torque_norm,
-        lyapunov
-{focus: [pid]} →
-    {path}: figure 'paper' has no controller 'pid' to focus on; there are: eqt, gt, nog, asym
-"""),
-)
+@from_yaml
 def test_what_cannot_be_chosen_is_said(options, message, so3, opened):
     assert error_of(Paper(**options).draw, [opened(so3)]) == message.format(path=so3)
 

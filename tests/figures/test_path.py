@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from said import error_of
 
 import eqt_cli
@@ -201,21 +202,7 @@ def test_outlines_are_a_box_or_rotors(se3, opened):
     assert np.array_equal(boxes, [CORNERS[list(face)] for face in FACES])
 
 
-@pytest.mark.parametrize(
-    ("options", "result", "message"),
-    [
-        ({"view": "sphere", "bodies": 2}, "se3", "figure 'path': bodies: belongs to paths of "
-         "positions; view sphere has none"),
-        ({"view": "xy", "error": True}, "se3", "figure 'path': error: belongs to view sphere, got "
-         "view xy"),
-        ({"view": "xy"}, "so3", "{path}: figure 'path' shows positions in a plane or in space, and "
-         "SO3 has none; figure 'pose' shows its coordinates over time"),
-        ({"bodies": 2}, "so3", "{path}: figure 'path' draws bodies at positions; leave out the "
-         "option 'bodies'"),
-        ({"view": "above"}, "se3", "figure 'path': view: expected '', 'xy', 'xz', 'yz', 'planes', "
-         "'space' or 'sphere', got 'above'"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_it_refuses(options, result, message, opened, request):
     path = request.getfixturevalue(result)
     said = error_of(PathFigure(**options).draw, [opened(path)])

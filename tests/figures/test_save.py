@@ -4,8 +4,9 @@ import re
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+from case_tables import from_yaml
 from PIL import Image
-from said import cases, error_of
+from said import error_of
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import is_eqts, write_all
@@ -109,18 +110,7 @@ def test_options_come_as_data():
     assert figure_from("paper", {}) == Paper()
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "message"),
-    cases("""
-papper, {} → unknown figure 'papper'; did you mean 'paper'?
-paper, {bnads: 1} → figure 'paper': bnads: unknown key; did you mean 'bands'?
-paper, {x: 1} → figure 'paper': x: unknown key; expected one of controllers, focus, colours
-paper, {bands: some} →
-    figure 'paper': bands: expected 'none' or 'quartiles', got 'some'
-paper, {log: 1} → figure 'paper': log: expected true or false, got 1
-paper, {controllers: eqt} → figure 'paper': controllers: expected a list, such as [eqt], got 'eqt'
-"""),
-)
+@from_yaml
 def test_wrong_options_are_explained(name, options, message):
     assert error_of(figure_from, name, options).startswith(message)
 

@@ -4,8 +4,9 @@ import shutil
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from matplotlib.colors import to_rgb
-from said import cases, error_of
+from said import error_of
 
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.figures.run_figures import RunsFigure
@@ -112,14 +113,7 @@ def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened, picture
     assert lines[1]._unscaled_dash_pattern != lines[2]._unscaled_dash_pattern
 
 
-@pytest.mark.parametrize(
-    ("colours", "message"),
-    cases("""
-{gx: k} → has no controller 'gx' to colour; there are: eqt, gt, nog, asym
-{gt: goldd} →
-    draws gt: expected a colour as Matplotlib names it, such as '#0A62AE' or tab:blue, got 'goldd'
-"""),
-)
+@from_yaml
 def test_a_wrong_colour(so3, opened, colours, message):
     assert (
         error_of(Paper(colours=colours).draw, [opened(so3)]) == f"{so3}: figure 'paper' {message}"

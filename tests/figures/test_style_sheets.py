@@ -2,7 +2,8 @@
 
 import matplotlib
 import pytest
-from said import error_of, said_of
+from case_tables import from_yaml
+from said import error_of
 
 from eqt_cli.figures import style
 
@@ -63,46 +64,13 @@ def test_cyclers_with_attributes_never_reach_matplotlib(sheet, text, monkeypatch
     )
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    said_of("""
-lines.linewidth: thick → Key lines.linewidth: Could not convert 'thick' to float
-line.linewidth: 1 → Matplotlib has no key line.linewidth; did you mean 'lines.linewidth'?
-font.size 9 → expected 'key: value'
-font.family: "STIX → a closing quotation mark is missing
-axes.facecolor: #EEEEEE → Key axes.facecolor: '' does not look like a color arg
-root:x:0:0:root → expected a key of Matplotlib
-""").items(),
-)
+@from_yaml
 def test_a_wrong_line_is_refused(sheet, line, said, caplog):
     assert refused(sheet("font.size: 9", line)) == f"2: the style sheet is wrong: {said}"
     assert not caplog.records
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        *said_of("""
-path.sketch: 1, 1e-9, 1 → Key path.sketch: does not change how a figure looks; remove the line
-figure.hooks: os:abort → Key figure.hooks: does not change how a figure looks; remove the line
-animation.ffmpeg_path: ./program →
-    Key animation.ffmpeg_path: does not change how a figure looks; remove the line
-savefig.dpi: 1e9 → Key savefig.dpi: expected numbers of at most 2400, got 1e+09
-font.size: inf → Key font.size: expected numbers of at most 300, got inf
-font.size: nan → Key font.size: expected numbers of at most 300, got nan
-figure.figsize: 1, 1e6 → Key figure.figsize: expected numbers of at most 50, got 1e+06
-text.usetex: True → Key text.usetex: eqt draws without LaTeX; remove the line
-text.latex.preamble: \\input{x} →
-    Key text.latex.preamble: eqt draws without LaTeX; remove the line
-axes.prop_cycle: cycler('lw', [1]*1000000000) →
-    axes.prop_cycle is not a sum of cyclers of literal values: cycler('lw', [1]*1000000000)
-""").items(),
-        (
-            product := "axes.prop_cycle: cycler(lw=[1, 2]) * cycler(ms=[1, 2])",
-            product.replace(":", " is not a sum of cyclers of literal values:"),
-        ),
-    ],
-)
+@from_yaml
 def test_a_sheet_sets_only_what_a_style_may(sheet, line, said):
     assert refused(sheet(line)) == f"1: the style sheet is wrong: {said}"
 

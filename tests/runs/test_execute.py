@@ -12,10 +12,10 @@ from functools import partial
 import h5py
 import numpy as np
 import pytest
-from case_tables import in_ci
+from case_tables import from_yaml, in_ci
 from faults_harness import assert_equal, assert_same, contents
 from plugin_sources import component
-from said import error_of, said_of
+from said import error_of
 from small_experiment import configuration, study_of
 
 from eqt_cli.base.errors import ConfigError, EqtError
@@ -614,26 +614,7 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):
     assert make(grids=grids, text=CONFIG.replace("runs: 7", "runs: 2")).trajectories == 2
 
 
-@pytest.mark.parametrize(
-    ("sweep", "message"),
-    said_of("""
-- grid: {gains.kp: [1, -2]} →
-    config.yaml:11:26: gains.kp: must be positive, so that small errors on SO3 have
-- grid: {gains.kq: [1]} → config.yaml:11:23: gains.kq: unknown key; expected one of kp, kd
-- grid: {gans.kp: [1]} → config.yaml:11:22: sweep[0].grid.gans.kp[0]: unknown key
-- grid: {"controllers[5]": [eqt]} →
-    config.yaml:11:31: controllers[5]: no entry 5; controllers has 2 entries, counted from 0
-- grid: {group: [SO3, SE3]} →
-    config.yaml:4:13: reference.torque: expected 6 expressions for SE3, got 3
-- grid: {"controllers[0]": [eqt, nog]} →
-    config.yaml:10:1: sweep: point 1: the controllers are nog, gt, but eqt, gt at point 0; give each
-        a `label` that is the same at all points
-- grid: {"controllers[0]": [{kind: eqt, label: a}, {kind: goodarzi2013, label: a}]} →
-    config.yaml:10:1: sweep: point 1: the loop of controller 'a' has 28 states, but 25 at point 0;
-        run laws with different numbers of states, and references that are integrated differently,
-        as separate experiments
-""").items(),
-)
+@from_yaml
 def test_what_is_wrong_with_a_point_is_said_where_it_was_written(make, sweep, message):
     assert message in error_of(make, f"{CONFIG}sweep:\n  {sweep}", kind=ConfigError)
 

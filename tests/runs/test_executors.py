@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from said import error_of
 
 from eqt_cli.api import choose_executor, load_experiment
@@ -230,16 +231,7 @@ def test_what_is_asked_of_an_executor_rules():
     assert found == Auto(3, threads=False, stays=True)
 
 
-@pytest.mark.parametrize(
-    ("asked", "message"),
-    [
-        ("lokal", "executor: kind: unknown executor 'lokal'; did you mean 'local'?"),
-        ("auto:threads=3", "executor: threads: expected true or false, got 3"),
-        ("auto:thread=true", "executor: thread: unknown key; did you mean 'threads'?"),
-        ("local:workers=0", "executor: workers: expected a whole number of at least 1, got 0"),
-        ("local:2", "--executor: expected NAME:KEY=VALUE, got 'local:2'"),
-    ],
-)
+@from_yaml
 def test_what_is_wrong_with_an_executor_is_said(asked, message):
     paper = load_experiment(CONFIGS / "paper.yaml")
     assert error_of(executor_from, paper, Setup(executor=asked, workers=2)) == message

@@ -5,8 +5,9 @@ from functools import partial
 import h5py
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from faults_harness import assert_equal, contents
-from said import error_of, said_of
+from said import error_of
 from small_experiment import configuration, study_of
 
 from eqt_cli.api.loading import open_at
@@ -224,27 +225,7 @@ def test_points_that_do_not_exist(finished):
     assert str(caught.value) == (f"{path}: is not a sweep; leave the point out")
 
 
-@pytest.mark.parametrize(
-    ("grid", "message"),
-    said_of("""
-ensemble.runs=50,200 →
-    grids[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: run k starts from the
-        same state however many runs there are, so the first 50 of 200 runs are the ensemble of 50;
-        set the largest number, and use the first runs of it
-time={duration: 1},{duration: 2} →
-    grids[0]: sweep[0].grid.time[0]: time cannot be swept as a whole; sweep time.duration and
-        time.samples with zip
-task=track,stabilise →
-    grids[0]: sweep[0].grid.task[0]: task cannot be swept: it decides which laws can be used; run
-        one experiment for each value
-name=a,b →
-    grids[0]: sweep[0].grid.name[0]: name cannot be swept: it names the experiment as a whole; run
-        one experiment for each value
-store.decimate=1,2 →
-    grids[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it decides what the common
-        result file contains; run one experiment for each value
-""").items(),
-)
+@from_yaml
 def test_what_cannot_be_swept(make, grid, message):
     assert error_of(make, "", grids=[grid]) == message
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from plugin_sources import component
-from said import said_of
 from small_experiment import configuration
 
 LAW = component("""
@@ -45,20 +45,7 @@ def check(folder, invoke):
     return said
 
 
-LAWS = said_of("""
--self.gain.item() * s.V if hasattr(self.gain, 'item') else -self.gain * s.V →
-    TOGETHER: ValueError: can only convert an array of size 1 to a Python scalar at own.py:14:
-        return -self.gain.item()
--s.V if self.gain > 1 else -2 * s.V →
-    TOGETHER: ValueError: The truth value of an array with more than one element is ambiguous. Use
-        a.any() or a.all() at own.py:14: return -s.V if self.gain > 1 else -2 * s.V
--s.V / np.max(np.abs(s.V)) → mixes runs: the rates of a run change by
-0 * s.V / (0 * self.gain) → gives no number at the start: the rate of momentum is nan
-np.sqrt(-1 - s.V**2) → gives no number at the start: the rate of momentum is nan
-""")
-
-
-@pytest.mark.parametrize(("body", "expected"), LAWS.items())
+@from_yaml
 def test_a_law(check, body, expected):
     said = check(body)
     where = "1 error in c.yaml\nc.yaml:5:20: controllers[1]: controller 'own' "

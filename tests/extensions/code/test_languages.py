@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
@@ -335,27 +336,8 @@ def test_an_error_at_one_state_is_no_torque(python, judged):
 
 # Messages and the command -----------------------------------------------------------------------
 
-NAMELESS = (
-    "lee.py is Python: name its function or method, as lee.py:FUNCTION or "
-    "lee.py:CLASS(…).METHOD; it defines vee, compute, Lee"
-)
 
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"function": None}, NAMELESS),
-        ({"function": "comput"}, NAMELESS),
-        ({"function": "vee"}, "vee in lee.py: TypeError: vee() missing 1 required positional "
-         "argument: 'M'"),
-        ({"adapter": {"inputs": {"q": {"signal": "speed"}}}}, "signal: expected t, pose, velocity, "
-         "desired_pose, desired_velocity, desired_acceleration, position, heading, flux, or a "
-         "part, got 'speed'"),
-        ({"adapter": {"inputs": {"q": {"signal": "t", "unit": "miles"}}}}, "unit: expected a unit "
-         "such as deg/s, got miles"),
-        ({"memory": ["integral"]}, "compute in lee.py: KeyError: 'integral'"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_is_said_of_python_that_is_no_law(options, said, python, told):
     assert told(python(**options)) == f"controllers[0]: {said}"
 

@@ -4,6 +4,7 @@ from os.path import normpath
 from pathlib import Path
 
 import pytest
+from case_tables import from_yaml
 from said import error_of
 
 import eqt_cli
@@ -14,45 +15,7 @@ from eqt_cli.extensions.firmware import user_code
 EVERYWHERE = "t = 0.5, pose = {"
 
 
-@pytest.mark.parametrize(
-    ("changes", "options", "said"),
-    [
-        ([], {"function": "leee_torque"}, "controllers[0]: lee.c does not define the function "
-         "leee_torque; it defines lee_torque; name the function with the key `function`"),
-        ([("void lee_torque", "void lee_moment")], {}, "controllers[0]: lee.c does not define the "
-         "function lee_torque; it defines no function X_torque; name the function with the key "
-         "`function`"),
-        ([], {"numbers": {"kQ": 1.0}}, "controllers[0]: numbers: lee_numbers in lee.c has no field "
-         "kQ; it has kR, kW, J"),
-        ([], {"numbers": {"J": [1.0, 2.0]}}, "controllers[0]: numbers.J: lee_numbers in lee.c has "
-         "3 of it, got 2"),
-        ([], {"memory": ["ei"]}, "controllers[0]: memory: lee_memory in lee.c has no field ei; it "
-         "has unused"),
-        ([], {"memory": ["e i"]}, "controllers[0].memory[0]: expected a name in C, got 'e i'"),
-        ([("real unused;", "real ei[3], more;")], {"memory": ["ei"]}, "controllers[0]: memory: "
-         "lee_memory in lee.c has 4 numbers, and the fields that are named have 3: ei (3); name "
-         "all of its fields"),
-        ([("real unused;", "real ei[2];")], {"memory": ["ei"], "as": "goodarzi2013"},
-         "controllers[0]: lee_memory in lee.c has 2 numbers that are named in `memory`, and "
-         "goodarzi2013 keeps 3: integral (3)"),
-        ([], {"real": "float"}, "controllers[0]: real: the numbers of lee_input in lee.c are "
-         "double, not float; set `real: double`"),
-        ([("desired_acceleration[3];\n", "desired_acceleration[6];\n")], {}, "controllers[0]: "
-         "lee_input in lee.c has 6 numbers in desired_acceleration; expected 3"),
-        ([("real torque[3])\n{", "float torque[3])\n{")], {}, "controllers[0]: lee_torque in lee.c "
-         "has other arguments; expected void lee_torque(const lee_numbers *, lee_memory *, const "
-         "lee_input *, double *)"),
-        ([], {"function": "lee"}, "controllers[0].function: expected a name X_torque, got 'lee'"),
-        ([], {"function": "lee()_torque"}, "controllers[0].function: expected a name in C, got "
-         "'lee()_torque'"),
-        ([], {"numbers": {"kR; system": 1.0}}, "controllers[0].numbers.kR; system: expected a name "
-         "in C, got 'kR; system'"),
-        ([], {"file": "no.c"}, "controllers[0].file: {cwd}/no.c: not found; C file paths are "
-         "relative to the configuration's folder"),
-        ([], {"as": "lee201"}, "controllers[0].as: unknown controller 'lee201'; did you mean "
-         "'lee2012'?"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_does_not_fit(changes, options, said, written, config, told):
     written(*changes)
     assert told(config(**options)) == said.replace("{cwd}", str(Path.cwd()))

@@ -6,13 +6,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from case_tables import from_yaml
 
 from eqt_cli.base import yaml_source
 
 DOUBLE = "torque of Lee 2010, double, at random states"
-SAME = "the same as in the law: "
-E = "E[3 * j + i] * in->desired_velocity[j]"
-A = "E[3 * j + i] * in->desired_acceleration[j]"
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
@@ -21,47 +19,7 @@ def test_a_law_that_was_typed_in_well(real, written, config, judged):
     assert judged(config(real=real)) == {}
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ([("- n->J[i] * (WxW[i] - A[i])", "")], "lacks desired acceleration: coefficient 0.00 of "
-         "1, transport: coefficient 0.00 of 1; "
-         f"{SAME}stiffness, damping, damping of the desired velocity, gyroscopic"),
-        pytest.param([("(in->velocity[i] - W[i])", "in->velocity[i]")], "lacks damping of the "
-            "desired velocity: coefficient 0.00 of 1; "
-            f"{SAME}stiffness, damping, desired acceleration, gyroscopic, transport",
-            marks=pytest.mark.ci("one of several faults")),
-        pytest.param([("+ gyro[i]", "- gyro[i]")], "has gyroscopic: coefficient -1.00 of 1 (the "
-            "sign is wrong); "
-            f"{SAME}stiffness, damping, damping of the desired velocity, desired acceleration, "
-            "transport", marks=pytest.mark.ci("one of several faults")),
-        pytest.param([("-n->kR", "-0.999*n->kR")], "has stiffness: coefficient 0.999 of 1; "
-            f"{SAME}damping, damping of the desired velocity, desired acceleration, gyroscopic, "
-            "transport", marks=pytest.mark.ci("one of several faults")),
-        pytest.param([(E, E.replace("E[3 * j + i]", "(i == j)")),
-            (A, A.replace("E[3 * j + i]", "(i == j)"))], "V_d is not carried to the body frame",
-            marks=pytest.mark.ci("one of several faults")),
-        ([("E[3 * j + i]", "E[3 * i + j]")], "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d"),
-        pytest.param([(E, E.replace("[j]", "[2] * (j == 2)")),
-            (A, A.replace("[j]", "[2] * (j == 2)"))], "V_d is read on axis 3 only",
-            marks=pytest.mark.ci("one of several faults")),
-        pytest.param([("in->desired_pose[3 * k + i] * in->pose[3 * k + j]", "in->pose[3 * i + k] * "
-            "in->desired_pose[3 * j + k]")], "the frames are exchanged: the pose error is in the "
-            "other frame, Q Q_d⁻¹ for Q_d⁻¹Q, wherever it occurs",
-            marks=pytest.mark.ci("test_exported.py has a fast one")),
-        pytest.param([("(E[7] - E[5]) / 2", "E[7] / 2"), ("(E[2] - E[6]) / 2", "E[2] / 2"),
-            ("(E[3] - E[1]) / 2", "E[3] / 2")], "has stiffness: coefficient 0.50 of 1; has "
-            "symmetric part of the pose error: coefficient 0.50 of 0 (the difference of Q_d⁻¹Q to "
-            "its transpose is missing, or is of "
-            f"other matrices); {SAME}damping, damping of the desired velocity, desired "
-            "acceleration, gyroscopic, transport", marks=pytest.mark.ci("one of several faults")),
-        pytest.param([("const real eR[3]", "const float eR[3]")], "within the bound of float: "
-            "constants or operations are float; make them double",
-            marks=pytest.mark.ci("one of several faults")),
-        ([("n->kR * eR[i]", "n->kR * eR[i] * eR[i]")], "no sum of the law's parts in any frame: 13 "
-         "% of the torque is none of them"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_is_said_of_a_fault(changes, said, written, config, judged):
     written(*changes)
     assert judged(config()) == {DOUBLE: said}
@@ -119,16 +77,7 @@ def test_a_state_of_its_own(name, written, config, judged):
     )
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        (
-            "1e-9 * m->unused",
-            "it reads what is neither input nor named memory, as a variable without a value",
-        ),
-        ("0 * rand()", "undecided: it calls rand, which may keep a state"),
-    ],
-)
+@from_yaml
 def test_a_state_elsewhere(more, said, written, config, judged):
     written(("+ gyro[i]", f"+ gyro[i] + {more}"), ("#include", "#include <stdlib.h>\n#include"))
     assert judged(config())["equal inputs give equal torques"] == said

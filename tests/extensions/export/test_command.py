@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from case_tables import in_ci
+from case_tables import from_yaml, in_ci
 from exported_laws import FLAGS, compilers, made, written
 
 import eqt_cli
@@ -105,22 +105,7 @@ def test_it_replaces_its_own_files_and_no_others(config, invoke):
     assert (config.parent / "out" / "lee2010.c").stat().st_mtime_ns == before
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--controller", "lee201"], "controller 'lee201' is not in this experiment; expected "
-         "lee2010, ours, kp=1; did you mean 'lee2010'?"),
-        (["--real", "half"], "--real: expected double or float, got 'half'"),
-        (["--out", "flight.yaml"], "flight.yaml/README.md: cannot be written: not a directory; "
-         "choose another folder with --out"),
-        (["--reference"], "--reference: the reference 'rates' is integrated: its Q_d follows from "
-         "a differential equation, and no formula gives it at a time. Integrate it on the vehicle, "
-         "or use a reference in closed form: constant, flat, log, path, slew or waypoints"),
-        (["--set", "controllers=[goodarzi2013]"], "goodarzi2013: the law has memory (integral), "
-         "which advances by one period; the configuration has no period; set control.period to the "
-         "period of your vehicle in s"),
-    ],
-)  # fmt: skip
+@from_yaml
 def test_what_it_refuses(config, invoke, words, said):
     assert invoke("export", "flight.yaml", *words, code=2).stderr == f"eqt: {said}\n"
     assert not (config.parent / "exported").exists()

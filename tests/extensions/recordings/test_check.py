@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from case_tables import cases, refusal
+from case_tables import from_yaml, refusal
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
@@ -73,48 +73,8 @@ MISTAKES = {
 }
 """What is recorded, how it is read, and the mapping by which all of it fits, if there is one."""
 
-NOTES = """
-frame of rates
-    wx, wy, wz differ from the velocity of the poses by 82 %, and with `rates: spatial` by 0 %;
-    correct the mapping
-frame of the velocity
-    vx, vy, vz differ from the velocity of the poses by 131 %, and with `velocity: body` by 0 %;
-    correct the mapping
-attitude
-    wx, wy, wz differ from the velocity of the poses by 182 %, and with `attitude: world_to_body` by
-    0 %; correct the mapping
-order
-    wx, wy, wz differ from the velocity of the poses by 152 %, and with `quaternion: xyzw` by 0 %;
-    correct the mapping
-unit of rates
-    wx, wy, wz are 57 times the velocity of the poses; add `units: {wx: deg/s, wy: deg/s, wz:
-    deg/s}` if the rates are in deg/s
-unit of positions
-    vx, vy, vz are 0.001 times the velocity of the poses; add `units: {x: mm, y: mm, z: mm}` if the
-    position is in mm
-time base
-    rows are 50 s apart, which is unusual; add `units: {t: ms}` to the mapping if t is in ms | wx,
-    wy, wz are 1000 times the velocity of the poses; add `units: {t: ms}` if t is in ms | vx, vy, vz
-    are 1000 times the velocity of the poses; add `units: {vx: mm/s, vy: mm/s, vz: mm/s}` if the
-    velocity is in mm/s, or `units: {t: ms}` if t is in ms
-slow clock
-    wx, wy, wz are 0.5 times the velocity of the poses; check their units, and add `time: {scale:
-    2}` if the clock is wrong | vx, vy, vz are 0.5 times the velocity of the poses; check their
-    units, and add `time: {scale: 2}` if the clock is wrong
-clock that is a little fast
-    wx, wy, wz are 1.2 times the velocity of the poses; check their units, and add `time: {scale:
-    0.833}` if the clock is wrong | vx, vy, vz are 1.2 times the velocity of the poses; check their
-    units, and add `time: {scale: 0.834}` if the clock is wrong
-a part of a rotation
-    column qw is missing, so qx, qy, qz cannot be used | columns qx, qy, qz, foo, wx, wy, wz are not
-    used
-none that is known
-    wx, wy, wz differ from the velocity of the poses by 110 %, and no other frame or order of the
-    quaternion makes them fit; check the columns, the units and the times
-"""
 
-
-@pytest.mark.parametrize(("mistake", "notes"), cases(NOTES))
+@from_yaml
 def test_velocities_tell_a_mistake_and_its_remedy_makes_them_fit(mistake, notes):
     recorded, mapping, remedy = MISTAKES[mistake]
     assert " | ".join(check(recording(**recorded), **mapping).notes) == notes

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from said import error_of
 from scipy.io import loadmat
 
@@ -112,18 +113,7 @@ def test_a_force_is_in_newtons(tmp_path):
     np.testing.assert_array_equal(flight(run.opened, "eqt", 0).force, wrench[:, 6:9])
 
 
-@pytest.mark.parametrize(
-    ("config", "changes", "message"),
-    [
-        ("body_and_slider", {}, "is on SO3*R3; a file holds the motion of one body in space"),
-        ("paper", {"solver.max_steps": 2}, "run 0 of 'eqt' failed, so that a file would lack"),
-        (
-            "paper",
-            {"sweep": [{"grid": {"gains.kp": [1.0, 2.0]}}]},
-            "a file holds a run of one experiment, and this is a sweep of 2 points",
-        ),
-    ],
-)
+@from_yaml
 def test_results_without_such_a_run(tmp_path, config, changes, message):
     loaded = eqt_cli.load_experiment(CONFIGS / f"{config}.yaml", FEW | changes)
     run = eqt_cli.run(loaded, tmp_path / "out")
@@ -136,14 +126,6 @@ def test_a_file_that_exists_stays(runs, tmp_path):
     assert said == f"--export: {tmp_path / 'run.csv'} exists; remove it, or give another name"
 
 
-@pytest.mark.parametrize(
-    ("name", "laws", "run", "message"),
-    [
-        ("run.mcp", [], 0, "--export: unknown format '.mcp'; did you mean '.mcap'?"),
-        ("run.csv", ["eqt", "gt"], 0, "a .csv file holds one law; choose one by --controller"),
-        ("run.csv", ["etq"], 0, "holds no controller 'etq'; did you mean 'eqt'?"),
-        ("run.csv", [], 7, "the trajectory of run 7 is not stored; stored are runs 0 to 1"),
-    ],
-)
+@from_yaml
 def test_what_cannot_be_written(runs, tmp_path, name, laws, run, message):
     assert message in error_of(export_run, runs["se3"].opened, tmp_path / name, laws, run)
