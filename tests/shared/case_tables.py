@@ -1,4 +1,4 @@
-"""Cases of tests: in YAML files or as a text, those of CI, and what an error says."""
+"""Cases of tests: in YAML files, those of CI, and what an error says."""
 
 from functools import cache
 from pathlib import Path
@@ -29,25 +29,6 @@ def from_yaml(test):
 def _tables(path):
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # as eqt reads YAML, fast
     return yaml.load(path.read_text(encoding="utf-8"), loader)  # noqa: S506
-
-
-def cases(text):
-    """The pairs (given, said) of a text: what is said is indented, below what it is said of.
-
-    Lines that are given are kept as lines; those of a message are joined by spaces. A line that
-    begins with # is a comment.
-    """
-    pairs = []
-    for line in text.strip("\n").splitlines():
-        if line.startswith("#"):
-            continue
-        if line.startswith("    "):
-            pairs[-1][1].append(line.strip())
-        elif pairs and not pairs[-1][1]:
-            pairs[-1][0].append(line)
-        else:
-            pairs.append(([line], []))
-    return [("\n".join(written), " ".join(said)) for written, said in pairs]
 
 
 def in_ci(why, *values, unless=False, **more):
