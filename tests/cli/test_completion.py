@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from case_tables import in_ci
+from case_tables import from_yaml
 from ci_cases import mostly_ci
 
 from eqt_cli.base.option_types import option_names
@@ -46,35 +46,7 @@ def complete(eqt, monkeypatch):
     return offered
 
 
-COMPLETED = "one case of each kind of name is tried every time"
-
-
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("eqt pl", ["plot"]),
-        in_ci(COMPLETED, "eqt run c.yaml --exe", ["--executor"]),
-        ("eqt run c.yaml --executor l", ["local"]),
-        in_ci(COMPLETED, "eqt run c.yaml --engine n", ["native"]),
-        in_ci(COMPLETED, "eqt verify c.yaml --engine s", ["solve_ivp"]),
-        in_ci(
-            COMPLETED,
-            "eqt run c.yaml --set gains.k",
-            ["gains.kp=", "gains.kd=", "gains.k_R=", "gains.k_Omega="],
-        ),
-        ("eqt sweep c.yaml --grid controllers[0].gy", ["controllers[0].gyroscopic="]),
-        in_ci(COMPLETED, "eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
-        ("eqt plot out --figure pap", ["paper"]),
-        in_ci(COMPLETED, "eqt report out --figure tor", ["torque"]),
-        ("eqt plot out --figure paper --option lo", ["log=", "log_torque="]),
-        in_ci(COMPLETED, "eqt plot out --width p", ["page"]),
-        in_ci(COMPLETED, "eqt list cont", ["controllers"]),
-        ("eqt list casc", ["cascade"]),
-        in_ci(COMPLETED, "eqt config new --from pap", ["paper", "paper_rates"]),
-        in_ci(COMPLETED, "eqt show out --table metrics --format j", ["jsonl"]),
-        ("eqt run no", []),  # the shell then completes file names
-    ],
-)
+@from_yaml
 def test_names_and_keys(complete, line, expected):
     assert complete(line) == expected
 

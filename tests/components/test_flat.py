@@ -174,31 +174,7 @@ def test_a_rate_reaches_half_a_step():
     assert _smallest(np.arange(3.0), values, rates)[0] == pytest.approx(np.hypot(2, 3))
 
 
-SAME = "linear: [0, 0, 0, 0.1, 0.1, 0.1]"
-OWN = "linear: [0, 0, 0, 0.1, 0.2, 0.3]"
-
-
-@pytest.mark.parametrize(
-    ("force", "heading", "is_flat"),
-    [
-        (f"drag, {SAME}", "0", True),
-        (f"drag, {OWN}, current: [1, 2, 3]", "0", True),
-        ("drag, linear: [1, 2, 3, 0.1, 0.1, 0.3], quadratic: [1, 1, 1, 0, 0, 0]", "free", True),
-        (f"drag, {OWN}", "free", False),
-        (f"drag, {OWN}, quadratic: [0, 0, 0, 0.1, 0, 0]", "0", False),
-        (f"drag, {OWN}, current: [sin(t), 0, 0]", "0", False),
-        (f"drag, {OWN}, frame: spatial", "0", False),
-        (
-            "drag, linear: [[0,0,0,0,0,0],[0,0,0,0,0,0],[0,0,0,0,0,0],[1,0,0,1,0,0],[0,1,0,0,1,0],"
-            "[0,0,1,0,0,1]]",
-            "0",
-            False,
-        ),
-        ("constant, force: [0, 0, 0, 1, 0, 0]", "0", False),
-        ("constant, force: [0, 0, 0, 1, 0, 0], frame: spatial", "0", False),
-        ("expression, force: [0, 0, 0, sin(t), 0, 0], frame: spatial", "0", False),
-    ],
-)
+@from_yaml
 def test_known_forces_turn_with_the_body_as_drag_of_its_own_axes_only(
     experiment, force, heading, is_flat
 ):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from case_tables import from_yaml
 from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
@@ -257,65 +258,12 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
     np.testing.assert_allclose(found.closed[0], hand, atol=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({}, "expected either axes or pyramid, got neither"),
-        (
-            {"axes": [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0]], "allocation": "min_max"},
-            "min_max needs axes of which no three lie in a plane; use pseudo_inverse",
-        ),
-        ({"pyramid": 0.9, "limit": [1e-3] * 3}, "expected 4 entries, one for each wheel, got 3"),
-        ({"pyramid": 0.9, "friction": Friction(1e-9)}, "needs inertia; give the inertia"),
-        ({"pyramid": 0.9, "momentum": 1.0, "speed": 2.0, "inertia": 1.0}, "not both"),
-        ({"pyramid": 0.9, "axes": np.eye(3).tolist()}, "either axes or pyramid, got both"),
-        ({"axes": [[1, 0, 0], [0, 0, 0], [0, 0, 1]]}, "not all 0, got [0, 0, 0]"),
-        ({"pyramid": 0.9, "bias": Bias([0.0] * 3, 1.0)}, "expected 4 entries, one for each wheel"),
-        ({"axes": np.eye(3).tolist(), "bias": Bias([0.0] * 3, 1.0)}, "three wheels have no"),
-        (
-            {"pyramid": 0.9, "momentum": 1.0, "start": [0.0, 0.0, -2.0, 0.0]},
-            "expected at most the limit of the momentum, 1 N m s, got -2 for wheel 3",
-        ),
-        (  # 2 N m s are 20 rad/s of 0.1 kg m²
-            {"pyramid": 0.9, "speed": 19.0, "inertia": 0.1, "start": [2.0, 0.0, 0.0, 0.0]},
-            "expected at most the limit of the momentum, 1.9 N m s, got 2 for wheel 1",
-        ),
-        (
-            {"pyramid": 0.9, "momentum": 1.0, "bias": Bias([0.0, 1.1, 0.0, 0.0], 1.0)},
-            "expected at most the limit of the momentum, 1 N m s, got 1.1 for wheel 2",
-        ),
-        ({"pyramid": 0.9, "command": "speed", "gain": 1.0}, "needs inertia; give the inertia"),
-        (
-            {"pyramid": 0.9, "command": "speed", "inertia": 1.0},
-            "needs gain, the gain of the drives",
-        ),
-        ({"pyramid": 0.9, "gain": 1.0}, "applies to drives only; add command: speed"),
-        ({"pyramid": 0.9, "ki": 1.0}, "applies to drives only; add command: speed"),
-        (
-            {"pyramid": 0.9, "inertia": 1.0, "command": "speed", "gain": [1.0, -2.0, 1.0, 1.0]},
-            "expected a number greater than 0, got -2",
-        ),
-        (
-            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(static=1.0)},
-            "expected static and breakaway, or none of them; give both",
-        ),
-        (
-            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(0.0, 2.0, 1.0, 1.0)},
-            "expected at least coulomb, 2 N m, got 1",
-        ),
-        (
-            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(-1.0)},
-            "expected at least 0, got -1",
-        ),
-        (
-            {"pyramid": 0.9, "inertia": 1.0, "friction": Friction(coulomb=-0.5)},
-            "expected at least 0, got -0.5",
-        ),
-    ],
-)
+@from_yaml
 def test_what_does_not_fit_is_said(options, message):
+    parts = {"friction": Friction, "bias": Bias}
+    made = {name: parts[name](**options[name]) for name in parts.keys() & options.keys()}
     problems = Problems()
-    Wheels(**options).check(group_named("SO3"), problems)
+    Wheels(**options | made).check(group_named("SO3"), problems)
     assert [message in problem.message for problem in problems] == [True]
 
 

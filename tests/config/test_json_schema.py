@@ -6,6 +6,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 import yaml
+from case_tables import from_yaml, table_of
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.option_types import Scale, option_names
@@ -55,55 +56,7 @@ def test_an_editor_may_read_them_as_plain_yaml(validator):
     validator.validate(yaml.safe_load(shipped.text("paper")))
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"gian": 1},
-        {"group": 3},
-        {"group": None},
-        {"inertia": True},
-        {"inertia": [[1, 0], "x", 3]},
-        {"inertia": {"matrx": [[1]]}},
-        {"inertia": {"initial": 1}},
-        {"gains": {"kp": 1}},
-        {"gains": {"kp": 1, "kd": 1, "ki": 1}},
-        {"reference": {}},
-        {"reference": {"torqe": [0, 0, 0]}},
-        {"reference": {"kind": "constant", "torque": [0, 0, 0]}},
-        {"reference": {"torque": "cos(t)"}},
-        {"reference": {"kind": "konstant"}},
-        {"controllers": []},
-        {"controllers": "eqt"},
-        {"controllers": ["eqq"]},
-        {"controllers": [{"label": "a"}]},
-        {"controllers": [{"kind": "family", "giroscopic": 1}]},
-        {"controllers": [{"kind": "family", "damping": "sideways"}]},
-        {"controllers": [{"kind": "eqt", "gyroscopic": 1}]},
-        {"initial": {"pose": "harr"}},
-        {"initial": {"pose": ["harr"]}},
-        {"initial": {"pose": {"kind": "haar", "sequence": "ZYX"}}},
-        {"initial": {"pose": {"kind": "haar", "position": {"sdt": 1}}}},
-        {"initial": {"velocity": 3}},
-        {"ensemble": {"runs": 0}},
-        {"ensemble": {"seed": -1}},
-        {"time": {"duration": 0}},
-        {"time": {"duration": 1, "samples": 1}},
-        {"time": {"samples": 5}},
-        {"solver": {"method": "RK4"}},
-        {"solver": {"rtol": 0}},
-        {"solver": {"rtoll": 1}},
-        {"solver": {"engine": "solveivp"}},
-        {"solver": {"block": 0}},
-        {"store": {"trajectories": "some"}},
-        {"store": {"trajectories": -1}},
-        {"store": {"compression": "zip"}},
-        {"target": {"pse": "identity"}},
-        {"task": "stabilize"},
-        {"plugins": "law.py"},
-        {"name": "../up"},
-        {"settling_threshold": 0},
-    ],
-)
+@from_yaml
 def test_what_is_wrong_does_not_fit(validator, changes):
     assert validator.is_valid(paper())
     assert not validator.is_valid(paper(**changes))
@@ -149,87 +102,6 @@ def test_every_engine_is_there_with_all_its_options(schema):
 
 # Sweeps: the schema accepts what the parser accepts -----------------------------------------------
 
-RANGE = {"low": 0.5, "high": 2}
-GOOD_BLOCKS = [
-    {"grid": {"gains.kp": [1]}},
-    {"grid": {"gains.kp": [1, [1, 2, 3]], "gains.kd": {**RANGE, "points": 3}}},
-    {"grid": {"gains.kp": {**RANGE, "points": 2, "scale": "log"}}},
-    {"grid": {"gains.kp": {"low": "pi/4", "high": "pi", "points": 2, "scale": "linear"}}},
-    {"grid": {"controllers[0].label": ["a"]}},
-    {"grid": {"inertia[0][0]": [0.9, 1]}},
-    {"grid": {"solver.rtol": [1e-6]}},
-    {"zip": {"gains.kp": [1, 2], "gains.kd": [1, 2]}},
-    {"zip": {"gains.kp": [1, 2], "gains.kd": {**RANGE, "points": 2}}},
-    {"random": {"points": 1, "axes": {"gains.kp": RANGE}}},
-    {"lhs": {"points": 3, "seed": 1, "axes": {"gains.kp": {**RANGE, "scale": "log"}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {"low": 1, "high": 3, "integer": True}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {"low": "1", "high": 3.0, "integer": True}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": False}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": [1, 2]}}}},
-    {"concat": [{"grid": {"gains.kp": [1]}}]},
-    {"concat": [{"grid": {"gains.kp": [1]}}, [{"zip": {"gains.kp": [2]}}]]},
-    {"concat": [{"concat": [{"grid": {"gains.kp": [1]}}]}]},
-    {"cases": {"one": {}, "the other": {"gains.kp": 2, "inertia[0][0]": 0.9}}},
-    {"cases": {"one": {"control": {"period": 0.1}}}},
-    {"concat": [{"cases": {"one": {"gains.kp": 2}}}]},
-]
-BAD_BLOCKS = [
-    "grid",
-    [],
-    {},
-    {"grdi": {"gains.kp": [1]}},
-    {"grid": {"gains.kp": [1]}, "zip": {"gains.kd": [1]}},
-    {"grid": None},
-    {"grid": {}},
-    {"grid": [1, 2]},
-    {"grid": {"gains.kp": []}},
-    {"grid": {"gains.kp": 1}},
-    {"grid": {"gains.kp": {}}},
-    {"grid": {"gains.kp": RANGE}},
-    {"grid": {"gains.kp": {"high": 1, "points": 2}}},
-    {"grid": {"gains.kp": {**RANGE, "points": 1}}},
-    {"grid": {"gains.kp": {**RANGE, "points": 2.5}}},
-    {"grid": {"gains.kp": {**RANGE, "points": True}}},
-    {"grid": {"gains.kp": {**RANGE, "points": "3"}}},
-    {"grid": {"gains.kp": {**RANGE, "points": 3, "scale": "lin"}}},
-    {"grid": {"gains.kp": {**RANGE, "points": 3, "integer": True}}},
-    {"grid": {"gains.kp": {"low": 0, "high": 1, "points": 3, "scale": "log"}}},
-    {"grid": {"gains.kp": {"low": False, "high": 1, "points": 3}}},
-    {"grid": {"gains.kp": {"low": [0], "high": 1, "points": 3}}},
-    {"grid": {"gains.kp": {"values": [1]}}},
-    {"grid": {"gain.kp": [1]}},
-    {"grid": {"gains..kp": [1]}},
-    {"grid": {"gains.kp[x]": [1]}},
-    {"grid": {"name": ["a", "b"]}},
-    {"grid": {"store.decimate": [1, 2]}},
-    {"grid": {"ensemble.runs": [1, 2]}},
-    {"zip": {}},
-    {"zip": {"gains.kp": "1, 2"}},
-    {"random": {"axes": {"gains.kp": RANGE}}},
-    {"random": {"points": 0, "axes": {"gains.kp": RANGE}}},
-    {"random": {"points": 4}},
-    {"random": {"points": 4, "axes": {}}},
-    {"random": {"points": 4, "axes": {"gains.kp": [1, 2]}}},
-    {"random": {"points": 4, "seed": -1, "axes": {"gains.kp": RANGE}}},
-    {"random": {"points": 4, "seed": None, "axes": {"gains.kp": RANGE}}},
-    {"random": {"points": 4, "sed": 1, "axes": {"gains.kp": RANGE}}},
-    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "points": 3}}}},
-    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": "yes"}}}},
-    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": True}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": []}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": 3}}}},
-    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": [1], "low": 1}}}},
-    {"concat": []},
-    {"concat": [[]]},
-    {"concat": {"grid": {"gains.kp": [1]}}},
-    {"concat": [{"grid": {"gains.kp": []}}]},
-    {"cases": {}},
-    {"cases": [{"gains.kp": 2}]},
-    {"cases": {"one": None}},
-    {"cases": {"one": {"gain.kp": 2}}},
-    {"cases": {"one": {"ensemble.runs": 2}}},
-]
-
 
 def is_accepted(block):
     """By the parser; what a schema cannot say (the same keys twice, …) is not in the tables."""
@@ -241,20 +113,21 @@ def is_accepted(block):
     return True
 
 
-@pytest.mark.parametrize("block", GOOD_BLOCKS, ids=str)
+@from_yaml
 def test_the_schema_accepts_what_the_parser_accepts(validator, block):
     assert is_accepted(block)
     validator.validate(paper(sweep=[block]))
 
 
-@pytest.mark.parametrize("block", BAD_BLOCKS, ids=str)
+@from_yaml
 def test_the_schema_refuses_what_the_parser_refuses(validator, block):
     assert not is_accepted(block)
     assert not validator.is_valid(paper(sweep=[block]))
 
 
 def test_every_design_is_in_the_tables():
-    assert {next(iter(block)) for block in GOOD_BLOCKS} == set(designs.names())
+    good = table_of(test_the_schema_accepts_what_the_parser_accepts)
+    assert {next(iter(case["block"])) for case in good} == set(designs.names())
 
 
 @pytest.mark.parametrize("sweep", [None, []])

@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from case_tables import refusal
+from case_tables import from_yaml, refusal
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, InputError
@@ -195,15 +195,7 @@ def test_a_device_without_enough_memory_is_told(monkeypatch: pytest.MonkeyPatch)
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("cuda", "expected cpu, opencl or opencl:NUMBER, got 'cuda'"),
-        ("opencl:7", "there is no device opencl:7 with double precision; `eqt list devices` names"),
-        ("opencl:0", "opencl:0 (slow one, driver 1) lacks subnormal numbers; use another device"),
-        ("opencl", "there is no device opencl with double precision; `eqt list devices` names"),
-    ],
-)
+@from_yaml
 def test_a_device_that_does_not_suit(
     monkeypatch: pytest.MonkeyPatch, text: str, message: str
 ) -> None:
