@@ -16,6 +16,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import critical_sets
 from eqt_cli.config.schema import PointSection
 from eqt_cli.engines.engine import Status
+from eqt_cli.engines.native import Native
 from eqt_cli.loop.linearised import growth, linearised
 from eqt_cli.results.result import open_result
 
@@ -338,11 +339,13 @@ QUADROTOR = {
     "initial": "{pose: {kind: fixed, coordinates: [0, 0, 2.5, 0, 0, 0]}}",
     "ensemble": None,
     "time": "{duration: 12, samples: 121}",
+    "solver": "{engine: native}",
     "settling_threshold": "2 deg",
 }
 
 
-@pytest.mark.ci("flies a quadrotor")
+@pytest.mark.ci("compiles the flight of a quadrotor")
+@pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 def test_a_quadrotor_points_its_thrust_and_leaves_its_yaw(invoke, tmp_path):
     """It flies with the yaw that it starts with: the law has no torque about the thrust."""
     with ran(invoke, tmp_path, **QUADROTOR) as result:

@@ -12,6 +12,7 @@ import pytest
 from case_tables import from_yaml
 from scipy.stats import ttest_rel
 
+from eqt_cli.engines.native import Native
 from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
 
@@ -402,6 +403,7 @@ def test_a_result_of_two_samples_is_compared(eqt):
 
 
 @pytest.mark.ci("flies a quadrotor at two speeds")
+@pytest.mark.skipif(Native.unavailable() is not None, reason="needs a C compiler")
 def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path):
     """At each speed: the paired t-interval of rms ‖p − p_d‖, from the poses of the file alone."""
     config = Path(__file__).parents[2] / "configs" / "quadrotor_speeds.yaml"
@@ -412,6 +414,8 @@ def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path)
         "time.samples=151",
         "--set",
         "solver.cross_check=0",
+        "--engine",
+        "native",
     ]
     invoke("sweep", config, *brief, "--out", tmp_path / "s", "--quiet")
     with h5py.File(tmp_path / "s" / "results.h5") as file:

@@ -99,19 +99,33 @@ def is_quick(item: pytest.Item) -> bool:
 
 
 def draw(items: list[pytest.Item], share: str) -> list[pytest.Item]:
-    """Leave out cases of CI by a draw "3/8", the third of eight, if other cases are quick.
+    """Of the tests of CI that are like others leave a share: "3/8" is the third of eight.
 
-    Eight draws try all cases.
+    These are cases of a function that has several, and what tests/tiers.tsv lists: quick tests call
+    the same functions of eqt. Of a function with cases in CI alone, one remains in any case. Eight
+    draws try all.
     """
     number, count = (int(part) for part in share.split("/"))
-    with_quick_cases = {_function(item) for item in items if is_quick(item)}
+    quick = {_function(item) for item in items if is_quick(item)}
+    cases: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if not is_quick(item):
+            cases[_function(item)].append(item)
+    left_out: set[pytest.Item] = set()
+    for function, several in cases.items():
+        is_like_quick_ones = function in quick or bool(tiers().reason(several[0].nodeid))
+        if len(several) == 1 and not is_like_quick_ones:
+            continue
+        parts = count if is_like_quick_ones else min(count, len(several))
+        for place, item in enumerate(sorted(several, key=_digest)):
+            offset = _digest(several[0]) if is_like_quick_ones else 0  # or small ones meet
+            if (place + offset) % parts != number % parts:
+                left_out.add(item)
+    return [item for item in items if item not in left_out]
 
-    def is_drawn(item: pytest.Item) -> bool:
-        if is_quick(item) or _function(item) not in with_quick_cases:
-            return True
-        return int(hashlib.sha256(item.nodeid.encode()).hexdigest(), 16) % count == number % count
 
-    return [item for item in items if is_drawn(item)]
+def _digest(item: pytest.Item) -> int:
+    return int(hashlib.sha256(item.nodeid.encode()).hexdigest()[:8], 16)
 
 
 def _function(item: pytest.Item) -> str:
