@@ -142,9 +142,10 @@ if (
     os.environ["XDG_CACHE_HOME"] = str(OWN_CACHE)
 
 # No optimisation changes a bit (engines/test_native.py), and half of the time to compile is spent
-# on it; most of these laws run a few steps.
-native_compiler.LIBRARY = tuple(
-    "-O0" if flag == "-O2" else flag for flag in native_compiler.LIBRARY
+# on it; most of these laws run a few steps. Without optimisation, zig adds checks that start others.
+native_compiler.LIBRARY = (
+    *("-O0" if flag == "-O2" else flag for flag in native_compiler.LIBRARY),
+    "-fno-sanitize=undefined",
 )
 
 

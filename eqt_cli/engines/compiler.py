@@ -658,6 +658,8 @@ def _compiled(source: str, by: Compiler, kind: str) -> bytes:
     """Return the library (``-shared``), object file (``-c``) or assembly (``-S``) of a source."""
     language = _language(source)
     flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
+    if "c++" not in language:  # eqt says it with its remedy; gcc 14 and clang 16 end with an error
+        flags.append("-Wno-incompatible-pointer-types")
     linked = [*MATHEMATICS, *["-lstdc++"] * ("c++" in language)] if kind == "-shared" else []
     with temporary_folder() as folder:
         made = folder / f"law{ENDING}"

@@ -85,8 +85,9 @@ IN_TURN = [(*pair, ("float", "double")[k % 2]) for k, pair in enumerate(ALL)]
 
 
 def compilers():
-    """Those of this machine."""
-    return [[name] for name in ("gcc", "clang") if shutil.which(name)]
+    """Those of this machine, or else that of the package ziglang."""
+    found = [[name] for name in ("gcc", "clang") if shutil.which(name)]
+    return found or [zig()] * bool(find_spec("ziglang"))
 
 
 def zig(*target):
