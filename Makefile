@@ -54,7 +54,7 @@ test-all: $(VENV)/.stamp-test ## run all tests; SHARE=3/8: of cases like quick o
 
 tiers: $(VENV)/.stamp-test ## measure all tests and choose the quick ones, in tests/tiers.tsv (needs Python 3.12)
 	rm -rf build/tiers
-	EQT_TIERS=off EQT_MEASURE=build/tiers $(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
+	XDG_CACHE_HOME=$(CURDIR)/build/tiers/cache EQT_TIERS=off EQT_MEASURE=build/tiers $(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
 	$(BIN)/python tests/shared/choose_tiers.py build/tiers
 
 test-lowest: $(LOWEST)/.stamp ## run all tests on the oldest supported versions (needs python3.11)

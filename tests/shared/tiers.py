@@ -33,6 +33,9 @@ MOST = 0.3
 BUSY = 3.0
 """By which a test may take longer than listed: of two runs, 0.8 % of the tests differ by more."""
 
+FIRST = 2.0
+"""s more for a test that is the first to import a library or to compile a law."""
+
 LEAST_LISTED = 0.2
 """s of a file of tests that counts for the scale."""
 
@@ -192,7 +195,7 @@ class Costs:
             f"{nodeid}: takes {seconds / scale:.2f} s of the processor; expected at most "
             f'{MOST:g} s. Let it do less, or mark it @pytest.mark.ci("why it must be")'
             for nodeid, seconds in self.calls.items()
-            if seconds > BUSY * max(MOST, listed.longer.get(nodeid, 0.0)) * scale
+            if seconds > (BUSY * max(MOST, listed.longer.get(nodeid, 0.0)) + FIRST) * scale
         ]
         if total > MOST_OF_ALL:
             too_long.append(
