@@ -142,7 +142,7 @@ if (
     os.environ["XDG_CACHE_HOME"] = str(OWN_CACHE)
 
 # No optimisation changes a bit (engines/test_native.py), and half of the time to compile is spent
-# on it; most of these laws run a few steps. Without optimisation, zig adds checks that start others.
+# on it; most of these laws run a few steps. Zig checks what is not optimised, unless told not to.
 native_compiler.LIBRARY = (
     *("-O0" if flag == "-O2" else flag for flag in native_compiler.LIBRARY),
     "-fno-sanitize=undefined",
