@@ -159,14 +159,15 @@ class Costs:
         return (yield)
 
     @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_makereport(self) -> Iterator[None]:
+    def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[None]:
         report: Any = yield
         now = processor_time()
         report.processor_seconds, self._start = now - self._start, now
+        report.is_quick = is_quick(item)  # keywords hold names of folders, too
         return report
 
     def pytest_runtest_logreport(self, report: Any) -> None:
-        if "ci" in report.keywords:
+        if not getattr(report, "is_quick", False):  # as that of a process that has died
             return
         self.seconds[report.nodeid] += report.processor_seconds
         if report.when == "call":
