@@ -46,6 +46,7 @@ sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colo
 test test-all test-lowest tiers faults fuzz: export OPENBLAS_NUM_THREADS = 1
 
 test: $(VENV)/.stamp-test ## run the quick tests, which call every function that is tested quickly: 2 minutes
+	@$(if $(ARGS),,echo "Running the quick tests: 2 minutes of two cores")
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
 
 SHARE ?= full
