@@ -11,7 +11,7 @@ import heapq
 import json
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import tiers
@@ -143,7 +143,7 @@ def listing(measured: Measured, chosen: set[str]) -> str:
     return HEAD + "".join(lines)
 
 
-def main(folder: Path, say: Callable[[str], None] = print) -> None:
+def main(folder: Path) -> None:
     """Write the list, and say what it holds."""
     measured = Measured(folder)
     chosen = quick_tests(measured)
@@ -152,7 +152,7 @@ def main(folder: Path, say: Callable[[str], None] = print) -> None:
         frozenset().union(*(measured.calls[nodeid] for nodeid in tests))
         for tests in (measured.own, chosen)
     )
-    say(
+    print(
         f"quick: {len(chosen):,} of {len(measured.own):,} tests without a mark, "
         f"{measured.cost(chosen):.0f} of {measured.cost(measured.own):.0f} s; "
         f"they call {len(some):,} of {len(every):,} functions of eqt"

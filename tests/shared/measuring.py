@@ -26,6 +26,11 @@ class Measuring:
     """
 
     def __init__(self, folder: Path) -> None:
+        if sys.version_info < (3, 12):
+            raise pytest.UsageError(
+                f"expected Python 3.12 or newer, got {sys.version.split()[0]}; for example, "
+                "make tiers VENV=.venv-tiers PYTHON=/path/to/python3.12"
+            )
         self.folder = folder
         self.names: dict[str, int] = {}
         self.tests: dict[str, dict[str, Any]] = {}

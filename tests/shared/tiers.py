@@ -108,7 +108,10 @@ def draw(items: list[pytest.Item], share: str) -> list[pytest.Item]:
     the same functions of eqt. Of a function with cases in CI alone, one remains in any case. Eight
     draws try all.
     """
-    number, count = (int(part) for part in share.split("/"))
+    first, _, last = share.partition("/")
+    if not (first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last)):
+        raise pytest.UsageError(f"SHARE: expected 1/N to N/N, such as 3/8, or full; got {share!r}")
+    number, count = int(first), int(last)
     quick = {_function(item) for item in items if is_quick(item)}
     cases: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
