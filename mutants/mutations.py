@@ -23,7 +23,6 @@ CORE = (
     "analysis/margins.py",
     "results/metrics.py",
     "results/quantity.py",
-    "extensions/devices.py",
     "extensions/firmware/c_headers.py",
     "extensions/firmware/decisions.py",
     "extensions/firmware/user_code.py",

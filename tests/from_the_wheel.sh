@@ -49,7 +49,6 @@ try verify mine.yaml --runs 2
 try export mine.yaml --controller eqt --out code
 ls result/figures result/report.html code >/dev/null
 
-refused "(extra opencl)" eqt run mine.yaml --out other --engine native --device opencl
 printf 'ULog' >flight.ulg
 refused "(extra logs)" eqt log check flight.ulg
 refused "(extra xarray)" python -c 'import eqt_cli; eqt_cli.open_result("result").to_xarray()'

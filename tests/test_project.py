@@ -55,7 +55,7 @@ def _needed_by_all(wheel, platform):
 def test_all_installs_every_extra_and_a_compiler_on_windows_only(wheel):
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    others = extras.keys() - {"all", "native", "opencl"}
+    others = extras.keys() - {"all", "native"}
     expected = {Requirement(each).name for extra in others for each in extras[extra]}
     assert _needed_by_all(wheel, "linux") == expected
     assert _needed_by_all(wheel, "win32") == expected | {"ziglang"}
@@ -109,7 +109,6 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = project["project"]["optional-dependencies"]
     assert extras.pop("all")[0].startswith("eqt-cli[")
-    extras["opencl"] = extras["opencl"][-1:]
     stated = {
         _bound(requirement, ">=")
         for requirements in (
@@ -148,8 +147,6 @@ def test_continuous_integration_installs_by_hash_what_the_project_needs(name):
     for parsed in (Requirement(entry) for entry, _, _ in found):
         pinned.setdefault(canonicalize_name(parsed.name), []).append(_bound(f"{parsed}", "==")[1])
     for wanted in map(Requirement, needed):
-        if wanted.name == "pyopencl":  # installed by hand, where there is a device
-            continue
         versions = pinned[canonicalize_name(wanted.name)]
         assert all(version in wanted.specifier for version in versions), wanted
 

@@ -218,7 +218,7 @@ def _unset(component: type) -> Iterator[str]:
 def extensions() -> dict[str, Any]:
     """Return the extensions by name; each names its components and commands, without their code."""
     package = importlib.import_module("eqt_cli.extensions")
-    names = sorted(each.name for each in pkgutil.iter_modules(package.__path__) if each.ispkg)
+    names = sorted(each.name for each in pkgutil.iter_modules(package.__path__))
     return {name: importlib.import_module(f"eqt_cli.extensions.{name}") for name in names}
 
 

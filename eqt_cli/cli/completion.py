@@ -35,7 +35,7 @@ def words(known: str | Sequence[str], incomplete: str) -> Completions:
 
 def listed(incomplete: str) -> Completions:
     """Complete a kind of components or, from its first letter, the name of a component."""
-    kinds = dict.fromkeys((*KINDS, "devices", "configs"), "")
+    kinds = dict.fromkeys((*KINDS, "configs"), "")
     names = {name: text for of_kind in _known()["names"].values() for name, text in of_kind.items()}
     return _starting(incomplete, kinds | names if incomplete else kinds)
 

@@ -13,7 +13,7 @@ import typer
 
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
 from eqt_cli.base.files import new_file, refusals
-from eqt_cli.base.registry import KINDS, load_plugin, of_extension, registry, summary
+from eqt_cli.base.registry import KINDS, load_plugin, registry, summary
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import print_findings
@@ -38,7 +38,7 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND|NAME",
-            help=f"{', '.join(KINDS)}, devices or configs; or the name of a component.",
+            help=f"{', '.join(KINDS)} or configs; or the name of a component.",
             autocompletion=completion.listed,
         ),
     ] = None,
@@ -55,7 +55,7 @@ def list_components(
             registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
-    if kind is not None and kind not in [*kinds, "devices"]:
+    if kind is not None and kind not in kinds:
         _explain(kind, kinds, json)
         return
     listed = {name: _described(name) for name in ([kind] if kind else kinds)}
@@ -97,16 +97,6 @@ def _of_name(name: str) -> dict[str, Any]:
 def _described(kind: str) -> list[dict[str, Any]]:
     from eqt_cli.base.option_types import has_options, option_names
 
-    if kind == "devices":
-        return [
-            {
-                "name": f"opencl:{each.number}",
-                "summary": f"{each.name}, {each.driver}, {each.memory / 2**30:.1f} GiB"
-                + "".join(f"; lacks {what}" for what in each.lacks),
-                "options": [],
-            }
-            for each in of_extension("devices.devices")()
-        ]
     if kind == "configs":
         return [
             {"name": config, "summary": shipped.summary(config), "options": []}

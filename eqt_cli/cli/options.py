@@ -29,7 +29,6 @@ Computing
     --workers N  Number of cores to use. Default: all.
     --engine NAME  auto (native where it can be used, else solve_ivp) or another engine (`eqt list
         engines`). Same as --set solver.engine=NAME.
-    --device NAME  Same as --set solver.device=NAME (`eqt list devices`).
     --executor NAME  auto, serial, threads or local, or NAME:KEY=VALUE with options of it
         (`eqt list executors`). Default: auto.
     --shard I/N  Compute only share I of N. `eqt pack` joins the shares.
@@ -195,21 +194,19 @@ def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
     return by_place
 
 
-def overrides(set_: Sequence[str] | None, **solver: str | None) -> dict[str, str]:
-    """Return the changes of a configuration by ``--set``, ``--engine`` and ``--device``."""
-    chosen = {
-        f"--{key}": f"solver.{key}={name}" for key, name in solver.items() if name is not None
-    }
-    return placed("--set", set_) | chosen
+def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str, str]:
+    """Return the changes of a configuration by ``--set`` and ``--engine``."""
+    changes = placed("--set", set_)
+    if engine is not None:
+        changes["--engine"] = f"solver.engine={engine}"
+    return changes
 
 
-def source_of(
-    config: Path, set_: Sequence[str] | None, engine: str | None = None, device: str | None = None
-) -> ConfigSource:
+def source_of(config: Path, set_: Sequence[str] | None, engine: str | None = None) -> ConfigSource:
     """Return a configuration with the changes by these options, not yet checked."""
     from eqt_cli.config.source import read_config
 
-    return read_config(config, overrides(set_, engine=engine, device=device))
+    return read_config(config, overrides(set_, engine))
 
 
 def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, doing: str) -> Study:
@@ -274,7 +271,6 @@ Quiet = Annotated[bool, option("--quiet", "-q", callback=be_quiet)]
 Verbose = Annotated[bool, option("--verbose", "-v")]
 Workers = Annotated[int | None, option("--workers", min=1)]
 Engine = Annotated[str | None, option("--engine", known="engines")]
-Device = Annotated[str | None, option("--device", known=("cpu", "opencl"))]
 ExecutorName = Annotated[str | None, option("--executor", known="executors")]
 ShardOf = Annotated[str | None, option("--shard")]
 Point = Annotated[int | None, option("--point")]
@@ -296,13 +292,12 @@ class Setup:
     out: Out = None
     set_: Set = None
     engine: Engine = None
-    device: Device = None
     workers: Workers = None
     executor: ExecutorName = None
 
     def source(self, config: Path) -> ConfigSource:
         """Return the configuration with the changes by these options, not yet checked."""
-        return source_of(config, self.set_, self.engine, self.device)
+        return source_of(config, self.set_, self.engine)
 
 
 @dataclass(frozen=True)
@@ -317,9 +312,8 @@ class Handling:
     quiet: Quiet = False
 
 
-SetupOfSearch = Annotated[Setup, {"device"}]
 HandlingOfSearch = Annotated[Handling, {"shard", "rerun_failed"}]
-"""The groups without some of their options, which have their defaults."""
+"""The group without some of its options, which have their defaults."""
 
 
 def spread(command: Callable[..., None]) -> Callable[..., None]:

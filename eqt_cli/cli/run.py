@@ -147,7 +147,7 @@ def pack(
 
 def tune(
     config: options.Config,
-    setup: options.SetupOfSearch,
+    setup: options.Setup,
     dry_run: options.DryRun = False,
     *,
     handling: options.HandlingOfSearch,
@@ -178,7 +178,7 @@ def tune(
 
 def worst(
     config: options.Config,
-    setup: options.SetupOfSearch,
+    setup: options.Setup,
     fail_above: Annotated[float | None, options.option("--fail-above")] = None,
     certified: Annotated[float, options.option("--certified", min=0)] = 0.0,
     dry_run: options.DryRun = False,

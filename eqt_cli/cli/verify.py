@@ -89,7 +89,7 @@ def verify(
         source = options.source_of(target, None)
         if code:
             source = of_extension("firmware.controllers.with_code")(source, code, as_, adapter)
-        source = overridden(source, options.overrides(set_, engine=engine))
+        source = overridden(source, options.overrides(set_, engine))
         doing = "verified without"
         subject = options.study_at(source, point, trust_plugins=trust_plugins, doing=doing)
         point = None  # the configuration is already that of the point

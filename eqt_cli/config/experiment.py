@@ -146,9 +146,6 @@ def solver_from(section: dict[str, Any], chosen: bool, problems: Problems) -> So
     engine = next((entry for entry in built if entry and entry.name == name), None)
     if engine is not None:
         engine.check(problems)
-        if "device" in section and "device" not in option_names(type(engine)):
-            able = [each.name for each in engines.all() if "device" in option_names(each)]
-            problems.at("device").add(f"engine {name} has none; use engine {' or '.join(able)}")
     if engine is None or problems:
         return None
     keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}

@@ -31,9 +31,6 @@ from eqt_cli.numbers.program import (
 # It contains no text of a configuration but numbers; all names are eqt's.
 
 
-ADVANCE, STORE, MEASURE, EVALUATE = "advance.h", "store.h", "measure.h", "evaluate.h"
-METHOD, ROWS, WALK = "dop853.h", "rows.h", "walk.h"
-DEVICE, KERNEL = "opencl.h", "kernel.h"
 _TEMPLATES = Path(__file__).parent / "c"
 
 
@@ -67,16 +64,13 @@ def integration_source(
         _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
         f"static {c_function(fused(program), 'eqt_field')}",
     ]
-    names = [METHOD, ADVANCE, STORE, *([ROWS, WALK] if walks else [])]
+    names = ["dop853.h", "advance.h", "store.h"]
+    if walks:
+        names += ["rows.h", "walk.h"]
     if at_samples is not None:
         emitted.append(_measuring(at_samples))
-        names = [ROWS, METHOD, ADVANCE, MEASURE]
+        names = ["rows.h", "dop853.h", "advance.h", "measure.h"]
     return "\n".join([_head(lanes), *emitted, *map(_text, names)])
-
-
-def kernel_source(field: Program, at_samples: SampleProgram | None = None) -> str:
-    """Return the OpenCL C source of ``eqt_runs``, which integrates one run a work item."""
-    return "\n".join([_text(DEVICE), integration_source(field, 1, at_samples), _text(KERNEL)])
 
 
 class SampleProgram(NamedTuple):
@@ -128,7 +122,7 @@ def _measuring(at_samples: SampleProgram) -> str:
     stretches = ", ".join(map(str, at_samples.stretches))
     return (
         f"{_defined(sizes)}"
-        f"static EQT_CONSTANT const int64_t eqt_lengths[] = {{{stretches}}};\n"
+        f"static const int64_t eqt_lengths[] = {{{stretches}}};\n"
         f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
         f"static {c_function(at_samples.program, 'eqt_look_at')}"
     )
@@ -158,7 +152,7 @@ def evaluation_source(program: Program, stretches: Sequence[int], lanes: int) ->
         f"#define EQT_CALL(in, out) eqt_program({', '.join(arguments)})\n"
     )
     emitted = f"static {c_function(named, 'eqt_program')}"
-    return "\n".join([_head(lanes), defined, emitted, _text(ROWS), _text(EVALUATE)])
+    return "\n".join([_head(lanes), defined, emitted, _text("rows.h"), _text("evaluate.h")])
 
 
 def with_comparison_sides(program: Program) -> tuple[Program, int]:
@@ -196,7 +190,7 @@ def _defined(sizes: Mapping[str, int]) -> str:
 
 def _flags(name: str, chosen: Set[int], length: int) -> str:
     flags = ", ".join(str(int(place in chosen)) for place in range(length))
-    return f"static EQT_CONSTANT const char {name}[] = {{{flags}}};\n"
+    return f"static const char {name}[] = {{{flags}}};\n"
 
 
 def _head(lanes: int) -> str:
@@ -216,71 +210,59 @@ def _text(name: str) -> str:
 THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
 """Outcomes of a run, as in advance.h."""
 
-Advance = Callable[..., None]
-"""Integrates runs through a span, given `Measuring` and the members of ``eqt_span``."""
-
 Evaluation = Callable[[int, int, Sequence["Rows"]], dict[str, Array]]
 """Gives a program's arrays, ``(runs, samples, …)`` each, by name.
 
 It takes the numbers of runs and of samples, and the program's inputs, a stretch after the other.
 """
 
-_INTEGERS = ("runs", "later", "most_steps", "to_next_run", "row")
-SPAN_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol", "longest")
-_ARRAYS = ("grid", "held", "parameters", "states", "samples", "steps", "counts", "ends", "times")
 
-
-class _Span(ctypes.Structure):
-    _fields_ = [
-        *((name, ctypes.c_int64) for name in _INTEGERS),
-        *((name, ctypes.c_double) for name in SPAN_NUMBERS),
-        *((name, ctypes.c_void_p) for name in _ARRAYS),
-        ("measuring", ctypes.c_void_p),
-    ]
+def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names.split()]
 
 
 class _Source(ctypes.Structure):
-    _fields_ = [
-        ("from", ctypes.c_void_p),
-        ("to_next_run", ctypes.c_int64),
-        ("to_next_sample", ctypes.c_int64),
-    ]
+    _fields_ = [("from", ctypes.c_void_p), *_each(ctypes.c_int64, "to_next_run to_next_sample")]
 
 
 class _Evaluations(ctypes.Structure):
     _fields_ = [
-        ("runs", ctypes.c_int64),
-        ("samples", ctypes.c_int64),
-        ("count", ctypes.c_int64),
+        *_each(ctypes.c_int64, "runs samples count"),
         ("sources", ctypes.POINTER(_Source)),
         ("found", ctypes.POINTER(ctypes.c_void_p)),
     ]
 
 
 class _Measuring(ctypes.Structure):
+    _fields_ = [("sources", ctypes.POINTER(_Source)), *_each(ctypes.c_void_p, "starts memory kept")]
+
+
+class _Span(ctypes.Structure):
     _fields_ = [
-        ("sources", ctypes.POINTER(_Source)),
-        *((name, ctypes.c_void_p) for name in ("starts", "memory", "kept")),
+        *_each(ctypes.c_int64, "runs later most_steps to_next_run row"),
+        *_each(ctypes.c_double, "start stop first_inside last_inside rtol atol longest"),
+        *_each(ctypes.c_void_p, "grid held parameters states samples steps counts ends times"),
+        ("measuring", ctypes.POINTER(_Measuring)),
     ]
 
 
+def _set(structure: Any, members: Mapping[str, Any]) -> None:
+    for name, value in members.items():
+        setattr(structure, name, value.ctypes.data if isinstance(value, np.ndarray) else value)
+
+
 @lru_cache(maxsize=32)
-def integration(field: Program, at_samples: SampleProgram | None = None) -> Advance:
+def integration(field: Program, at_samples: SampleProgram | None = None) -> Callable[..., None]:
     """Return ``eqt_advance`` of a field, which takes the members of ``eqt_span``.
 
-    Arrays are C-contiguous.
+    Arrays are C-contiguous. `measuring` returns the member of that name.
     """
     text = integration_source(field, compiler.compiler().lanes, at_samples)
     function = compiler.library(text).eqt_advance
 
-    def advance(measuring: Measuring | None, **values: Any) -> None:
-        values["row"] = values["states"].shape[1]
-        measured = None if measuring is None else measuring.as_c()  # it must live during the call
-        span = _Span(
-            measuring=None if measured is None else ctypes.addressof(measured),
-            **{name: values[name] for name in (*_INTEGERS, *SPAN_NUMBERS)},
-            **{name: values[name].ctypes.data for name in _ARRAYS},
-        )
+    def advance(**members: Any) -> None:
+        span = _Span(row=members["states"].shape[1])
+        _set(span, members)
         function(ctypes.byref(span))
 
     return advance
@@ -312,11 +294,12 @@ class Rows:
         return Rows(self.values[runs], True, self.by_sample) if self.by_run else self
 
 
-@dataclass(frozen=True)
-class Measuring:
-    """The data of a program that looks at runs sample by sample.
+def measuring(rows: Sequence[Rows], starts: Array, memory: Array, stored: Array) -> Any:
+    """Return the data of a program that looks at runs sample by sample, as measure.h takes them.
 
-    Attributes
+    They are valid as long as the arrays live.
+
+    Parameters
     ----------
     rows
         Its inputs besides the states, one stretch after the other.
@@ -327,17 +310,9 @@ class Measuring:
     stored : (runs, samples, stored)
         Numbers that it keeps of each sample, to be filled in.
     """
-
-    rows: Sequence[Rows]
-    starts: Array
-    memory: Array
-    stored: Array
-
-    def as_c(self) -> _Measuring:
-        """Return it as measure.h takes it, valid as long as this object lives."""
-        sources = _sources(self.rows, [rows.values for rows in self.rows])
-        places = (each.ctypes.data for each in (self.starts, self.memory, self.stored))
-        return _Measuring(sources, *places)
+    sources = _sources(rows, [row.values for row in rows])
+    places = (array.ctypes.data for array in (starts, memory, stored))
+    return ctypes.pointer(_Measuring(sources, *places))
 
 
 def _sources(inputs: Sequence[Rows], arrays: Sequence[Array]) -> Any:
@@ -383,10 +358,6 @@ def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
 # Walks through many spans by one call -------------------------------------------------------------
 
 
-def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
-    return [(name, kind) for name in names.split()]
-
-
 WALKED = np.dtype(
     _each(float, "start stop first_inside last_inside longest")
     + _each(np.int64, "first later sampled_start tick acts")
@@ -416,11 +387,6 @@ class _Walks(ctypes.Structure):
         ("period", ctypes.c_double),
         *_each(ctypes.c_void_p, "measured options law_inputs memory torques"),
     ]
-
-
-def _set(structure: Any, members: Mapping[str, Any]) -> None:
-    for name, value in members.items():
-        setattr(structure, name, value.ctypes.data if isinstance(value, np.ndarray) else value)
 
 
 @lru_cache(maxsize=32)

@@ -24,7 +24,6 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Scale
-from eqt_cli.base.registry import of_extension
 from eqt_cli.components.laws import CodeCall
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
@@ -45,7 +44,7 @@ from eqt_cli.engines.engine import (
     Status,
     walked,
 )
-from eqt_cli.engines.library import Advance, Measuring, Rows, SampleProgram
+from eqt_cli.engines.library import Rows, SampleProgram
 from eqt_cli.engines.solve_ivp import FUNCTIONS, SolveIvp, steps
 from eqt_cli.loop.closed_loop import MEMORY as CONTROLLER
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
@@ -355,10 +354,10 @@ class Lanes(Integrator):
         The programs of the loop.
     settings
         ``rtol`` and ``atol``, the tolerances of a step, and ``most_steps``, of a run.
-    advance
-        What integrates the field of the loop: the CPU or a device.
     walks
         Whether C may walk through many spans of a sampled loop.
+    at_samples
+        Program that looks at each sample; without it, states are stored.
     """
 
     _walk: library.Walk | None
@@ -368,11 +367,11 @@ class Lanes(Integrator):
         problem: Problem,
         law: LoopPrograms,
         settings: Mapping[str, float],
-        advance: Advance,
         walks: bool = False,
+        at_samples: SampleProgram | None = None,
     ) -> None:
         super().__init__(problem)
-        self._law, self._advance = law, advance
+        self._law, self._advance = law, library.integration(law.field, at_samples)
         self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
@@ -545,17 +544,12 @@ class Lanes(Integrator):
         return SpanResult(ended, samples, self._counts - before, failed)
 
     def _advanced(
-        self,
-        span: Span,
-        states: Array,
-        times: Array,
-        samples: Array,
-        measuring: Measuring | None = None,
+        self, span: Span, states: Array, times: Array, samples: Array, measuring: Any = None
     ) -> Array:
         """Return the states at the end of a span; those at sample times are stored or measured."""
         ended = np.array(states, order="C")
         self._advance(
-            measuring,
+            measuring=measuring,
             runs=len(states),
             later=len(times),
             to_next_run=samples.strides[0] // samples.itemsize,
@@ -606,8 +600,6 @@ class MeasuringLanes(Lanes):
     ----------
     problem
         Problem with the first and the last sample time only.
-    advance
-        What integrates the field, and measures by a program that looks at each sample.
     measures
         The programs that measure.
     times
@@ -628,12 +620,12 @@ class MeasuringLanes(Lanes):
         problem: Problem,
         law: LoopPrograms,
         settings: Mapping[str, float],
-        advance: Advance,
         measures: RunningPrograms,
         times: Array,
         rows: Sequence[Rows],
     ) -> None:
-        super().__init__(problem, law, settings, advance)
+        at_samples = SampleProgram(measures.at_sample, tuple(row.length for row in rows))
+        super().__init__(problem, law, settings, at_samples=at_samples)
         self._sample_times, self._rows, self._starts = times, rows, measures.starts
         self.memory = np.empty((problem.runs, len(measures.starts)))
         length = sum(math.prod(shape) for _, shape in measures.stored)
@@ -643,7 +635,8 @@ class MeasuringLanes(Lanes):
         """Integrate and measure these runs, which are neighbours."""
         here = slice(int(self.runs[0]), int(self.runs[0]) + len(self.runs))
         rows = [row.of(here) for row in self._rows]
-        measuring = Measuring(rows, self._starts, self.memory[here], self.stored[here])
+        memory, stored = self.memory[here], self.stored[here]
+        measuring = library.measuring(rows, self._starts, memory, stored)
         ended = self._advanced(span, states, self._sample_times[1:], self.stored, measuring)
         failed = {int(run): self._failure(run) for run in np.flatnonzero(self._ends)}
         return SpanResult(ended, ended[:, None], self._counts, failed)
@@ -651,9 +644,6 @@ class MeasuringLanes(Lanes):
 
 # The engine ---------------------------------------------------------------------------------------
 
-
-CPU = "cpu"
-"""The device by default: the processors of this machine, by the C compiler."""
 
 STEP_SHARE = 1 / 30
 """The tolerance of a step, as a fraction of the accuracy that the results are judged by."""
@@ -672,11 +662,6 @@ GROUP_RUNS = 256
 """Number of runs that a thread integrates at a time: their states and samples fit its cache."""
 
 
-def _device(text: str) -> Any:
-    """Return the device of an option, with `integration` as in `library`; None for the CPU."""
-    return None if text == CPU else of_extension("devices.chosen")(text)
-
-
 @dataclass(frozen=True)
 class Native(Engine):
     """DOP853 in C, compiled on this machine, in operations that IEEE 754 fixes to the bit.
@@ -688,8 +673,6 @@ class Native(Engine):
         it.
     max_steps
         Most steps of a run.
-    device
-        ``cpu``, ``opencl`` or ``opencl:NUMBER``. All give the same bits.
     """
 
     name: ClassVar[str] = "native"
@@ -702,7 +685,6 @@ class Native(Engine):
     rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
     atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-12
     max_steps: Count = 1_000_000
-    device: str = CPU
 
     @classmethod
     def unavailable(cls) -> str | None:
@@ -714,8 +696,6 @@ class Native(Engine):
         if not SMALLEST_RTOL <= self.rtol < 1:
             limits = f"expected a number from {SMALLEST_RTOL:.3g} to 1"
             problems.at("rtol").add(f"{limits}, got {self.rtol:g}")
-        with problems.catching("device"):
-            _device(self.device)
 
     def tightened(self, factor: float) -> Native:
         """Return the engine with both tolerances times `factor`."""
@@ -729,24 +709,12 @@ class Native(Engine):
         """Return the compiler, if there is one: shards are packed without."""
         with suppress(EqtError):
             chosen = compiler.compiler()
-            tools = {"compiler": chosen.described, "lanes": str(chosen.lanes)}
-            if device := _device(self.device):
-                tools["device"] = device.tested
-            return tools
+            return {"compiler": chosen.described, "lanes": str(chosen.lanes)}
         return {}
 
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
-        law = programs(problem.loop)
-        field, walks = self._integration(law.field), self._walks(problem)
-        return Lanes(problem, law, self._settings, field, walks)
-
-    def _integration(
-        self, field: Program, at_samples: SampleProgram | None = None
-    ) -> library.Advance:
-        """Return what integrates a field, on the CPU or the device."""
-        device = _device(self.device)
-        return (device or library).integration(field, at_samples)
+        return Lanes(problem, programs(problem.loop), self._settings, self._walks(problem))
 
     @property
     def _settings(self) -> dict[str, float]:
@@ -756,8 +724,6 @@ class Native(Engine):
 
     def groups(self, problem: Problem, threads: int) -> list[Array]:
         """Return groups of a few runs, equally many per thread; one each with several spans."""
-        if self.device != CPU:
-            return super().groups(problem, threads)
         of_thread = -(-problem.runs // threads)
         turns = max(1, -(-of_thread // GROUP_RUNS)) if len(problem.spans) == 1 else 1
         size = max(1, -(-problem.runs // (turns * threads)))
@@ -775,7 +741,7 @@ class Native(Engine):
         """
         runs, loop = np.arange(problem.runs), problem.loop
         walks = self._walks(problem)
-        if self.device != CPU or (len(problem.spans) > 1 and not walks):
+        if len(problem.spans) > 1 and not walks:
             return [runs]
         states = len(problem.times) * loop.state_length
         errors = 2 * problem.control_instants * loop.group.dimension
@@ -785,7 +751,7 @@ class Native(Engine):
     def _walks(self, problem: Problem) -> bool:
         """Whether C walks through the spans of a sampled loop."""
         vehicle = problem.loop.vehicle
-        return self.device == CPU and vehicle.control is not None and not vehicle.solves
+        return vehicle.control is not None and not vehicle.solves
 
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
@@ -834,9 +800,7 @@ class Native(Engine):
             Rows(measures.columns, by_sample=True),
         ]
         ends, law = replace(problem, times=times[[0, -1]]), programs(loop)
-        at_samples = SampleProgram(measures.at_sample, tuple(row.length for row in inputs))
-        advance = self._integration(law.field, at_samples)
-        lanes = MeasuringLanes(ends, law, self._settings, advance, measures, times, inputs)
+        lanes = MeasuringLanes(ends, law, self._settings, measures, times, inputs)
         solution = walked(lanes, self.groups(ends, workers), progress, workers)
         last = library.evaluation(measures.ended, (len(measures.starts),))
         numbers = last(problem.runs, 1, [Rows(lanes.memory, by_run=True)])

@@ -3,14 +3,9 @@
 #ifndef EQT_LANES_H
 #define EQT_LANES_H
 
-/* A device that computes has a prologue of its own instead, such as opencl.h. */
-#ifndef EQT_DEVICE
 #include <stdint.h>
-#define EQT_GLOBAL   /* where the arrays of all runs lie */
-#define EQT_CONSTANT /* where tables lie */
 typedef uint32_t eqt_uint32;
 typedef uint64_t eqt_uint64;
-#endif
 
 #ifndef EQT_LANES
 #define EQT_LANES 1
@@ -19,18 +14,14 @@ typedef uint64_t eqt_uint64;
 #define EQT_INFINITY __builtin_inf()
 #define EQT_NAN __builtin_nan("")
 
-#if defined(__CUDACC__)
-#define EQT_INLINE static inline __host__ __device__
-#elif defined(__GNUC__)
+#if defined(__GNUC__)
 #define EQT_INLINE static inline __attribute__((always_inline))
 #else
 #define EQT_INLINE static inline
 #endif
 
 /* A function that is called so rarely that it is not worth its place in others. */
-#if defined(__CUDACC__)
-#define EQT_RARE static __host__ __device__ __noinline__
-#elif defined(__GNUC__)
+#if defined(__GNUC__)
 #define EQT_RARE __attribute__((noinline, cold, unused)) static
 #else
 #define EQT_RARE static
@@ -49,7 +40,6 @@ EQT_INLINE eqt_real eqt_constant(double number) { return number; }
 EQT_INLINE eqt_bits eqt_bits_constant(eqt_uint64 bits) { return bits; }
 EQT_INLINE eqt_real eqt_select(eqt_mask holds, eqt_real a, eqt_real b) { return holds ? a : b; }
 EQT_INLINE eqt_real eqt_sqrt(eqt_real x) { return __builtin_sqrt(x); }
-#ifndef EQT_DEVICE
 EQT_INLINE eqt_bits eqt_bits_of(eqt_real x)
 {
     eqt_bits bits;
@@ -62,7 +52,6 @@ EQT_INLINE eqt_real eqt_of_bits(eqt_bits bits)
     __builtin_memcpy(&x, &bits, sizeof x);
     return x;
 }
-#endif
 
 #else
 

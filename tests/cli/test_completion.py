@@ -92,7 +92,7 @@ def test_the_options_are_those_of_the_figures(complete):
 def test_words_are_what_is_accepted(complete):
     assert complete("eqt show out --format ") == list(FORMATS)
     assert complete("eqt plot out --format ") == [*PICTURES, "json"]
-    assert complete("eqt list ") == [*KINDS, "devices", "configs"]
+    assert complete("eqt list ") == [*KINDS, "configs"]
     assert complete("eqt config new --from ") == shipped.names()
 
 

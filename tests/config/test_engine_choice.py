@@ -139,8 +139,7 @@ def test_a_sweep_of_the_solver_names_its_engines(grid, message):
 
 
 @pytest.mark.parametrize(
-    ("key", "engine"),
-    [("method=RK45", "solve_ivp"), ("block=1", "solve_ivp"), ("device=cpu", "native")],
+    ("key", "engine"), [("method=RK45", "solve_ivp"), ("block=1", "solve_ivp")]
 )
 def test_a_key_of_one_engine_needs_its_name(key, engine):
     name = key.partition("=")[0]

@@ -17,7 +17,6 @@ from faults_harness import (
     RAGGED,
     RUN,
     SWEEP,
-    SWEEP_DEVICE,
     SWEEP_NATIVE,
     Session,
     assert_equal,
@@ -42,7 +41,6 @@ CONFIGURATIONS = {
     "flight": FLYING,
     "native flight": FLYING_NATIVE,
     "native sweep": SWEEP_NATIVE,
-    "device sweep": SWEEP_DEVICE,
     "ragged sweep": RAGGED,
 }
 
@@ -62,7 +60,6 @@ SCENARIOS = [
     ("sweep", LOCAL, "coordinator", 25),
     ("sweep", LOCAL, "worker", 45),
     ("native sweep", THREADS, "coordinator", 10),
-    ("device sweep", SERIAL, "coordinator", 5),
     ("ragged sweep", SERIAL, "coordinator", 25),
     ("ragged sweep", LOCAL, "worker", 25),
 ]
@@ -92,8 +89,6 @@ def reference(made_once):
         def compute(folder):
             config = folder / "config.yaml"
             config.write_text(CONFIGURATIONS[which], encoding="utf-8")
-            if "device" in which:  # whose driver compiles once, which takes longer than the rest
-                Session("sweep", config, folder / "first", ["--executor", "serial"]).finish()
             session = Session(_command(which), config, folder / "out", ["--executor", "serial"])
             session.wait_for_start()
             started = time.monotonic()

@@ -48,7 +48,7 @@ tune: {over: {gains.kp: [1, 3]}, budget: 1, seeds: 1}
 worst: {objective: final_pose_error, over: {gains.kp: [1, 3]}, budget: 1, seeds: 1}
 """
 SLOW = {"run", "sweep", "tune", "worst", "bench"}
-LEFT_OUT = {"--help", "--executor", "--workers", "--out", "--device"}
+LEFT_OUT = {"--help", "--executor", "--workers", "--out"}
 """Options that start processes or write outside the folder."""
 
 

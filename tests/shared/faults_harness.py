@@ -60,7 +60,6 @@ SWEEP = (
 # Points that differ in shape, each a group of the file.
 RAGGED = SWEEP.replace("gains.kp: [0.5, 1, 2], inertia", "time.samples: [6, 11, 21], inertia")
 SWEEP_NATIVE = SWEEP.replace("rtol: 1.0e-6, block: 10", "engine: native, rtol: 1.0e-6")
-SWEEP_DEVICE = SWEEP_NATIVE.replace("engine: native", "engine: native, device: opencl")
 
 
 @dataclass

@@ -26,15 +26,15 @@ typedef struct {
     double first_inside, last_inside; /* the field is evaluated between these times */
     double rtol, atol;                /* tolerances of a step */
     double longest;                   /* no step is longer, s */
-    const EQT_GLOBAL double *grid;    /* (later): sample times behind the start */
-    const EQT_GLOBAL double *held;    /* (held) */
-    const EQT_GLOBAL double *parameters; /* (runs, parameters) */
-    EQT_GLOBAL double *states;        /* (runs, row): at the start, then where a run has ended */
-    EQT_GLOBAL double *samples;       /* store.h: (later, row) of each run */
-    EQT_GLOBAL double *steps;         /* (runs): length of the next step, s; 0: not known */
-    EQT_GLOBAL int64_t *counts;       /* (runs): steps taken so far */
-    EQT_GLOBAL int64_t *ends;         /* (runs): how it has ended; others than 0 are left alone */
-    EQT_GLOBAL double *times;         /* (runs): where it has ended, s */
+    const double *grid;               /* (later): sample times behind the start */
+    const double *held;               /* (held) */
+    const double *parameters;         /* (runs, parameters) */
+    double *states;                   /* (runs, row): at the start, then where a run has ended */
+    double *samples;                  /* store.h: (later, row) of each run */
+    double *steps;                    /* (runs): length of the next step, s; 0: not known */
+    int64_t *counts;                  /* (runs): steps taken so far */
+    int64_t *ends;                    /* (runs): how it has ended; others than 0 are left alone */
+    double *times;                    /* (runs): where it has ended, s */
     const struct eqt_measuring *measuring; /* measure.h */
 } eqt_span;
 
@@ -197,8 +197,7 @@ static void eqt_prepare_dense(eqt_lanes *lanes)
 
 /* That polynomial at 0 <= theta < 1, by a weight for each stage: few samples lie in a step, so that
    its coefficients would not pay. Only the states that are `wanted`. */
-static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const EQT_CONSTANT char *wanted,
-                        eqt_real *state)
+static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const char *wanted, eqt_real *state)
 {
     const eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
     const eqt_real rest = 1.0 - theta, part = theta * rest, bend = theta * part;
@@ -572,7 +571,7 @@ void eqt_advance(const eqt_span *span)
                 eqt_leave(&lanes, lane, EQT_STEP_LIMIT);
         }
         if (EQT_COMPARISONS)
-            eqt_pin_crossings(&lanes, EQT_LANES > 1 ? &all : &lanes, accepted, suspected);
+            eqt_pin_crossings(&lanes, &all, accepted, suspected);
         taken = eqt_lanes_where(accepted);
         if (span->later)
             eqt_sample(&lanes, taken);

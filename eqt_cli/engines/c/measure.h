@@ -11,9 +11,9 @@
 
 struct eqt_measuring {
     const eqt_source *sources;
-    const EQT_GLOBAL double *starts; /* (memory): before the first sample */
-    EQT_GLOBAL double *memory;       /* (runs, memory): behind the last one */
-    EQT_GLOBAL double *kept;         /* (runs, 1 + later, kept) */
+    const double *starts; /* (memory): before the first sample */
+    double *memory;       /* (runs, memory): behind the last one */
+    double *kept;         /* (runs, 1 + later, kept) */
 };
 
 /* Looks at the samples of some lanes; the start is sample 0 here. */
@@ -38,8 +38,8 @@ static void eqt_look(eqt_lanes *lanes, eqt_mask due, const int64_t *sample)
     if (EQT_KEPT)
         for (lane = 0; lane < EQT_LANES; lane++)
             if (EQT_LANE(due, lane)) {
-                EQT_GLOBAL double *row = measuring->kept
-                                         + (run[lane] * (span->later + 1) + sample[lane]) * EQT_KEPT;
+                double *row = measuring->kept
+                              + (run[lane] * (span->later + 1) + sample[lane]) * EQT_KEPT;
                 for (i = 0; i < EQT_KEPT; i++)
                     row[i] = EQT_LANE(kept[i], lane);
             }
@@ -70,7 +70,7 @@ static void eqt_at_samples(eqt_lanes *lanes, eqt_mask due)
 static void eqt_end_samples(eqt_lanes *lanes, int lane, int64_t end)
 {
     const eqt_span *span = lanes->span;
-    EQT_GLOBAL double *memory = span->measuring->memory + lanes->run[lane] * EQT_MEMORY;
+    double *memory = span->measuring->memory + lanes->run[lane] * EQT_MEMORY;
     int only[EQT_LANES] = {0}, i;
     only[lane] = 1;
     if (end != EQT_THROUGH) {

@@ -6,24 +6,22 @@
 /* Where a stretch of the inputs lies: its first number, and how far it is to the next run and to the
    next sample. */
 typedef struct {
-    const EQT_GLOBAL double *from;
+    const double *from;
     int64_t to_next_run, to_next_sample;
 } eqt_source;
 
-#ifndef EQT_DEVICE
 /* What evaluate.h computes. */
 typedef struct {
     int64_t runs, samples, count; /* the last: how many sources there are */
     const eqt_source *sources;
     double *const *outputs; /* of each array (runs, samples, its length) */
 } eqt_evaluations;
-#endif
 
 /* A stretch, of a run and a sample for each lane. */
 static void eqt_read(const eqt_source *source, int64_t length, const int64_t *run,
                      const int64_t *sample, eqt_real *in)
 {
-    const EQT_GLOBAL double *from[EQT_LANES];
+    const double *from[EQT_LANES];
     int64_t i;
     int lane;
     for (lane = 0; lane < EQT_LANES; lane++)

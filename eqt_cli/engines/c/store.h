@@ -10,7 +10,7 @@ static void eqt_at_samples(eqt_lanes *lanes, eqt_mask due)
     int lane, i;
     for (lane = 0; lane < EQT_LANES; lane++)
         if (EQT_LANE(due, lane)) {
-            EQT_GLOBAL double *row = span->samples + lanes->run[lane] * span->to_next_run
+            double *row = span->samples + lanes->run[lane] * span->to_next_run
                           + lanes->sample[lane] * span->row;
             for (i = 0; i < EQT_STATES; i++)
                 row[i] = EQT_LANE(lanes->at[i], lane);

@@ -89,8 +89,7 @@ def _of_one_lane(header: str) -> str:
         for line in header.splitlines()
         if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
     ]
-    text = "\n".join(lines).replace("EQT_LANES", "1")
-    return text.replace("static EQT_CONSTANT const", "static const")
+    return "\n".join(lines).replace("EQT_LANES", "1")
 
 
 def _stays(line: str, branches: list[str]) -> bool:
@@ -110,6 +109,6 @@ def _stays(line: str, branches: list[str]) -> bool:
 
 
 def _branch(line: str) -> str:
-    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_(\w+_H|DEVICE)", line):
+    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_\w+_H", line):
         return "taken"
     return "skipped" if line == "#ifndef EQT_LANES" else "kept"

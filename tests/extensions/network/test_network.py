@@ -340,7 +340,7 @@ def test_a_run_has_the_same_bits_beside_any_others_and_span_by_span(policy, tmp_
     for runs, alone in ((19, False), (3, False), (3, True)):
         data = experiment(policy, ensemble={"runs": runs, "seed": 1})
         data["solver"]["engine"] = "native"
-        if alone:  # as on a device, and where another run ends
+        if alone:  # as where another run ends
             monkeypatch.setattr(native.Lanes, "walk_ahead", Integrator.walk_ahead)
         found.append(eqt_cli.run(data, tmp_path / f"{runs} {alone}").read("pose")[0, :3])
     np.testing.assert_array_equal(found[0], found[1])
