@@ -117,10 +117,9 @@ class StopWatch:
             except (ImportError, AttributeError):
                 self.missing.append(place)
         self.watch_engines()
-        from eqt_cli.runs import lock as provenance
         from eqt_cli.runs import run_study
 
-        own = provenance.timed
+        own = run_study.timed
 
         @contextmanager
         def timed(seconds: dict[str, float], name: str) -> Iterator[None]:

@@ -31,7 +31,7 @@ from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quantities
-from eqt_cli.runs.lock import MANIFEST
+from eqt_cli.runs.part_files import MANIFEST
 
 # The search for one law: its experiment and the ranges of the varied keys -------------------------
 

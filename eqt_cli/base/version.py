@@ -23,6 +23,12 @@ def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
     )
 
 
-def numeric(origin: dict[str, Any]) -> tuple[Any, ...]:
-    """Return the entries on which the last bits of a number can depend."""
-    return tuple(origin.get(name) for name in NUMERIC)
+def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """Return `origin` with the sessions of both that differ from it in `NUMERIC`."""
+    plain = {key: value for key, value in origin.items() if key != OTHERS}
+    sessions = [plain]
+    for entry in [*origin.get(OTHERS, ()), *other.get(OTHERS, ()), other]:
+        session = {key: value for key, value in entry.items() if key != OTHERS}
+        if all(differences(session, earlier) for earlier in sessions):
+            sessions.append(session)
+    return plain | ({OTHERS: sessions[1:]} if sessions[1:] else {})

@@ -15,7 +15,7 @@ from eqt_cli.base.process import Interrupted
 from eqt_cli.base.reporting import brief
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.output import notes, print_findings, say
-from eqt_cli.runs.lock import unfinished
+from eqt_cli.runs.part_files import unfinished
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.search import Searched, Searches

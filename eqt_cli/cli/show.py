@@ -15,7 +15,7 @@ from eqt_cli.cli import options, output
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
-    from eqt_cli.runs.lock import Unfinished
+    from eqt_cli.runs.part_files import Unfinished
 
 UNKNOWN = "at an unknown time"
 TABLES, FORMATS = ("metrics", "unsettled"), ("csv", "jsonl", "parquet")
@@ -66,7 +66,7 @@ def show(
     views = (_config, _plugins, _variables, _failed)
     view = next((view for flag, view in zip(flags, views, strict=True) if flag), None)
     if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table or export):
-        from eqt_cli.runs.lock import unfinished
+        from eqt_cli.runs.part_files import unfinished
 
         if state := unfinished(result):
             _unfinished(result, state, json)

@@ -48,7 +48,7 @@ from eqt_cli.runs.batches import (
 )
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import Layout, measured_of, outputs_of_laws
-from eqt_cli.runs.lock import FinishedPart, PartFiles
+from eqt_cli.runs.part_files import FinishedPart, PartFiles
 
 LEADING = {
     ValuePer.TRAJECTORY: "kept",

@@ -69,7 +69,8 @@ from eqt_cli.results.metrics import (
     own_quantity,
 )
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.runs.lock import LOCK, MANIFEST, PART_ENTRIES, PARTS, PartFiles
+from eqt_cli.runs.lock import LOCK
+from eqt_cli.runs.part_files import MANIFEST, PART_ENTRIES, PARTS, PartFiles
 
 # The folder: its entries, the experiment that it belongs to, and the rules for removal ------------
 

@@ -7,7 +7,7 @@ import json
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,11 @@ from eqt_cli.base.files import LAW
 from eqt_cli.base.reporting import RUNS_DONE, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
-from eqt_cli.base.version import OTHERS, differences
+from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.runs import lock
 from eqt_cli.runs.batches import LEAST_SECONDS, chosen_entries, combined, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
@@ -39,7 +38,10 @@ from eqt_cli.runs.folder import (
     in_root,
     new_result_file,
 )
+from eqt_cli.runs.lock import LOCK, locked
+from eqt_cli.runs.part_files import PartFiles
 from eqt_cli.runs.preflight import check_laws, check_resources
+from eqt_cli.runs.provenance import now, provenance
 
 
 def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
@@ -69,14 +71,14 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
     by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
     chosen: list[tuple[int, StudyPart]] = []
     for item in range(len(study.plans)):
-        index, part = PartTask(study, lock.PartFiles(folder)).part(item)
+        index, part = PartTask(study, PartFiles(folder)).part(item)
         statuses = by_piece[index][part.controller, part.start : part.stop]
         if (statuses == Status.WORKER_LOST).all():
             chosen.append((index, part))
             continue
         failed = (part.start + np.flatnonzero(statuses)).tolist()
         chosen += [(index, replace(part, start=entry, stop=entry + 1)) for entry in failed]
-    return PartTask(study, lock.PartFiles(folder), tuple(chosen))
+    return PartTask(study, PartFiles(folder), tuple(chosen))
 
 
 @dataclass(frozen=True)
@@ -159,10 +161,10 @@ def execute(
     check_laws(study)
     with ExitStack() as locks:
         locks.enter_context(folder.reporting_finished_runs(study))
-        locks.enter_context(lock.locked(out, shared=shard is not None))
+        locks.enter_context(locked(out, shared=shard is not None))
         if shard:
             locks.enter_context(
-                lock.locked(out, name=f"{lock.LOCK}-{shard.index}-{shard.count}", warns=False)
+                locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", warns=False)
             )
             if shard.index > len(study.plans):
                 reporter().remark(_without_work(shard, out, len(study.plans)))
@@ -188,7 +190,7 @@ def pack_folder(study: Study, out: Path) -> Execution:
     folder.check()
     if complete := _complete(study, folder):
         return complete
-    with folder.reporting_finished_runs(study), lock.locked(out):
+    with folder.reporting_finished_runs(study), locked(out):
         if (folder.manifest or {}).get("digest") != study.digest:
             raise folder.of_another(study, Remedy(f"undo the changes of {out / CONFIG}"))
         missing = len(PartTask(study, folder.parts).missing())
@@ -212,9 +214,9 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     if not folder.is_tidy:
         with open_results(folder.results) as results:
             manifest |= {"failed": int(np.count_nonzero(results["status"]))}
-        with suppress(EqtError), lock.locked(folder.path):
+        with suppress(EqtError), locked(folder.path):
             folder.tidy()
-            folder.finish({"finished": lock.now(), **manifest})
+            folder.finish({"finished": now(), **manifest})
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
 
 
@@ -224,6 +226,14 @@ def _without_work(shard: Shard, out: Path, parts: int) -> EqtWarning:
         f"{parts} part{'' if parts == 1 else 's'}",
         Remedy(f"use at most {parts} shard{'' if parts == 1 else 's'}"),
     )
+
+
+@contextmanager
+def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Record the wall time of the block under a name, s."""
+    started = time.perf_counter()
+    yield
+    seconds[name] = round(time.perf_counter() - started, 3)
 
 
 @dataclass
@@ -249,7 +259,7 @@ class _Session:
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
         with ExitStack() as unless_packed:
             unless_packed.callback(self.task.save)
-            with lock.timed(self.seconds, "simulation"):
+            with timed(self.seconds, "simulation"):
                 self._compute(self.task, wanted)
             finished = self.task.finished()
             if lost := [number for number in wanted if number not in finished]:
@@ -258,14 +268,14 @@ class _Session:
                     "others were computed; run the same command again"
                 )
             if shard is None:
-                with lock.timed(self.seconds, "writing"):
+                with timed(self.seconds, "writing"):
                     self._pack(manifest["provenance"])
                 checking = self.seconds.setdefault("cross-check", 0.0)
                 self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
                 unless_packed.pop_all()
         failed = sum(finished[number].failed for number in wanted)
         if shard is None:
-            ending = {"finished": lock.now(), "seconds": self.seconds, "failed": failed}
+            ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
         return Execution(
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
@@ -284,13 +294,13 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest or {}
-        here = lock.provenance(self.study.source.folder, self.study.base.engine.provenance())
+        here = provenance(self.study.source.folder, self.study.base.engine.provenance())
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
-        origin = lock.together(earlier, here)
-        with lock.timed(self.seconds, "simulation"):
+        origin = together(earlier, here)
+        with timed(self.seconds, "simulation"):
             self._compute(again)
-        with lock.timed(self.seconds, "writing"):
+        with timed(self.seconds, "writing"):
             described = json.dumps(origin, ensure_ascii=False)
             still = replace_runs(again, self.folder.results, {"provenance": described})
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
@@ -343,9 +353,9 @@ class _Session:
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
-        origin = lock.provenance(study.source.folder, study.base.engine.provenance())
+        origin = provenance(study.source.folder, study.base.engine.provenance())
         if same and not afresh and "provenance" in earlier:
-            origin = lock.together(origin, earlier["provenance"])
+            origin = together(origin, earlier["provenance"])
             self._remark_versions(origin.get(OTHERS, []), origin)
         return {
             "name": study.name,
@@ -356,7 +366,7 @@ class _Session:
             "plan": self.plan.data,
             "config": study.numeric_config,
             "provenance": origin,
-            "begun": earlier["begun"] if same and "begun" in earlier else lock.now(),
+            "begun": earlier["begun"] if same and "begun" in earlier else now(),
         }
 
 
@@ -414,7 +424,7 @@ def pack(
         pieces = study.pieces
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
         deadline = time.monotonic() + max(LEAST_SECONDS, seconds.get("simulation", 0.0))
-        with lock.timed(seconds, "cross-check"), step(CHECKING, redone):
+        with timed(seconds, "cross-check"), step(CHECKING, redone):
             check = combined(
                 [cross_check(piece, states[k], work[k], deadline) for k, piece in enumerate(pieces)]
             )

@@ -28,7 +28,8 @@ from eqt_cli.runs import folder as result_folder
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.executors import Executor, Outcome, Serial
 from eqt_cli.runs.folder import ResultFolder
-from eqt_cli.runs.lock import holder, locked, unfinished
+from eqt_cli.runs.lock import holder, locked
+from eqt_cli.runs.part_files import unfinished
 from eqt_cli.runs.run_study import Shard, execute, pack_folder
 
 CONFIG = configuration(

@@ -8,8 +8,8 @@ import sys
 import pytest
 from ci_cases import mostly_ci
 
-from eqt_cli.runs import lock
-from eqt_cli.runs.lock import commit_of
+from eqt_cli.runs import provenance
+from eqt_cli.runs.provenance import commit_of
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
@@ -303,7 +303,7 @@ HOSTILE = [
 @NEEDS_GIT
 @pytest.mark.parametrize("hostile", HOSTILE)
 def test_a_hostile_repository_has_no_commit(tmp_path, monkeypatch, hostile):
-    monkeypatch.setattr(lock, "_PATIENCE", 0.3)
+    monkeypatch.setattr(provenance, "_PATIENCE", 0.3)
     sent, secret = tmp_path / "sent", tmp_path / "heads/main"
     for path in (sent, secret.parent):
         path.mkdir()

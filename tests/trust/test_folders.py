@@ -46,7 +46,8 @@ from eqt_cli.cli.app import app
 from eqt_cli.config import study as studies
 from eqt_cli.runs.folder import CONFIG as CONFIG_NAME
 from eqt_cli.runs.folder import FILES, PLUGINS, RERUN, RESULT_ENTRIES
-from eqt_cli.runs.lock import LOCK, MANIFEST, PARTS, holder, locked
+from eqt_cli.runs.lock import LOCK, holder, locked
+from eqt_cli.runs.part_files import MANIFEST, PARTS
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
 
