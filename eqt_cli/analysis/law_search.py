@@ -330,7 +330,7 @@ class SearchFolder:
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         other = record is not None and record["digest"] != settings["digest"]
-        result = record is None and ResultFolder(self.path).manifest is not None
+        result = record is None and bool(ResultFolder(self.path).manifest)
         if (other or result) and not force:
             foreign = f"a result that eqt {self.kind.command} did not write"
             holds = f"another {self.kind.title}" if other else foreign

@@ -245,9 +245,8 @@ SWEEP, GROUP = 0.2, 0.07
 def compute(source: ConfigSource, out: Path, executor: Executor) -> Execution:
     """Compute an experiment, or the missing parts of it."""
     sweep = study(source, trust_plugins=True)
-    there = ResultFolder(out).manifest
-    # A search with fewer generations left another result here.
-    force = there is not None and there["digest"] != sweep.digest
+    # A search with fewer generations may have left another result here.
+    force = ResultFolder(out).manifest.get("digest", sweep.digest) != sweep.digest
     done = execute(sweep, out, executor=executor, force=force)
     if done.was_complete:
         reporter().skip(done.runs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial, reduce
 from pathlib import Path
@@ -134,14 +134,6 @@ def compute_part(
                 assert reference is not None
                 names, whole = gathered.names(block), gathered.wants_states(block)
                 gathered.add(block, *_solve(block, reference, names, whole, context))
-    return gathered.table()
-
-
-def lost_part(study: Study, part: StudyPart, message: str) -> Table:
-    """Return a part whose runs all count as failed, because its workers were lost."""
-    gathered = PartArrays(study, part)
-    gathered.data["status"][:] = Status.WORKER_LOST
-    gathered.data["message"][:] = message
     return gathered.table()
 
 
@@ -660,9 +652,12 @@ class PartTask:
         return self._keep(item, compute_part(piece, part, self.shared(index), context))
 
     def lose(self, item: int, message: str) -> int:
-        """Keep a part that could not be computed; returns the number of its runs."""
+        """Keep a part whose workers were lost; returns the number of its runs, which all fail."""
         index, part = self.part(item)
-        return self._keep(item, lost_part(self.study.piece(index), part, message))
+        gathered = PartArrays(self.study.piece(index), part)
+        gathered.data["status"][:] = Status.WORKER_LOST
+        gathered.data["message"][:] = message
+        return self._keep(item, gathered.table())
 
     def _keep(self, item: int, table: Table) -> int:
         failed = int(np.count_nonzero(table["status"]))
@@ -692,20 +687,17 @@ class PartTask:
     def prepare(self) -> None:
         """Save the shared references of the pieces that have no complete file yet."""
         for index in range(len(self.study.shapes)):
-            piece = self.study.piece(index)
-            if not (piece.desired_varies or self._has_reference(index)):
-                stored = {
-                    name: Variable(("sample", *QUANTITIES[name].dims[1:]), values)
-                    for name, values in shared_reference(piece).items()
-                }
-                write(self.files.reference(index), Table(stored))
-
-    def _has_reference(self, index: int) -> bool:
-        try:
-            with open_results(self.files.reference(index)) as results:
-                return all(map(results.has, DESIRED))
-        except ResultError:
-            return False
+            piece, path = self.study.piece(index), self.files.reference(index)
+            if piece.desired_varies:
+                continue
+            with suppress(ResultError), open_results(path) as results:
+                if all(map(results.has, DESIRED)):
+                    continue
+            stored = {
+                name: Variable(("sample", *QUANTITIES[name].dims[1:]), values)
+                for name, values in shared_reference(piece).items()
+            }
+            write(path, Table(stored))
 
     @cached_property
     def shared(self) -> Callable[[int], Desired | None]:

@@ -119,25 +119,21 @@ class ResultFolder:
         return PartFiles(self.path.resolve() / PARTS)  # workers may have another working directory
 
     @property
-    def manifest(self) -> dict[str, Any] | None:
-        """Record of the folder's last experiment; None if there is none."""
+    def manifest(self) -> dict[str, Any]:
+        """Record of the folder's last experiment; empty if there is none."""
         with self._refusals():
-            return read_record(self.path / MANIFEST, "digest")
+            return read_record(self.path / MANIFEST, "digest") or {}
 
     def begun(self, study: Study) -> Study:
         """Return the study by the engine that began this folder, if eqt chose another one."""
         engine = None
         with suppress(KeyError, TypeError, EqtError):  # what is wrong is told at the claim
-            engine = (self.manifest or {})["config"]["solver"]["engine"]
+            engine = self.manifest["config"]["solver"]["engine"]
         return study.begun_by(engine, self.path)
-
-    def is_complete(self, study: Study) -> bool:
-        """Whether the folder holds the complete result of this study."""
-        return (self.manifest or {}).get("digest") == study.digest and self.results.exists()
 
     def finished_runs(self, study: Study) -> int:
         """Return the number of a study's runs in finished parts."""
-        if (self.manifest or {}).get("digest") != study.digest:
+        if self.manifest.get("digest") != study.digest:
             return 0
         return sum(study.plans.runs_of(n) for n in self.parts.listed() if n < len(study.plans))
 
@@ -161,12 +157,6 @@ class ResultFolder:
                 elsewhere = Remedy("move the folder to another disk and run `eqt pack` there")
             message = f"{error.args[0]}; {finished} of {total} runs are kept in {self.path}"
             raise FullDiskError(message, again, elsewhere) from error
-
-    @property
-    def is_tidy(self) -> bool:
-        """Whether the process that packed the result also finished."""
-        left = self.parts.listed() or kind_of(self.path / LOCK)
-        return "finished" in (self.manifest or {}) and not left
 
     def check(self) -> None:
         """Check the folder before anything in it changes.
@@ -226,35 +216,37 @@ class ResultFolder:
     def _clear(self, study: Study, force: bool) -> list[str]:
         existing = [name for name in _ENTRIES if kind_of(self.path / name)]
         manifest = self.manifest
-        if existing and manifest is None:
+        if existing and not manifest:
             raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)
-        if not existing and (others := _results_in(self.path)):
+        inner = () if existing else self.path.glob(f"*/{MANIFEST}")
+        if others := sorted(path.parent.name for path in inner):
+            others[MOST_NAMES:] = ["…"] if len(others) > MOST_NAMES else []
             hint = f"choose another folder with {{}}, such as {self.path / study.name}"
             raise EqtError(
                 f"{self.path}: is the folder of other results: {', '.join(others)}",
                 Remedy(hint, "out"),
             )
-        other = manifest if manifest and manifest["digest"] != study.digest else None
+        is_another = bool(manifest) and manifest["digest"] != study.digest
         begun = bool(self.parts.listed())
         precious = begun or self.results.exists() or (self.path / FIGURES).exists()
-        if other is not None and precious and not force:
+        if is_another and precious and not force:
             # Parts are not to be computed twice, so nobody is told how to remove them.
             ways = () if begun else (Remedy("replace it with {}", "force"),)
             raise self.of_another(study, OTHER_FOLDER, *ways)
-        if begun and not force and (manifest or {}).get("plan") != study.plans.data:
+        if begun and not force and manifest.get("plan") != study.plans.data:
             raise EqtError(
                 f"{self.path}: was begun by a version of eqt that divides the runs differently",
                 Remedy("finish with that version"),
                 OTHER_FOLDER,
             )
-        if other is None and not force:
+        if not (is_another or force):
             return []
         removed = [path for name in existing for path in self.remove(name)]
         return [str(path) for path in removed] if force else []
 
     def of_another(self, study: Study, *remedies: Remedy) -> EqtError:
         """Return the error that the folder holds another experiment, with the differences."""
-        keys = _differences((self.manifest or {}).get("config", {}), study.numeric_config)
+        keys = _differences(self.manifest.get("config", {}), study.numeric_config)
         message = f"{self.path}: holds another experiment, which differs in"
         return EqtError(message, *remedies, lines=[f"  {key}" for key in keys])
 
@@ -270,12 +262,6 @@ class ResultFolder:
             (self.path / folder).mkdir(exist_ok=True)
             replace_file(self.path / copies[path], text.encode())
         return copies
-
-
-def _results_in(folder: Path) -> list[str]:
-    """Return the names of the first few results in subfolders of a folder."""
-    names = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
-    return [*names[:MOST_NAMES], "…"] if len(names) > MOST_NAMES else names
 
 
 _ABSENT = object()
@@ -488,16 +474,17 @@ class Layout:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        every = quantities(study.base, study.vehicles)
-        self.quantities = [entry for entry in every if self._is_stored(entry)]
         self.varies = {
             ValuePer.INITIAL: study.initial_varies,
             ValuePer.DESIRED: study.desired_varies,
         }
-
-    def _is_stored(self, quantity: Quantity) -> bool:
-        alone = quantity.per is ValuePer.DESIRED and self.study.desired_varies
-        return self.study.trajectories > 0 or not (alone or quantity.per is ValuePer.TRAJECTORY)
+        over_time = [ValuePer.TRAJECTORY, *([ValuePer.DESIRED] if study.desired_varies else [])]
+        left_out = over_time if study.trajectories == 0 else []
+        self.quantities = [
+            quantity
+            for quantity in quantities(study.base, study.vehicles)
+            if quantity.per not in left_out
+        ]
 
     def of(self, per: ValuePer) -> Iterator[Quantity]:
         """Return the quantities of a kind."""
@@ -511,21 +498,19 @@ class Layout:
         self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
     ) -> dict[str, Blank]:
         """Return all or the wanted variables, for a `single` point or for all points."""
-        blanks = {}
-        for entry in self.quantities if wanted is None else wanted:
-            point = ("point",) if self.by_point(entry) and not single else ()
-            dims = (*point, *self._leading(entry.per), *entry.dims)
-            blanks[entry.name] = Blank(dims, entry.dtype, entry.attributes)
-        return blanks
-
-    def _leading(self, per: ValuePer) -> tuple[str, ...]:
         stored = "run" if self.study.trajectories == self.study.plan.runs else "stored_run"
-        return {
+        leading = {
             ValuePer.TRAJECTORY: ("controller", stored),
             ValuePer.RUN: ("controller", "run"),
             ValuePer.INITIAL: ("run",),
             ValuePer.DESIRED: (),
-        }[per]
+        }
+        blanks = {}
+        for entry in self.quantities if wanted is None else wanted:
+            point = ("point",) if self.by_point(entry) and not single else ()
+            dims = (*point, *leading[entry.per], *entry.dims)
+            blanks[entry.name] = Blank(dims, entry.dtype, entry.attributes)
+        return blanks
 
     def size(self, blanks: Mapping[str, Blank]) -> int:
         """Return the size of some variables, bytes."""
@@ -547,14 +532,14 @@ class Layout:
         return coordinates(self.study.base, self.study.trajectories)
 
 
-def in_root(study: Study) -> list[Quantity]:
-    """Return the quantities in the root of a result: only metrics if points differ in shape."""
-    first, *others = [Layout(piece) for piece in study.pieces]
-    return _shared(first, others) if study.is_ragged else first.quantities
+def in_root(layouts: Sequence[Layout]) -> list[Quantity]:
+    """Return the quantities in the root of a result with points of these shapes.
 
-
-def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
-    """Return the quantities per run that points of every shape have."""
+    If there are several shapes, these are only the numbers per run that points of each have.
+    """
+    first, *others = layouts
+    if not others:
+        return first.quantities
     names = [{entry.name for entry in layout.of(ValuePer.RUN)} for layout in others]
     return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in each for each in names)]
 
@@ -593,7 +578,7 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     every = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
     common = {
         name: replace(every[0][name], attributes=_agreed([one[name].attributes for one in every]))
-        for name in (entry.name for entry in _shared(layouts[0], layouts[1:]))
+        for name in (entry.name for entry in in_root(layouts))
     }
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return common, shared | swept

@@ -16,8 +16,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
-from eqt_cli.base.files import LAW
-from eqt_cli.base.reporting import RUNS_DONE, reporter, step
+from eqt_cli.base.files import LAW, kind_of
+from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
 from eqt_cli.base.version import OTHERS, differences, together
@@ -57,7 +57,7 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
         If the result holds variables that this version does not know, or lacks integer variables,
         which have no value for a missing number.
     """
-    root = in_root(study)
+    root = in_root([Layout(piece) for piece in study.pieces])
     integers = {entry.name for entry in root if entry.dtype is not None and entry.dtype.kind != "f"}
     with open_results(results) as old:
         if set(old.names) - {LAW, *(entry.name for entry in root)} or integers - set(old.names):
@@ -166,13 +166,22 @@ def execute(
             locks.enter_context(
                 locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", warns=False)
             )
+            parts = count_of(len(study.plans), "part")
             if shard.index > len(study.plans):
-                reporter().remark(_without_work(shard, out, len(study.plans)))
+                reporter().remark(
+                    EqtWarning(
+                        f"{out}: shard {shard.index} of {shard.count} computes nothing, since the "
+                        f"experiment has {parts}",
+                        Remedy(f"use at most {parts.replace('part', 'shard')}"),
+                    )
+                )
         session = _Session(study, folder, executor or Serial())
         if complete:
             return session.rerun(complete.failed)
-        if rerun_failed:
-            session.remove_failed_parts()
+        if rerun_failed:  # parts whose runs all failed are computed as a whole
+            for number, entry in session.files.listed().items():
+                if entry.failed == study.plans.runs_of(number):
+                    entry.path.unlink()
         done = session.run(force, shard)
         again = rerun_failed and done.failed and done.packed
         return session.rerun(done.failed) if again else done
@@ -191,7 +200,7 @@ def pack_folder(study: Study, out: Path) -> Execution:
     if complete := _complete(study, folder):
         return complete
     with folder.reporting_finished_runs(study), locked(out):
-        if (folder.manifest or {}).get("digest") != study.digest:
+        if folder.manifest.get("digest") != study.digest:
             raise folder.of_another(study, Remedy(f"undo the changes of {out / CONFIG}"))
         missing = len(PartTask(study, folder.parts).missing())
         if missing:
@@ -208,24 +217,17 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     If a process was killed after it had packed the result, its left-over files are removed, unless
     another process holds the lock or the folder is not writable.
     """
-    if not folder.is_complete(study):
+    manifest = folder.manifest
+    if manifest.get("digest") != study.digest or not folder.results.exists():
         return None
-    manifest = folder.manifest or {}
-    if not folder.is_tidy:
+    left = folder.parts.listed() or kind_of(folder.path / LOCK)
+    if left or "finished" not in manifest:
         with open_results(folder.results) as results:
             manifest |= {"failed": int(np.count_nonzero(results["status"]))}
         with suppress(EqtError), locked(folder.path):
             folder.tidy()
             folder.finish({"finished": now(), **manifest})
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
-
-
-def _without_work(shard: Shard, out: Path, parts: int) -> EqtWarning:
-    return EqtWarning(
-        f"{out}: shard {shard.index} of {shard.count} computes nothing, since the experiment has "
-        f"{parts} part{'' if parts == 1 else 's'}",
-        Remedy(f"use at most {parts} shard{'' if parts == 1 else 's'}"),
-    )
 
 
 @contextmanager
@@ -248,7 +250,7 @@ class _Session:
         self.task = PartTask(self.study, self.files, keeps=True)
 
     def run(self, force: bool, shard: Shard | None) -> Execution:
-        earlier = self.folder.manifest or {}
+        earlier = self.folder.manifest
         manifest = self._manifest(earlier, afresh=force or not (shard or self.files.listed()))
         removed = self.folder.claim(self.study, manifest, force)
         if shard is None:
@@ -281,19 +283,13 @@ class _Session:
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
         )
 
-    def remove_failed_parts(self) -> None:
-        """Remove the parts whose runs all failed, so that they are computed as a whole."""
-        for number, entry in self.files.listed().items():
-            if entry.failed == self.plan.runs_of(number):
-                entry.path.unlink()
-
     def rerun(self, failed: int) -> Execution:
         """Compute the failed runs of a complete result again, and replace their rows."""
         self.folder.tidy()
         place = self.folder.path.resolve() / RERUN
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
-        manifest = self.folder.manifest or {}
+        manifest = self.folder.manifest
         here = provenance(self.study.source.folder, self.study.base.engine.provenance())
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
@@ -441,11 +437,11 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
     attributes
         Attributes that change.
     """
+    layouts = [Layout(piece) for piece in task.study.pieces]
     with open_results(results) as old, new_result_file(task.study, results) as file:
-        layout = Layout(task.study.piece(0))
-        _copy(file.root, old, in_root(task.study))
+        _copy(file.root, old, in_root(layouts))
         for point, group in enumerate(file.groups):
-            _copy(group, old.at(point), layout.quantities)
+            _copy(group, old.at(point), layouts[0].quantities)
         for written in (file.root, *file.groups):
             written.replaces = True
         with step(PACKING, len(task)):
