@@ -16,7 +16,7 @@ In notebooks and scripts::
 
 import ast
 import sys
-from functools import partial
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -45,20 +45,19 @@ def _listed(stub: Path) -> dict[str, str]:
     return modules
 
 
-def imported(module: str, known: dict[str, str], name: str) -> Any:
-    """Return the object of a name, and import its module, for example Matplotlib, only now."""
-    if name not in known:
-        raise AttributeError(f"module {module!r} has no attribute {name!r}")
-    value = getattr(import_module(known[name]), name)
-    setattr(sys.modules[module], name, value)
-    return value
+def lazily(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
+    """Return ``__all__``, ``__getattr__`` and ``__dir__`` of a module by the stub beside it."""
+    itself, modules = sys.modules[module], places(module)
+
+    def imported(name: str) -> Any:
+        """Return the object of a name, and import its module, for example Matplotlib, only now."""
+        if name not in modules:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        value = getattr(import_module(modules[name]), name)
+        setattr(itself, name, value)
+        return value
+
+    return sorted(modules), imported, lambda: sorted({*vars(itself), *modules})
 
 
-_PLACES = places(__name__)
-
-__all__ = sorted(_PLACES)
-__getattr__ = partial(imported, __name__, _PLACES)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *__all__]
+__all__, __getattr__, __dir__ = lazily(__name__)

@@ -5,16 +5,6 @@ From version 0.1.0 on, these names stay, also for plugins whose source is kept i
 may build on, array functions, numbers and errors.
 """
 
-from functools import partial
+from eqt_cli import lazily
 
-from eqt_cli import imported, places
-
-PLACES = places(__name__)
-"""The modules of the names."""
-
-__all__ = sorted(PLACES)
-__getattr__ = partial(imported, __name__, PLACES)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__all__, __getattr__, __dir__ = lazily(__name__)

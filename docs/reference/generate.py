@@ -649,11 +649,11 @@ def exported_laws() -> Iterator[str]:
 @part
 def extend() -> Iterator[str]:
     """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
-    from eqt_cli import extend
+    import eqt_cli.extend
 
     names: dict[str, list[str]] = {}
-    for name in extend.__all__:
-        names.setdefault(extend.PLACES[name], []).append(name)
+    for name, module in sorted(eqt_cli.places("eqt_cli.extend").items()):
+        names.setdefault(module, []).append(name)
     rows = [
         [" ".join(map(code, found)), escaped(_first_sentence(import_module(module)))]
         for module, found in sorted(names.items())

@@ -4,15 +4,6 @@ Its functions are also attributes of `eqt_cli` itself. Each name is imported whe
 so that running an experiment does not load the code that verifies or compares results.
 """
 
-from functools import partial
+from eqt_cli import lazily
 
-from eqt_cli import imported, places
-
-_PLACES = places(__name__)
-
-__all__ = sorted(_PLACES)
-__getattr__ = partial(imported, __name__, _PLACES)
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *__all__]
+__all__, __getattr__, __dir__ = lazily(__name__)
