@@ -4,13 +4,11 @@ The first Tab after eqt or the installed packages have changed takes a second lo
 plugin files are not completed.
 """
 
-import json
 import os
 import sysconfig
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,14 +129,17 @@ def _below(data: Any, prefix: str) -> Iterator[str]:
 # What eqt knows -----------------------------------------------------------------------------------
 
 
+_KNOWN = ("state", "names", "keys", "figure_options")
+
+
 @cache
 def _known() -> dict[str, Any]:
     """Return component names, configuration keys and figure options, cached or collected anew."""
     caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     state, file = _state(), Path(caches) / "eqt" / "completion.json"
     with suppress(OSError):
-        cached = read_record(file, "state", "digest")
-        if cached and cached["state"] == state and cached.pop("digest") == _digest(cached):
+        cached = read_record(file, *_KNOWN)
+        if cached and cached["state"] == state:
             return cached
     from eqt_cli.base.option_types import option_names
     from eqt_cli.config.json_schema import json_schema, keys_of
@@ -151,12 +152,8 @@ def _known() -> dict[str, Any]:
     }
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_record(file, {**collected, "digest": _digest(collected)})
+        write_record(file, collected)
     return collected
-
-
-def _digest(collected: dict[str, Any]) -> str:
-    return sha256(json.dumps(collected).encode()).hexdigest()
 
 
 def _state() -> list[int]:
