@@ -26,38 +26,16 @@ if TYPE_CHECKING:
 _OF_ONE = "--controller, --without-start, --measured and --against"
 
 
-class TableFormat(StrEnum):
-    """Format of the printed tables."""
-
-    TEXT = "text"
-    CSV = "csv"
-    LATEX = "latex"
-
-
-class TableName(StrEnum):
-    """Table to print."""
-
-    CONTROLLERS = "controllers"
-    PAIRS = "pairs"
-    CLAIMS = "claims"
-    ALL = "all"
-    FRONTS = "fronts"
-    WINNERS = "winners"
-    POINTS = "points"
-
+TableFormat = StrEnum("TableFormat", "TEXT CSV LATEX")
+TableName = StrEnum("TableName", "CONTROLLERS PAIRS CLAIMS ALL FRONTS WINNERS POINTS")
+Rows = StrEnum("Rows", "MEASURES CONTROLLERS")
+"""Formats of the printed tables, the tables, and rows of that of means: words in lower case."""
 
 _NEEDS = {
     TableName.WINNERS: "a whole sweep; this is a single experiment",
     TableName.POINTS: "a whole sweep; this is a single experiment",
     TableName.FRONTS: "a result of `eqt tune` with two `objectives`",
 }
-
-
-class Rows(StrEnum):
-    """Rows of the table of means."""
-
-    MEASURES = "measures"
-    CONTROLLERS = "controllers"
 
 
 def compare(

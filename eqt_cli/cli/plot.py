@@ -72,7 +72,7 @@ def plot(
     degrees: Annotated[bool, options.option("--degrees")] = False,
     unit: options.Units = None,
     style: Annotated[list[str] | None, options.option("--style")] = None,
-    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    out: options.Out = None,
     point: Annotated[list[int] | None, options.option("--point")] = None,
     measured: options.Measured = None,
     mapping: options.Mapping = None,
@@ -255,11 +255,8 @@ def _options(
     return by_figure
 
 
-class AnimationFormat(StrEnum):
-    """Formats of the files written."""
-
-    GIF = "gif"
-    HTML = "html"
+AnimationFormat = StrEnum("AnimationFormat", "GIF HTML")
+"""Formats of the files written."""
 
 
 def animate(
@@ -268,7 +265,7 @@ def animate(
     controller: options.Controllers = None,
     format: Annotated[list[AnimationFormat] | None, options.option("--format")] = None,
     seconds: Annotated[float, options.option("--seconds", min=0.2, max=120)] = 8.0,
-    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    out: options.Out = None,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
