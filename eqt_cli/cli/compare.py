@@ -335,11 +335,8 @@ def _of_experiment(
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
     room = output.room_of_tables() or output.PIPED
     answer = [output.folded(line, room, "    ") for line in answer]
-    return _Findings(document, rows[_rows_of(table)], shown, remarks, answer)
-
-
-def _rows_of(table: TableName | None) -> TableName:
-    return TableName.PAIRS if table in (None, TableName.ALL) else table
+    listed = TableName.PAIRS if table in (None, TableName.ALL) else table
+    return _Findings(document, rows[listed], shown, remarks, answer)
 
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Findings | None:

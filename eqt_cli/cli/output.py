@@ -86,7 +86,9 @@ def complain(message: str, label: str = "") -> None:
 
     In colour, a label such as ``error`` stands in the place of the name of the program.
     """
-    text = _folded(printable(message, _LINES), sys.stderr)
+    text = printable(message, _LINES)
+    if width := room(sys.stderr):  # a terminal would break lines within words
+        text = "\n".join(_fold(line, width) for line in text.split("\n"))
     if label and sys.stderr.isatty() and not os.environ.get("NO_COLOR"):
         colour = f"\033[1;{31 if label == 'error' else 33}m"
         heading = text.partition("\n")[0]  # of several errors
@@ -211,14 +213,6 @@ def room_of_tables() -> int | None:
     """Return the width for tables, which obey COLUMNS also without a terminal."""
     columns = os.environ.get("COLUMNS", "")
     return room() or (int(columns) if columns.isdecimal() else 0) or None
-
-
-def _folded(text: str, stream: TextIO) -> str:
-    """Wrap lines between words if the stream is a terminal, which would break them anywhere."""
-    width = room(stream)
-    if width is None:
-        return text
-    return "\n".join(_fold(line, width) for line in text.split("\n"))
 
 
 def _fold(line: str, width: int) -> str:

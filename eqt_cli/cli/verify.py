@@ -214,18 +214,15 @@ def margins(
         return
     result = api.margins(study)
     causes = [f"the loop of '{law.label}' is unstable" for law in result.laws if law.is_unstable]
-    print_findings(_margins_document(result, causes), *_margins_pieces(result), json=json)
+    about = {"name": result.experiment.name, "group": result.experiment.group.name}
+    loop = {"period": result.period, "left_out": result.left_out}
+    document = about | loop | {"causes": causes, "laws": result.records()}
+    print_findings(document, *_margins_pieces(result), json=json)
     if quiet and not json:
         for cause in causes:
             complain(f"eqt: {config}: {cause}")
     if causes:
         raise typer.Exit(4)
-
-
-def _margins_document(result: Margins, causes: list[str]) -> dict[str, Any]:
-    about = {"name": result.experiment.name, "group": result.experiment.group.name}
-    loop = {"period": result.period, "left_out": result.left_out}
-    return about | loop | {"causes": causes, "laws": result.records()}
 
 
 def _margins_pieces(result: Margins) -> Iterator[str | Text]:

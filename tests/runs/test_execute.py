@@ -5,8 +5,6 @@ import json
 import os
 import platform
 import shutil
-import subprocess
-import sys
 from functools import partial
 
 import h5py
@@ -518,18 +516,6 @@ def test_shards_share_a_folder_but_not_with_others_or_themselves(make, tmp_path)
         for blocked in ({"shard": Shard(1, 2)}, {}):
             with pytest.raises(EqtError, match="another eqt"):
                 execute(make(), out, **blocked)
-
-
-@POSIX
-def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
-    code = (
-        "import os, signal\nfrom pathlib import Path\n"
-        "from eqt_cli.runs.lock import locked\n"
-        f"with locked(Path({str(tmp_path)!r})): os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
-    with locked(tmp_path):
-        pass
 
 
 @pytest.mark.ci("computes an experiment several times")
