@@ -3,12 +3,14 @@
 An expression is made of numbers, ``pi``, the variables that the caller allows (``t`` by default),
 ``+ - * / **``, parentheses, the one-argument functions of `eqt_cli.base.arrays.FUNCTIONS`, and
 those of `PIECEWISE`. A comparison may only be the first argument of ``where(t < 1, a, b)``.
-Precedence is Python's: ``-2**2`` is −4, ``2**3**2`` is 512. There is no ``e``, because it also
+Precedence is Python's: ``-2**2`` is −4, ``2**3**2`` is 512. Python only parses an expression, it
+never evaluates one. There is no ``e``, because it also
 starts an exponent; write ``exp(1)``.
 """
 
 from __future__ import annotations
 
+import ast
 import math
 import operator
 import re
@@ -16,7 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, reduce
 from itertools import combinations
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
@@ -163,15 +165,18 @@ MAX_LENGTH = 10_000
 """Longest expression, characters."""
 
 MAX_NESTING = 100
-"""Deepest nesting of parentheses, signs and ``**``, far within Python's recursion limit."""
+"""Deepest nesting of parentheses, signs and operators, far within Python's recursion limit."""
 
+_TOO_DEEP = f"the expression is nested more than {MAX_NESTING} deep at {{}}"
+
+_SIGN = re.compile(r"\*\*|<=|>=|[-+*/<>,]")
 _TOKEN = re.compile(
-    r"(?P<space>[ \t\r\n]+)"
-    r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    rf"|(?P<call>(?:{'|'.join([*FUNCTIONS, *PIECEWISE])})[ \t\r\n]*\()"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
-    r"|(?P<symbol>\*\*|<=|>=|[-+*/()<>,])"
-    r"|(?P<other>.)",  # no error yet, because an error earlier in the text should be reported first
-    re.DOTALL,
+    rf"|(?P<sign>{_SIGN.pattern})"
+    r"|(?P<parenthesis>[()])"
+    r"|(?P<other>[^ \t\r\n])"  # no error yet, because an error earlier in the text comes first
 )
 
 _IN_WHERE = "; write one 'where' within another"
@@ -196,37 +201,30 @@ _HINTS = {
 }
 """What to write instead of names and characters outside the grammar."""
 
-# The binding strength of each operator, and the smallest strength within its right operand.
-_INFIX = {"+": (1, 2), "-": (1, 2), "*": (3, 4), "/": (3, 4), "**": (7, 6)}
-_COMPARISONS = ("<", ">", "<=", ">=")
-_SIGN_STRENGTH = 5  # between * and **, so that -t**2 is -(t**2)
 
-
-@dataclass(frozen=True)
-class _Token:
-    kind: str  # number, name, symbol, or other: a character outside the grammar; end
+class _Token(NamedTuple):
+    kind: str  # a group of _TOKEN, start or end
     text: str
     column: int
 
 
-class Parser:
-    """A precedence-climbing (Pratt) parser of one text."""
+class _Parser:
+    """Checks which tokens follow which, and has Python parse the text if all are in order.
+
+    Python then sees numbers and names that exist, signs and parentheses. Of what its grammar makes
+    of them, comparisons outside of ``where`` and commas outside of functions are refused.
+    """
 
     def __init__(self, text: str, variables: Collection[str]) -> None:
         if len(text) > MAX_LENGTH:
             message = f"the expression goes on at {{}}; expected at most {MAX_LENGTH} characters"
-            self._stop(message, MAX_LENGTH + 1)
-        self._variables = variables
+            _stop(message, MAX_LENGTH + 1)
+        self._text, self._variables = text, variables
         self._known = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
-        self._used: set[str] = set()
-        self._tokens = [
-            _Token(str(match.lastgroup), match.group(), match.start() + 1)
-            for match in _TOKEN.finditer(text)
-            if match.lastgroup != "space"
-        ]
-        self._tokens.append(_Token("end", "", len(text) + 1))
-        self._next = 0
-        self._nesting = 0
+        self._leaves: dict[int, Node] = {}
+        # Python gets an x for each number and name, because it reads neither 007 nor a variable
+        # lambda. After a parenthesis, which allows line breaks, its offsets from 0 are our columns.
+        self._python = "("
 
     def parse(self) -> tuple[Node, frozenset[str]]:
         """Return the tree and the variables in it.
@@ -236,156 +234,147 @@ class Parser:
         ExpressionError
             If the text is not in the grammar.
         """
-        if self._token.kind == "end":
-            self._stop("expected an expression at {}, got an empty text", 1)
-        tree = self._expression(0)
-        if self._token.kind != "end":
-            self._refuse(self._token)
-        return tree, frozenset(self._used)
+        before = _Token("start", "", 0)
+        opened: list[int] = []
+        for match in _TOKEN.finditer(self._text):
+            token = _Token(str(match.lastgroup), match.group(), match.start() + 1)
+            self._check_order(before, token)
+            before = token
+            kind, text, column = token
+            if kind == "number":
+                self._leaves[column] = Node(float(text), column)
+            elif kind == "name":
+                self._leaves[column] = Node(text if text in self._variables else math.pi, column)
+            elif text.endswith("("):
+                opened.append(match.end())
+                if len(opened) > MAX_NESTING:
+                    _stop(_TOO_DEEP, column)
+            elif text == ")":
+                if not opened:
+                    _stop("the ')' at {} has no matching '('", column)
+                opened.pop()
+            word = "x" if column in self._leaves else "".join(text.split())  # of "sin ("
+            self._python = self._python.ljust(column) + word
+        self._check_order(before, _Token("end", "", len(self._text) + 1))
+        if opened:
+            _stop("the '(' at {} is never closed", opened[-1])
+        try:
+            tree = ast.parse(self._python + ")", mode="eval").body
+        except (RecursionError, MemoryError):  # more than 1000, depending on Python's version
+            _stop("the expression at {} has too many operators in a row", 1)
+        used = frozenset(str(leaf.what) for leaf in self._leaves.values() if leaf.is_variable)
+        return self._node(tree, 1), used
 
-    @staticmethod
-    def _stop(message: str, column: int) -> NoReturn:
-        """Raise an error; ``{}`` in the message stands for the column."""
-        raise ExpressionError(message.replace("{}", f"column {column}", 1), column)
+    def _check_order(self, before: _Token, token: _Token) -> None:
+        """Refuse a token that may not follow the one before."""
+        kind, word, column = token
+        follows_operand = before.kind in ("number", "name") or before.text == ")"
+        is_operand = kind in ("number", "name", "call") or word == "("
+        ends_call = before.kind == "call" and word == ")"
+        if kind == "other":
+            _stop(f"unexpected character {word!r} at {{}}{_HINTS.get(word, '')}", column)
+        if kind == "end" and before.kind == "start":
+            _stop("expected an expression at {}, got an empty text", 1)
+        if is_operand and follows_operand:
+            self._refuse_second(before, token)
+        if not (is_operand or follows_operand or ends_call or word in ("+", "-")):
+            got = "the expression ends" if kind == "end" else f"got '{word}'"
+            _stop(f"expected a number, a name or '(' at {{}}, but {got}", column)
+        if kind == "name" and word not in self._variables and word != "pi":
+            self._refuse_name(token)
+        if kind == "number" and math.isinf(float(word)):
+            _stop(f"number '{_short(word)}' at {{}} is too large", column)
 
-    @property
-    def _token(self) -> _Token:
-        return self._tokens[self._next]
+    def _refuse_second(self, before: _Token, token: _Token) -> NoReturn:
+        """Say that an operator is missing between two operands."""
+        word = token.text[:-1].rstrip() if token.kind == "call" else token.text
+        left, right = _short(before.text), _short(word)
+        if right in ("and", "or", "if"):
+            _stop(f"unexpected '{right}' at {{}}{_HINTS[right]}", token.column)
+        # 2t probably means a product; 1_000, 0x10 and 1e do not.
+        multiply = token.kind != "name" or token.text in self._known
+        hint = f"; write '{left}*{right}' to multiply" if multiply else ""
+        _stop(f"missing operator between '{left}' and '{right}' at {{}}{hint}", token.column)
 
-    def _advance(self) -> _Token:
-        self._next += 1
-        return self._tokens[self._next - 1]
-
-    def _expression(self, strength: int) -> Node:
-        """Parse operands joined by operators that bind at least as strongly as `strength`."""
-        self._nesting += 1
-        if self._nesting > MAX_NESTING:
-            message = f"the expression is nested more than {MAX_NESTING} deep at {{}}"
-            self._stop(message, self._token.column)
-        left = self._operand()
-        while self._token.text in _INFIX:
-            left_strength, right_strength = _INFIX[self._token.text]
-            if left_strength < strength:
-                break
-            token = self._advance()
-            left = Node(token.text, token.column, (left, self._expression(right_strength)))
-        self._nesting -= 1
-        return left
-
-    def _operand(self) -> Node:
-        token = self._advance()
-        if token.kind == "number":
-            value = float(token.text)
-            if math.isinf(value):
-                self._stop(f"number '{_short(token.text)}' at {{}} is too large", token.column)
-            return Node(value, token.column)
-        if token.kind == "name":
-            return self._name(token)
-        if token.text == "-":
-            return Node("neg", token.column, (self._expression(_SIGN_STRENGTH),))
-        if token.text == "+":
-            return self._expression(_SIGN_STRENGTH)
-        if token.text == "(":
-            inner = self._expression(0)
-            self._close(token)
-            return inner
-        if token.kind == "other":
-            self._refuse(token)
-        got = "the expression ends" if token.kind == "end" else f"got '{token.text}'"
-        self._stop(f"expected a number, a name or '(' at {{}}, but {got}", token.column)
-
-    def _name(self, token: _Token) -> Node:
-        name, column = token.text, token.column
-        if name in self._variables:
-            self._used.add(name)
-            return Node(name, column)
-        if name == "pi":
-            return Node(math.pi, column)
-        if name not in FUNCTIONS and name not in PIECEWISE:
+    def _refuse_name(self, token: _Token) -> NoReturn:
+        name = token.text
+        if name in self._known:
+            as_in = f"as in '{name}({next(iter(self._variables), '1')})'"
+            message = f"function '{name}' at {{}} needs its argument in parentheses, {as_in}"
+        else:
             hint = _HINTS.get(name, "") or suggestion(name.lower(), self._known)
             hint = hint or f"; known names: {', '.join(self._known)}"
-            self._stop(f"unknown name '{_short(name)}' at {{}}{hint}", column)
-        if self._token.text != "(":
-            as_in = f"as in '{name}({next(iter(self._variables), '1')})'"
-            self._stop(
-                f"function '{name}' at {{}} needs its argument in parentheses, {as_in}", column
-            )
-        opening = self._advance()
-        arguments = self._arguments(token)
-        self._close(opening)
-        return Node(name, column, arguments)
+            message = f"unknown name '{_short(name)}' at {{}}{hint}"
+        _stop(message, token.column)
 
-    def _arguments(self, function: _Token) -> tuple[Node, ...]:
-        """Parse the arguments of a function, and check their number."""
-        known = PIECEWISE.get(function.text)
+    def _node(self, tree: ast.expr, depth: int) -> Node:
+        """Return a part of Python's tree as our own, `depth` of which contain it."""
+        chain: list[ast.BinOp] = []
+        while isinstance(tree, ast.BinOp):  # the tree of a long sum is too deep for recursion
+            chain.append(tree)
+            tree = tree.left
+        column = tree.col_offset
+        if depth > MAX_NESTING:
+            _stop(_TOO_DEEP, column)
+        match tree:
+            case ast.Name():
+                node = self._leaves[column]
+            case ast.UnaryOp(op=ast.USub()):
+                node = Node("neg", column, (self._node(tree.operand, depth + 1),))
+            case ast.UnaryOp(op=ast.UAdd()):
+                node = self._node(tree.operand, depth + 1)
+            case ast.Call(func=ast.Name(id=name)):
+                arguments = self._arguments(tree, name)
+                node = Node(name, column, tuple(self._node(a, depth + 1) for a in arguments))
+            case ast.Compare(left=first) | ast.Tuple(elts=[first, *_]):
+                self._refuse_after(first)
+        for operation in reversed(chain):
+            sign, column = self._sign_after(operation.left)
+            node = Node(sign, column, (node, self._node(operation.right, depth + 1)))
+        return node
+
+    def _arguments(self, call: ast.Call, name: str) -> list[ast.expr]:
+        """Return the arguments of a function, with a < b as two, if their number is right."""
+        known = PIECEWISE.get(name)
         takes, count = (known.takes, known.count) if known else ("one argument", 1)
-        rule = f"function '{function.text}' at column {function.column} takes {takes}, got "
-        if self._token.text == ")":
-            self._stop(f"{rule}none", function.column)
-        is_inverted = False
-        if function.text == "where":
-            arguments, is_inverted = self._comparison(rule)
-        else:
-            arguments = [self._expression(0)]
-        while self._token.text == ",":
-            if len(arguments) == count:
-                self._stop(f"{rule}another after ',' at {{}}", self._token.column)
-            self._advance()
-            arguments.append(self._expression(0))
-        if self._token.text == ")" and len(arguments) < (count or 2):
-            got = "no more" if function.text == "where" else str(len(arguments))
-            self._stop(f"{rule}{got}", function.column)
-        if is_inverted:
-            arguments[2:] = arguments[:1:-1]
-        return tuple(arguments)
+        rule = f"function '{name}' at column {call.col_offset} takes {takes}, got "
+        arguments, got = list(call.args), str(len(call.args) or "none")
+        if name == "where" and arguments:
+            comparison, got = arguments[0], "no more"
+            if not isinstance(comparison, ast.Compare):
+                _stop(f"{rule}no comparison at {{}}", comparison.col_offset)
+            if len(comparison.ops) > 1:
+                self._refuse_after(comparison.comparators[0])
+            arguments[:1] = comparison.left, comparison.comparators[0]
+            if isinstance(comparison.ops[0], (ast.Gt, ast.LtE)):
+                arguments[:2] = arguments[1::-1]
+            if isinstance(comparison.ops[0], (ast.GtE, ast.LtE)):
+                arguments[2:] = arguments[:1:-1]
+        if count and len(arguments) > count:
+            _, column = self._sign_after(call.args[count - len(arguments) - 1])
+            _stop(f"{rule}another after ',' at {{}}", column)
+        if len(arguments) < (count or 2):
+            _stop(f"{rule}{got}", call.col_offset)
+        return arguments
 
-    def _comparison(self, rule: str) -> tuple[list[Node], bool]:
-        """Parse a comparison as a < b; also return whether that is its inverse."""
-        column = self._token.column
-        left = self._expression(0)
-        sign = self._token.text
-        if sign not in _COMPARISONS:
-            self._stop(f"{rule}no comparison at {{}}", column)
-        self._advance()
-        pair = [left, self._expression(0)]
-        if sign in (">", "<="):
-            pair.reverse()
-        return pair, sign in ("<=", ">=")
+    def _sign_after(self, tree: ast.expr) -> tuple[str, int]:
+        """Return the sign that follows a part of the text, and its column."""
+        match = next(_SIGN.finditer(self._python, tree.end_col_offset or 0))
+        return match.group(), match.start()
 
-    def _close(self, opening: _Token) -> None:
-        if self._token.kind == "end":
-            self._stop("the '(' at {} is never closed", opening.column)
-        if self._token.text != ")":
-            self._refuse(self._token)
-        self._advance()
-
-    def _refuse(self, token: _Token) -> NoReturn:
-        """Say why `token` cannot stand here, after a complete operand or as a foreign character."""
-        text = token.text
-        if token.kind == "other":
-            message = f"unexpected character {text!r} at {{}}{_HINTS.get(text, '')}"
-        elif text == ")":
-            message = "the ')' at {} has no matching '('"
-        elif text == ",":
+    def _refuse_after(self, tree: ast.expr) -> NoReturn:
+        """Say why the comparison or the comma that follows a part cannot stand there."""
+        sign, column = self._sign_after(tree)
+        rule = "a comparison may only be the first argument of 'where', as in 'where(t < 1, 0, 2)'"
+        if sign == ",":
             several = ", ".join(name for name, known in PIECEWISE.items() if known.count != 1)
-            message = (
-                f"unexpected ',' at {{}}; write decimals with a point; only {several} take several "
-                "arguments"
-            )
-        elif text in _COMPARISONS:
-            message = (
-                f"unexpected '{text}' at {{}}; a comparison may only be the first argument of "
-                "'where', as in 'where(t < 1, 0, 2)'"
-            )
-        elif text in ("and", "or", "if"):
-            message = f"unexpected '{text}' at {{}}{_HINTS[text]}"
-        else:
-            before, after = _short(self._tokens[self._next - 1].text), _short(text)
-            # 2t probably means a product; 1_000, 0x10 and 1e do not.
-            multiply = token.kind != "name" or text in self._known
-            hint = f"; write '{before}*{after}' to multiply" if multiply else ""
-            message = f"missing operator between '{before}' and '{after}' at {{}}{hint}"
-        self._stop(message, token.column)
+            rule = f"write decimals with a point; only {several} take several arguments"
+        _stop(f"unexpected '{sign}' at {{}}; {rule}", column)
+
+
+def _stop(message: str, column: int) -> NoReturn:
+    """Raise an error; ``{}`` in the message stands for the column."""
+    raise ExpressionError(message.replace("{}", f"column {column}", 1), column)
 
 
 def _short(word: str) -> str:
@@ -532,7 +521,7 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
         If the text is not in the grammar, or if a part without variables has no finite value
         (``log(0)``, ``1/0``). The message names the column, counted from 1.
     """
-    tree, used = Parser(text, variables).parse()
+    tree, used = _Parser(text, variables).parse()
     with np.errstate(all="ignore"):
         fold(tree, _finite_value)
     return Expression(text, used, tree)

@@ -11,7 +11,7 @@ import warnings
 import numpy as np
 import pytest
 from case_tables import from_yaml
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from eqt_cli.base.arrays import FUNCTIONS, register_symbols
@@ -50,10 +50,6 @@ def test_constant(text: str, value: float) -> None:
     assert constant(text) == value
 
 
-def test_a_constant_is_a_python_float() -> None:
-    assert type(constant("sqrt(2)**2")) is float
-
-
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_every_function_is_in_the_grammar(name: str) -> None:
     x = 1.5 if name == "acosh" else 0.5
@@ -61,11 +57,13 @@ def test_every_function_is_in_the_grammar(name: str) -> None:
 
 
 def test_variables_are_those_used() -> None:
-    assert parse("x*sin(x) + 1", ("x", "y")).variables == {"x"}
+    expression = parse("x*sin(x) + 1", ("x", "y"))
+    assert expression.variables == {"x"}
+    assert expression.evaluate({"x": 0.0, "y": 3.0}) == 1.0
 
 
-def test_variables_that_are_not_used_may_be_given() -> None:
-    assert parse("x", ("x", "y")).evaluate({"x": 2.0, "y": 3.0}) == 2.0
+def test_a_variable_may_be_a_word_of_python() -> None:
+    assert parse("2*lambda - 1", ("lambda",)).evaluate({"lambda": 3.0}) == 5.0
 
 
 def test_an_array_gives_an_array() -> None:
@@ -178,47 +176,13 @@ def test_a_function_that_the_symbols_lack_is_a_trace_error() -> None:
         parse("cos(t)").evaluate({"t": _Symbol("t")})
 
 
-# Properties -----------------------------------------------------------------------------------
-
-_NUMBER = re.compile(r"(\d+\.?\d*|\.\d+)(e[+-]?\d+)?")
-_PYTHON_NAMES = {
-    "__builtins__": {},
-    "number": np.float64,
-    "pi": np.float64(np.pi),
-    **{name: getattr(np, name) for name in FUNCTIONS},
-}
-_atoms = st.floats(0.0, 100.0).map(repr) | st.sampled_from(["t", "pi", ".5", "2.", "1e-3"])
-_texts = st.recursive(
-    _atoms,
-    lambda inner: st.one_of(
-        st.tuples(inner, st.sampled_from([" + ", "-", " * ", "/", "**"]), inner).map("".join),
-        st.tuples(st.sampled_from("+-"), inner).map("".join),
-        st.tuples(st.sampled_from(["", *FUNCTIONS]), inner).map(lambda p: f"{p[0]}({p[1]})"),
-    ),
-    max_leaves=12,
-)
-
-
-@given(text=_texts, t=st.floats(-10.0, 10.0))
-def test_values_are_those_of_python(text: str, t: float) -> None:
-    try:
-        expression = parse(text)
-    except ExpressionError as error:
-        # The generator writes nothing but the grammar: only a constant may be refused.
-        assume(not re.search("division by zero|has no finite value", str(error)))
-        raise
-    # On float64 scalars Python neither raises nor turns to complex numbers; the tree is its own.
-    python = _NUMBER.sub(r"number(\g<0>)", text)
-    with np.errstate(all="ignore"):
-        expected = eval(python, _PYTHON_NAMES, {"t": np.float64(t)})  # noqa: S307
-    np.testing.assert_equal(expression.evaluate({"t": t}), float(expected))
-
+# Errors ---------------------------------------------------------------------------------------
 
 _grammar_like = st.text("0123456789.e+-*/()^, tpisncox_")
 
 
 @pytest.mark.ci("parses hundreds of texts")
-@given(st.text() | _grammar_like | st.lists(_texts, min_size=2).map("".join))
+@given(st.text() | _grammar_like)
 def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
     try:
         parse(text)
@@ -230,12 +194,23 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
     assert f"column {error.column}" in str(error)
 
 
-# Errors ---------------------------------------------------------------------------------------
-
-
 @from_yaml
 def test_message(text: str, message: str) -> None:
     assert _message(text) == message
+
+
+@pytest.mark.parametrize(
+    ("text", "column"),
+    [
+        *(("t if t else 1", 3), ("not t", 1), ("lambda: t", 1), ("None", 1), ("2 is t", 3)),
+        *(("'t'", 1), ("1j", 2), ("0x1", 2), ("t.real", 2), ("t[0]", 2), ("(t := 1)", 4)),
+        *(("sin(*t)", 5), ("sin(**t)", 5), ("sin(t=1)", 6), ("t(t)", 2), ("sin(t,)", 7)),
+        *(("ｔ", 1), ("sin(é", 5), ("t #", 3), ("t\\\n", 2), ("t == t", 3), ("t // 2", 4)),
+        *(("1 + (t, 1)", 7), ("where((t < 1) < 2, 1, 2)", 10), ("where(1, t < 2, 3)", 7)),
+    ],
+)
+def test_what_only_python_has_is_refused(text: str, column: int) -> None:
+    assert f"column {column}" in _message(text)
 
 
 def test_a_constant_knows_no_t() -> None:
@@ -251,14 +226,23 @@ def test_long_words_are_shortened() -> None:
 # Limits ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hostile", ["(" * 5000, "-" * 5000, "2**" * 3000, "sin(" * 2000])
-def test_deep_nesting_is_refused(hostile: str) -> None:
-    assert f"the expression is nested more than {MAX_NESTING} deep at column " in _message(hostile)
+@pytest.mark.parametrize(
+    ("before", "after"), [("(", ")"), ("-", ""), ("2**", ""), ("sin(", ")"), ("1-(", ")")]
+)
+def test_deep_nesting_is_refused(before: str, after: str) -> None:
+    most = MAX_NESTING - 1
+    assert parse(f"{before * most}t{after * most}").variables == {"t"}
+    for depth in (MAX_NESTING + 1, 200):
+        assert re.match(
+            f"the expression is nested more than {MAX_NESTING} deep at column ",
+            _message(f"{before * depth}t{after * depth}"),
+        )
 
 
-def test_the_deepest_nesting_allowed() -> None:
-    depth = MAX_NESTING - 1
-    assert constant("(" * depth + "1" + ")" * depth) == 1.0
+@pytest.mark.parametrize("part", ["-", "t+", "2**"])
+def test_what_python_cannot_parse_is_refused(part: str) -> None:
+    message = _message(part * (MAX_LENGTH // len(part) - 1) + "t")
+    assert message == "the expression at column 1 has too many operators in a row"
 
 
 def test_nesting_side_by_side_does_not_add_up() -> None:
@@ -272,14 +256,10 @@ def test_a_long_text_is_refused() -> None:
 
 
 def test_a_long_sum_is_no_deep_nesting() -> None:
-    text = "+".join(["t"] * (MAX_LENGTH // 2))
-    assert parse(text).evaluate({"t": 1.0}) == MAX_LENGTH // 2
-
-
-def test_a_long_sum_travels() -> None:
-    expression = parse("+".join(["t"] * (MAX_LENGTH // 2)))
+    expression = parse("+".join(["t"] * 1000))
+    assert expression.evaluate({"t": 1.0}) == 1000
     assert copy.deepcopy(expression) == expression
-    assert pickle.loads(pickle.dumps(expression)).evaluate({"t": 1.0}) == MAX_LENGTH // 2
+    assert pickle.loads(pickle.dumps(expression)).evaluate({"t": 1.0}) == 1000
 
 
 def test_expressions_with_equal_text_are_equal() -> None:
