@@ -5,25 +5,24 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from eqt_cli.analysis import verdict
+from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
+from eqt_cli.analysis.comparison_tables import rows_of
 from eqt_cli.analysis.intervals import (
     NEGLIGIBLE,
     SHARE,
-    Level,
     Pair,
     Resampling,
-    Word,
     runs_without_exception,
     statistics,
 )
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
-from eqt_cli.base.reporting import InNotebook
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window
 from eqt_cli.results.result import PerRun, Result
@@ -165,55 +164,6 @@ class Hampsey2025(ClaimSet):
 # Compares the controllers of a result: measures, differences of pairs, and judged claims ----------
 
 
-class ClaimVerdict(StrEnum):
-    """The verdict on a claim."""
-
-    SUPPORTED = "supported"
-    NOT_SUPPORTED = "not supported"
-    UNDECIDED = "undecided"
-    NOT_COVERED = "not covered"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """A row of a claim, measured.
-
-    Attributes
-    ----------
-    source, says
-        Source of the claim, and its words.
-    verdict
-        Verdict for the available runs.
-    runs_to_decide
-        Number of runs that would decide if all stays as measured; None if no number would.
-    pair
-        The difference of two controllers, for a claim that one has less than the other.
-    measured, controller
-        The measure and the controller, for a claim about every run.
-    statement
-        The claim about every run in words.
-    held, runs
-        Number of runs in which it held, and of runs with a value.
-    low
-        Lower end of the one-sided interval for the share of runs in which it holds.
-    absent
-        Kinds of controllers that the claim mentions and the result does not have.
-    """
-
-    source: str
-    says: str
-    verdict: ClaimVerdict
-    runs_to_decide: int | None
-    pair: Pair | None = None
-    measured: PerRun | None = None
-    controller: str = ""
-    statement: str = ""
-    held: int = 0
-    runs: int = 0
-    low: float = float("nan")
-    absent: tuple[str, ...] = ()
-
-
 def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Window]]:
     """Return the measures that test a row; empty if the result cannot test it."""
     if isinstance(row, AtMost):
@@ -286,97 +236,6 @@ def judge_at_most(
 _Key = tuple[str, Window]
 
 
-@dataclass(frozen=True, repr=False)
-class Comparison(InNotebook):
-    """The outcome of `compare`.
-
-    Attributes
-    ----------
-    title, group, labels, runs
-        Title, group and labels of the result, and its runs per law.
-    titles
-        Display name of each controller, by label.
-    kinds
-        Kind of each controller, by label.
-    failed
-        Number of failed runs of each controller, by label.
-    horizon
-        Duration of the runs, s.
-    levels, pairs
-        One row per measure and controller, and per measure and pair of controllers.
-    judgements
-        One row per claim and measure; empty if no claim applies.
-    departures
-        How the loop departs from that of the claims, in words; then no claim is judged.
-    lyapunov_functions
-        Name of each law's function L, by label; empty if it is the same for all.
-    not_matched
-        Labels of laws whose gains are not matched to those of the others.
-    missing
-        Sentences about numbers that could not be computed.
-    confidence, resamples, seed
-        Settings of the bootstrap.
-    negligible
-        Relative difference within which there is none.
-    bases
-        Of two results: the law of the first with which each law of the second is compared.
-    between
-        Sentences on two results: whether their runs are pairs, and what differs.
-    """
-
-    title: str
-    group: str
-    labels: list[str]
-    titles: dict[str, str]
-    runs: int
-    kinds: dict[str, str]
-    failed: dict[str, int]
-    horizon: float
-    levels: list[Level]
-    pairs: list[Pair]
-    judgements: list[Judgement]
-    departures: str
-    lyapunov_functions: dict[str, str]
-    not_matched: list[str]
-    missing: list[str]
-    confidence: float
-    resamples: int
-    seed: int
-    negligible: float = NEGLIGIBLE
-    bases: Mapping[str, str] = field(default_factory=dict)
-    between: Sequence[str] = ()
-
-    def answer(self) -> list[str]:
-        """Return the experiment, and then the lines that `eqt compare` prints first."""
-        from eqt_cli.analysis.verdict import lines
-
-        return [f"{self.title} on {self.group}: {self.runs} runs of each law", *lines(self)]
-
-    def records(self) -> list[dict[str, Any]]:
-        """Return a record per metric and pair of laws; per metric of a law that is alone.
-
-        Of the pairs with the first law, ``answer`` is the word that `answer` prints, and
-        ``adjusted_p`` its p-value after Holm; ``word`` follows from the interval of its row alone.
-        """
-        from eqt_cli.analysis.comparison_tables import records
-        from eqt_cli.analysis.verdict import answers
-
-        def key(pair: Pair) -> tuple[int, str, str]:
-            return id(pair.measured), pair.first, pair.second
-
-        tables, said = records(self), {key(each.pair): each for each in answers(self)}
-        for row, pair in zip(tables["pairs"], self.against(), strict=True):
-            if answer := said.get(key(pair)):
-                word = str(answer.word) if answer.decided else str(Word.UNDECIDED)
-                row |= {"answer": word, "adjusted_p": answer.p_value}
-        return tables["pairs"] or tables["controllers"]
-
-    def against(self, *bases: str) -> list[Pair]:
-        """Return every pair against the law that stands first of both, after these."""
-        rank = [*bases, *self.labels].index
-        return [p if rank(p.first) > rank(p.second) else p.swapped() for p in self.pairs]
-
-
 def compare(
     result: Result,
     *,
@@ -384,6 +243,7 @@ def compare(
     windows: Sequence[Window] = (),
     labels: Sequence[str] = (),
     how: Resampling = Resampling(),  # noqa: B008  # it is frozen
+    negligible: float = NEGLIGIBLE,
 ) -> Comparison:
     """Compare the laws of a result, run by run on the same initial states.
 
@@ -400,6 +260,8 @@ def compare(
         Labels of the controllers to compare; all if empty.
     how
         Settings of the intervals. They are not corrected for multiple comparisons.
+    negligible
+        Relative difference within which there is none.
 
     Raises
     ------
@@ -424,7 +286,7 @@ def compare(
         judgements = [replace(row, verdict=uncovered, runs_to_decide=None) for row in judgements]
     of_all = result.lyapunov_functions
     functions = {label: of_all[label] for label in labels if label in of_all}
-    return Comparison(
+    return _with_answer(
         title=result.title,
         group=result.group_name,
         labels=labels,
@@ -451,7 +313,16 @@ def compare(
         confidence=how.confidence,
         resamples=resamples,
         seed=how.seed,
+        negligible=negligible,
     )
+
+
+def _with_answer(**fields: Any) -> Comparison:
+    """Return a comparison with its answer, in words and as records."""
+    comparison = Comparison(**fields)
+    about = f"{comparison.title} on {comparison.group}: {comparison.runs} runs of each law"
+    lines = [about, *verdict.lines(comparison)]
+    return replace(comparison, lines=lines, rows=rows_of(comparison))
 
 
 def _check(result: Result, how: Resampling) -> None:
@@ -472,6 +343,7 @@ def compare_two(
     windows: Sequence[Window] = (),
     between: Sequence[str] = (),
     how: Resampling = Resampling(),  # noqa: B008  # it is frozen
+    negligible: float = NEGLIGIBLE,
 ) -> Comparison:
     """Compare each law of the second result with the same law of the first, or with its first law.
 
@@ -515,7 +387,7 @@ def compare_two(
     levels, pairs, resamples = statistics(measured, list(laws), good, how)
     same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
     bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
-    return Comparison(
+    return _with_answer(
         title=" and ".join(names),
         group=first.group_name,
         labels=list(laws),
@@ -538,6 +410,7 @@ def compare_two(
         confidence=how.confidence,
         resamples=resamples,
         seed=how.seed,
+        negligible=negligible,
         bases=bases,
         between=between,
     )

@@ -1,15 +1,15 @@
-"""A comparison as plain data for JSON and CSV, as sentences on claims, and as text tables."""
+"""A comparison as records for JSON and CSV, and as text tables."""
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
-from eqt_cli.analysis.compare import ClaimVerdict, Comparison, Judgement
-from eqt_cli.analysis.intervals import FEWEST, POWER, SHARE, Level, Pair, Word
-from eqt_cli.base.reporting import Block, TextTable, count_of, listed, percent
+from eqt_cli.analysis.comparison import Comparison, Judgement
+from eqt_cli.analysis.intervals import FEWEST, POWER, Level, Pair, Word
+from eqt_cli.analysis.verdict import Answer, answers, runs_each, sources, too_few, unsettled
+from eqt_cli.base.reporting import Block, TextTable, percent
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain, Window
 from eqt_cli.results.result import PerRun
@@ -18,11 +18,12 @@ Record = dict[str, Any]
 
 
 def records(comparison: Comparison, *against: str) -> dict[str, list[Record]]:
-    """Return all tables by name, with a record per measure and controller, pair or claim.
+    """Return all tables by name, with a record per answer, measure and controller, pair or claim.
 
     Differences are first minus second: the one of `against`, or that stands first in the result.
     """
     return {
+        "verdict": [_answer(answer) for answer in answers(comparison, *against[:1])],
         "controllers": [_level(level) for level in comparison.levels],
         "pairs": [
             {**_pair(pair), "word": str(pair.word(comparison.negligible))}
@@ -30,6 +31,21 @@ def records(comparison: Comparison, *against: str) -> dict[str, list[Record]]:
         ],
         "claims": [_judgement(judgement) for judgement in comparison.judgements],
     }
+
+
+def rows_of(comparison: Comparison) -> list[Record]:
+    """Return the records of the pairs; of the laws where there is but one.
+
+    Those of pairs with the first law also have the answer and its p-value.
+    """
+    tables = records(comparison)
+    pairs = zip(comparison.against(), tables["pairs"], strict=True)
+    rows = {(id(pair.measured), pair.first, pair.second): row for pair, row in pairs}
+    for answer in answers(comparison):
+        pair, word = answer.pair, answer.word if answer.decided else Word.UNDECIDED
+        row = rows[id(pair.measured), pair.first, pair.second]
+        row |= {"answer": str(word), "adjusted_p": answer.p_value}
+    return tables["pairs"] or tables["controllers"]
 
 
 def _what(measured: PerRun) -> Record:
@@ -64,6 +80,20 @@ def _pair(pair: Pair) -> Record:
     }
 
 
+def _answer(answer: Answer) -> Record:
+    pair = answer.pair
+    return {
+        "metric": pair.measured.quantity.name,
+        "window_start": pair.measured.window.start,
+        "window_stop": pair.measured.window.stop,
+        "controller": pair.first,
+        "against": pair.second,
+        "word": str(answer.word),
+        "decided": answer.decided,
+        "p_value": answer.p_value,
+    }
+
+
 def _judgement(judgement: Judgement) -> Record:
     common = {
         "source": judgement.source,
@@ -85,120 +115,6 @@ def _judgement(judgement: Judgement) -> Record:
         "pairs": judgement.runs,
         **_fields(judgement, "held", "low"),
     }
-
-
-PARTLY = "partly"
-"""Prefix of a verdict that only some rows of a claim have."""
-
-_WRITE = Plain()
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A sentence about a claim.
-
-    Attributes
-    ----------
-    verdict
-        Verdict of the claim as in `ClaimVerdict`, after `PARTLY` if its rows differ.
-    claim
-        The claim in the words of its source; empty if all claims have this verdict.
-    words
-        The measured numbers in words.
-    absent
-        Laws that the claim mentions and the result does not have.
-    """
-
-    verdict: str
-    claim: str
-    words: str
-    absent: str = ""
-
-
-def findings(comparison: Comparison) -> list[Finding]:
-    """Return one finding for each claim; a single one where the loop departs from all of them."""
-    if comparison.judgements and comparison.departures:
-        words = f"claims of {sources(comparison)}. Beyond their theorems: {comparison.departures}."
-        return [Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
-    claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
-    return [_of_claim(comparison, says, list(rows)) for says, rows in claimed]
-
-
-def sources(comparison: Comparison) -> str:
-    """Return the sources of the claims."""
-    return "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
-
-
-def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> Finding:
-    verdict, titles = _together({row.verdict for row in rows}), comparison.titles
-    in_every_run = [row for row in rows if row.pair is None]
-    compared = [row for row in rows if row.pair is not None]
-    words = [*_in_every_run(comparison, in_every_run), *_compared(compared, titles)]
-    absent = [titles.get(kind, kind) for kind in rows[0].absent]
-    return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
-
-
-def _together(verdicts: set[ClaimVerdict]) -> str:
-    """Combine the verdicts of the rows of a claim."""
-    if len(verdicts) == 1:
-        return str(*verdicts)
-    supported = ClaimVerdict.SUPPORTED
-    return f"{PARTLY} {supported}" if supported in verdicts else str(ClaimVerdict.NOT_SUPPORTED)
-
-
-def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
-    """Yield each statement and the number of runs in which it held; equal counts are grouped."""
-    for (statement, held, runs, low, open_), alike in groupby(
-        rows,
-        key=lambda row: (
-            *(row.statement, row.held, row.runs, row.low),
-            row.verdict is ClaimVerdict.UNDECIDED,
-        ),
-    ):
-        more = f", and {100 * SHARE:g} % is needed" if open_ else ""
-        laws = listed([comparison.titles[row.controller] for row in alike])
-        yield (
-            f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
-            f"{100 * low:.1f} % of all initial states ({100 * comparison.confidence:g} % "
-            f"confidence){more}"
-        )
-
-
-def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
-    """Yield the differences; of several, the number that agree and those that do not."""
-    if len(rows) < 2:
-        yield from (_difference_in_words(row.pair, titles) for row in rows if row.pair)
-        return
-    counts = Counter(row.verdict for row in rows)
-    against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
-    others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
-    yield f"{counts[ClaimVerdict.SUPPORTED]} of {len(rows)} comparisons agree with it{others}"
-    verdict = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
-    pairs = [row.pair for row in rows if row.verdict is verdict]
-    yield from (_difference_in_words(pair, titles) for pair in pairs if pair)
-
-
-def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
-    """``EqT has 13.5 % less mean ‖τ‖ over 0–5 s than GT (−0.283 [−0.346, −0.219] N m)``."""
-    first, second = titles[pair.first], titles[pair.second]
-    what = _measure_in_words(pair.measured)
-    number = _number(pair, pair.difference)
-    word = pair.word()
-    if word in (Word.ALIKE, Word.UNDECIDED) and math.isfinite(pair.low):
-        return f"{word} between {first} and {second}: {what} ({number})"
-    share = f"{percent(abs(pair.relative))} " if math.isfinite(pair.relative) else ""
-    more = "more" if pair.difference > 0 else "less"
-    return f"{first} has {share}{more} {what} than {second} ({number})"
-
-
-def _measure_in_words(measured: PerRun) -> str:
-    of = "share of runs " if measured.quantity.counts else ""
-    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.seen)}"
-
-
-def _number(row: Pair | Level, value: float) -> str:
-    unit = _WRITE.unit(row.measured.unit)
-    return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
 
 
 FEW = 20
@@ -251,7 +167,7 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
                 "the mean time restricted to the horizon."
             )
         least = min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels)
-        notes += here.sampling_note(least, _WRITE.unit(here.unit))
+        notes += here.sampling_note(least, Plain().unit(here.unit))
         if undefined := counted({level.controller: level.undefined for level in levels}):
             notes.append(f"{name}: good runs without a value: {undefined}.")
     notes += [f"{write.best_is}: the best mean."] * (len(titles) > 1)
@@ -427,27 +343,6 @@ def _measure(measured: PerRun, write: Plain, whole: str) -> str:
 
 def _level_name(comparison: Comparison, write: Plain) -> str:
     return write.text(f"{100 * comparison.confidence:g} % bootstrap")
-
-
-def runs_each(comparison: Comparison) -> str:
-    """Return how many runs each law has, in words."""
-    return f"{count_of(comparison.runs, 'run')} per law"
-
-
-def too_few(comparison: Comparison) -> str:
-    """Say that there are no statistics."""
-    return f"{runs_each(comparison)}: too few for statistics; `ensemble.runs` sets how many"
-
-
-def unsettled(comparison: Comparison) -> Iterator[str]:
-    """Say which laws did not settle, in how many runs, if any."""
-    late = [
-        f"{comparison.titles[each.controller]} {round((1 - each.mean) * each.runs)} of {each.runs}"
-        for each in comparison.levels
-        if each.measured.quantity.name == "settled" and each.mean < 1
-    ]
-    if late:
-        yield f"runs that did not settle, by law: {', '.join(late)}"
 
 
 def _runs(runs: int | None) -> str:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.compare import Comparison, compare
+from eqt_cli.analysis.compare import compare
+from eqt_cli.analysis.comparison import Comparison
 from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.analysis.fronts import Constraint, cases_of, equal_cost_table, excess, held_out
 from eqt_cli.analysis.intervals import (

@@ -1,20 +1,20 @@
-"""The answer of a comparison: which law is better, by how much, how surely, and what is open."""
+"""A comparison in sentences: which law is better, how surely, what is open, which claims hold."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import groupby
 
 import numpy as np
 
-from eqt_cli.analysis.compare import Comparison
-from eqt_cli.analysis.comparison_tables import findings, runs_each, sources, too_few, unsettled
-from eqt_cli.analysis.intervals import FEWEST, Pair, Word, holm, sign_test
-from eqt_cli.base.reporting import significant
+from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
+from eqt_cli.analysis.intervals import FEWEST, SHARE, Level, Pair, Word, holm, sign_test
+from eqt_cli.base.reporting import count_of, listed, percent, significant
 from eqt_cli.results.quantity import Plain
+from eqt_cli.results.result import PerRun
 
 ERRORS = ("position_rms", "mean_pointing_error", "mean_attitude_error"), ("mean_pose_error",)
 """Errors by which laws are compared first; the first of these of which a result knows any."""
@@ -185,23 +185,6 @@ def _claimed(comparison: Comparison) -> Iterator[str]:
         yield f"claims of {sources(comparison)}: {verdicts}"
 
 
-def records(comparison: Comparison, against: str = "") -> list[dict[str, Any]]:
-    """Return the answers for programs."""
-    return [
-        {
-            "metric": each.pair.measured.quantity.name,
-            "window_start": each.pair.measured.window.start,
-            "window_stop": each.pair.measured.window.stop,
-            "controller": each.pair.first,
-            "against": each.pair.second,
-            "word": str(each.word),
-            "decided": each.decided,
-            "p_value": each.p_value,
-        }
-        for each in answers(comparison, against)
-    ]
-
-
 def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     """Say of how many runs, and what the words mean."""
     if not count:
@@ -222,3 +205,141 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
         f"{runs_each(comparison)}{starts}; better or worse where {sure} intervals and sign tests "
         f"(Holm, {count} numbers) agree; within {none} is no difference"
     )
+
+
+def runs_each(comparison: Comparison) -> str:
+    """Return how many runs each law has, in words."""
+    return f"{count_of(comparison.runs, 'run')} per law"
+
+
+def too_few(comparison: Comparison) -> str:
+    """Say that there are no statistics."""
+    return f"{runs_each(comparison)}: too few for statistics; `ensemble.runs` sets how many"
+
+
+def unsettled(comparison: Comparison) -> Iterator[str]:
+    """Say which laws did not settle, in how many runs, if any."""
+    late = [
+        f"{comparison.titles[each.controller]} {round((1 - each.mean) * each.runs)} of {each.runs}"
+        for each in comparison.levels
+        if each.measured.quantity.name == "settled" and each.mean < 1
+    ]
+    if late:
+        yield f"runs that did not settle, by law: {', '.join(late)}"
+
+
+# The claims of papers, each in a sentence ---------------------------------------------------------
+
+
+PARTLY = "partly"
+"""Prefix of a verdict that only some rows of a claim have."""
+
+_WRITE = Plain()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence about a claim.
+
+    Attributes
+    ----------
+    verdict
+        Verdict of the claim as in `ClaimVerdict`, after `PARTLY` if its rows differ.
+    claim
+        The claim in the words of its source; empty if all claims have this verdict.
+    words
+        The measured numbers in words.
+    absent
+        Laws that the claim mentions and the result does not have.
+    """
+
+    verdict: str
+    claim: str
+    words: str
+    absent: str = ""
+
+
+def findings(comparison: Comparison) -> list[Finding]:
+    """Return one finding for each claim; a single one where the loop departs from all of them."""
+    if comparison.judgements and comparison.departures:
+        words = f"claims of {sources(comparison)}. Beyond their theorems: {comparison.departures}."
+        return [Finding(str(ClaimVerdict.NOT_COVERED), "", words)]
+    claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
+    return [_of_claim(comparison, says, list(rows)) for says, rows in claimed]
+
+
+def sources(comparison: Comparison) -> str:
+    """Return the sources of the claims."""
+    return "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
+
+
+def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> Finding:
+    verdict, titles = _together({row.verdict for row in rows}), comparison.titles
+    in_every_run = [row for row in rows if row.pair is None]
+    compared = [row for row in rows if row.pair is not None]
+    words = [*_in_every_run(comparison, in_every_run), *_compared(compared, titles)]
+    absent = [titles.get(kind, kind) for kind in rows[0].absent]
+    return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
+
+
+def _together(verdicts: set[ClaimVerdict]) -> str:
+    """Combine the verdicts of the rows of a claim."""
+    if len(verdicts) == 1:
+        return str(*verdicts)
+    supported = ClaimVerdict.SUPPORTED
+    return f"{PARTLY} {supported}" if supported in verdicts else str(ClaimVerdict.NOT_SUPPORTED)
+
+
+def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
+    """Yield each statement and the number of runs in which it held; equal counts are grouped."""
+    for (statement, held, runs, low, open_), alike in groupby(
+        rows,
+        key=lambda row: (
+            *(row.statement, row.held, row.runs, row.low),
+            row.verdict is ClaimVerdict.UNDECIDED,
+        ),
+    ):
+        more = f", and {100 * SHARE:g} % is needed" if open_ else ""
+        laws = listed([comparison.titles[row.controller] for row in alike])
+        yield (
+            f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
+            f"{100 * low:.1f} % of all initial states ({100 * comparison.confidence:g} % "
+            f"confidence){more}"
+        )
+
+
+def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
+    """Yield the differences; of several, the number that agree and those that do not."""
+    if len(rows) < 2:
+        yield from (_difference_in_words(row.pair, titles) for row in rows if row.pair)
+        return
+    counts = Counter(row.verdict for row in rows)
+    against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
+    others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
+    yield f"{counts[ClaimVerdict.SUPPORTED]} of {len(rows)} comparisons agree with it{others}"
+    verdict = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
+    pairs = [row.pair for row in rows if row.verdict is verdict]
+    yield from (_difference_in_words(pair, titles) for pair in pairs if pair)
+
+
+def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
+    """``EqT has 13.5 % less mean ‖τ‖ over 0–5 s than GT (−0.283 [−0.346, −0.219] N m)``."""
+    first, second = titles[pair.first], titles[pair.second]
+    what = _measure_in_words(pair.measured)
+    number = _number(pair, pair.difference)
+    word = pair.word()
+    if word in (Word.ALIKE, Word.UNDECIDED) and math.isfinite(pair.low):
+        return f"{word} between {first} and {second}: {what} ({number})"
+    share = f"{percent(abs(pair.relative))} " if math.isfinite(pair.relative) else ""
+    more = "more" if pair.difference > 0 else "less"
+    return f"{first} has {share}{more} {what} than {second} ({number})"
+
+
+def _measure_in_words(measured: PerRun) -> str:
+    of = "share of runs " if measured.quantity.counts else ""
+    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.seen)}"
+
+
+def _number(row: Pair | Level, value: float) -> str:
+    unit = _WRITE.unit(row.measured.unit)
+    return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.api.loading import (
     Configuration,
@@ -25,7 +25,7 @@ from eqt_cli.results.result import Result, open_result
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.certified import LawRates
-    from eqt_cli.analysis.compare import Comparison
+    from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.differences import Differences
     from eqt_cli.analysis.maps import Map
     from eqt_cli.analysis.margins import Margins
@@ -48,6 +48,7 @@ def compare(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
+    negligible: float = NEGLIGIBLE,
 ) -> Comparison:
     """Compare the laws of a result, or the laws of another result with them, run by run.
 
@@ -72,6 +73,8 @@ def compare(
         ``"mN m"`` for every quantity of this dimension, or ``"mean_torque=mN m"`` for one.
     confidence, resamples, seed
         Settings of the bootstrap.
+    negligible
+        Relative difference that counts as none.
 
     Returns
     -------
@@ -108,9 +111,16 @@ def compare(
                     windows=parsed,
                     between=_between(opened, second),
                     how=how,
+                    negligible=negligible,
                 )
-        labels = chosen_labels(results, controllers, without_start=without_start)
-        return compare_results(results, metrics=metrics, windows=parsed, labels=labels, how=how)
+        return compare_results(
+            results,
+            metrics=metrics,
+            windows=parsed,
+            labels=chosen_labels(results, controllers, without_start=without_start),
+            how=how,
+            negligible=negligible,
+        )
 
 
 def _between(first: Result, second: Result) -> list[str]:

@@ -16,7 +16,7 @@ from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.tables import as_csv, as_latex, in_colour
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.compare import Comparison
+    from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.differences import Dataset, Differences
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.base.reporting import TextTable
@@ -166,9 +166,9 @@ def compare(
             without_start=without_start,
             point=point,
             units=unit or (),
+            negligible=negligible,
             **vars(how),
         )
-        comparison = replace(comparison, negligible=negligible)
         against = _labels(comparison, against or ())
         as_rows = rows is Rows.CONTROLLERS or (
             rows is None and format is TableFormat.LATEX and columns > 1
@@ -311,7 +311,7 @@ def _of_experiment(
         **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
         "bootstrap": {"method": "expanded BCa"}
         | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
-        "verdict": verdict.records(comparison, base),
+        "verdict": rows["verdict"],
         "levels": rows[TableName.CONTROLLERS],
         "pairs": rows[TableName.PAIRS],
         "claims": rows[TableName.CLAIMS],

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
@@ -289,12 +289,6 @@ def _failures(result: Result) -> Iterator[str]:
 
 def print_table(result: Result, name: str, form: str) -> None:
     """Print a table on stdout, with all digits."""
-    from eqt_cli.cli.show import FORMATS, TABLES
-
-    for option, choice, known in (("--table", name, TABLES), ("--format", form, FORMATS)):
-        if choice not in known:
-            hint = suggestion(choice, known) or f"; known: {', '.join(known)}"
-            raise EqtError(f"{option}: unknown {option[2:]} '{choice}'{hint}")
     table = _metrics(result) if name == "metrics" else _unsettled(result)
     if form == "parquet":
         _print_parquet(table)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.registry import of_extension
 from eqt_cli.cli import options, output
@@ -79,6 +80,8 @@ def show(
         raise EqtError(
             "--json: is not available for a table; use --format jsonl, one document per row"
         )
+    _check_known("table", table, TABLES)
+    _check_known("format", format_, FORMATS)
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if export:
@@ -88,6 +91,12 @@ def show(
             print_table(results, table, format_ or FORMATS[0])
         else:
             (view or _summary)(results, json)
+
+
+def _check_known(option: str, value: str | None, known: Sequence[str]) -> None:
+    if value and value not in known:
+        hint = suggestion(value, known) or f"; known: {', '.join(known)}"
+        raise EqtError(f"--{option}: unknown {option} '{value}'{hint}")
 
 
 def _unfinished(path: Path, state: Unfinished, json: bool) -> None:

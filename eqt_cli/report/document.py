@@ -16,7 +16,7 @@ from markupsafe import Markup, escape
 from eqt_cli.analysis import verdict
 from eqt_cli.analysis.certificates import Row, certificate_table, with_titles
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.comparison_tables import findings, text_tables
+from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.analysis.fronts import side_by_side
 from eqt_cli.analysis.maps import sweep_tables
 from eqt_cli.analysis.search_record import TUNE, WORST
@@ -547,7 +547,7 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
     made = text_tables(comparison, Plain())
     return {
         "answer": verdict.lines(comparison, against),
-        "findings": findings(comparison),
+        "findings": verdict.findings(comparison),
         "confidence": f"{100 * comparison.confidence:g}",
         "claims": None if comparison.departures else made.get("claims"),
         "levels": made.get("controllers"),

@@ -9,8 +9,9 @@ from case_tables import refusal
 from scipy.stats import binomtest
 
 from eqt_cli.analysis.compare import AtMost, compare, judge_at_most, judge_less
-from eqt_cli.analysis.comparison_tables import records, text_tables, unsettled
+from eqt_cli.analysis.comparison_tables import records, text_tables
 from eqt_cli.analysis.intervals import Resampling, resolved_differences
+from eqt_cli.analysis.verdict import unsettled
 from eqt_cli.base.errors import EqtError
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import decay_rate

@@ -3,7 +3,7 @@
 import pytest
 
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.comparison_tables import findings
+from eqt_cli.analysis.verdict import findings
 
 TITLES = {"eqt": "EqT", "gt": "GT", "nog": "nog", "asym": "asym", "a": "A", "b": "B"}
 

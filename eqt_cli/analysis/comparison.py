@@ -1,0 +1,141 @@
+"""The data of a comparison of laws: means, differences of pairs, judged claims, and the answer."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from eqt_cli.analysis.intervals import NEGLIGIBLE, Level, Pair
+from eqt_cli.base.reporting import InNotebook
+from eqt_cli.results.result import PerRun
+
+
+class ClaimVerdict(StrEnum):
+    """The verdict on a claim."""
+
+    SUPPORTED = "supported"
+    NOT_SUPPORTED = "not supported"
+    UNDECIDED = "undecided"
+    NOT_COVERED = "not covered"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A row of a claim, measured.
+
+    Attributes
+    ----------
+    source, says
+        Source of the claim, and its words.
+    verdict
+        Verdict for the available runs.
+    runs_to_decide
+        Number of runs that would decide if all stays as measured; None if no number would.
+    pair
+        The difference of two controllers, for a claim that one has less than the other.
+    measured, controller
+        The measure and the controller, for a claim about every run.
+    statement
+        The claim about every run in words.
+    held, runs
+        Number of runs in which it held, and of runs with a value.
+    low
+        Lower end of the one-sided interval for the share of runs in which it holds.
+    absent
+        Kinds of controllers that the claim mentions and the result does not have.
+    """
+
+    source: str
+    says: str
+    verdict: ClaimVerdict
+    runs_to_decide: int | None
+    pair: Pair | None = None
+    measured: PerRun | None = None
+    controller: str = ""
+    statement: str = ""
+    held: int = 0
+    runs: int = 0
+    low: float = float("nan")
+    absent: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison(InNotebook):
+    """The outcome of `compare`.
+
+    Attributes
+    ----------
+    title, group, labels, runs
+        Title, group and labels of the result, and its runs per law.
+    titles
+        Display name of each controller, by label.
+    kinds
+        Kind of each controller, by label.
+    failed
+        Number of failed runs of each controller, by label.
+    horizon
+        Duration of the runs, s.
+    levels, pairs
+        One row per measure and controller, and per measure and pair of controllers.
+    judgements
+        One row per claim and measure; empty if no claim applies.
+    departures
+        How the loop departs from that of the claims, in words; then no claim is judged.
+    lyapunov_functions
+        Name of each law's function L, by label; empty if it is the same for all.
+    not_matched
+        Labels of laws whose gains are not matched to those of the others.
+    missing
+        Sentences about numbers that could not be computed.
+    confidence, resamples, seed
+        Settings of the bootstrap.
+    negligible
+        Relative difference within which there is none.
+    bases
+        Of two results: the law of the first with which each law of the second is compared.
+    between
+        Sentences on two results: whether their runs are pairs, and what differs.
+    lines
+        The answer in words: the experiment, and then what `eqt compare` prints first.
+    rows
+        A record per metric and pair of laws; per metric of a law that is alone. Of the pairs with
+        the first law, ``answer`` is the word in `lines`, and ``adjusted_p`` its p-value after Holm;
+        ``word`` follows from the interval of its row alone.
+    """
+
+    title: str
+    group: str
+    labels: list[str]
+    titles: dict[str, str]
+    runs: int
+    kinds: dict[str, str]
+    failed: dict[str, int]
+    horizon: float
+    levels: list[Level]
+    pairs: list[Pair]
+    judgements: list[Judgement]
+    departures: str
+    lyapunov_functions: dict[str, str]
+    not_matched: list[str]
+    missing: list[str]
+    confidence: float
+    resamples: int
+    seed: int
+    negligible: float = NEGLIGIBLE
+    bases: Mapping[str, str] = field(default_factory=dict)
+    between: Sequence[str] = ()
+    lines: Sequence[str] = ()
+    rows: Sequence[Mapping[str, Any]] = ()
+
+    def answer(self) -> list[str]:
+        """Return `lines`."""
+        return list(self.lines)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return `rows`."""
+        return [dict(row) for row in self.rows]
+
+    def against(self, *bases: str) -> list[Pair]:
+        """Return every pair against the law that stands first of both, after these."""
+        rank = [*bases, *self.labels].index
+        return [p if rank(p.first) > rank(p.second) else p.swapped() for p in self.pairs]
