@@ -557,29 +557,6 @@ def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-STARTS = "starts"
-"""Name of the leaf with the start time of each run, s."""
-
-
-@dataclass(frozen=True, eq=False)
-class OwnStarts(ClosedLoop):
-    """A closed loop in which a run at time t is at t + its own start.
-
-    It is for loops without known instants, since all runs would have to share them.
-    """
-
-    starts: Array = field(default_factory=lambda: np.zeros(1))
-
-    @property
-    def holds(self) -> bool:
-        """Whether numbers are held: never, since each run is at a time of its own."""
-        return False
-
-    def tracking(self, t: Any, state: Array) -> Tracking:
-        """Return the quantities that a law may read, each run at its own time."""
-        return super().tracking(t + self.starts[..., 0], state)
-
-
 # The reference by itself: the differential equation of X_d, without a law or a plant --------------
 #
 # Any engine integrates it like a closed loop; the desired motion that is stored is its solution.

@@ -205,10 +205,6 @@ _EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
 # The cross-check, and the result -----------------------------------------------------------------
 
 
-OUT_OF_TIME = "ended by its limit of time"
-"""What `CrossCheck.method` says of a check that ran out of time."""
-
-
 @dataclass(frozen=True)
 class CrossCheck:
     """The outcome of a cross-check.
@@ -216,7 +212,8 @@ class CrossCheck:
     Attributes
     ----------
     method
-        Description of the engine that repeated the runs.
+        The method that repeated the runs, and how much of the horizon; after a comma, why it did
+        not.
     runs
         Number of runs of each controller.
     difference
@@ -241,9 +238,8 @@ class CrossCheck:
         """The outcome in a sentence without its full stop."""
         runs = f"{self.runs} run{'' if self.runs == 1 else 's'} per law"
         if np.isnan(self.difference):
-            method, ended, _ = self.method.partition(f", {OUT_OF_TIME}")
-            why = f"{method.split()[0]} was {OUT_OF_TIME}" if ended else "its runs failed"
-            return f"cross-check: nothing to compare, since {why}"
+            _, _, why = self.method.partition(", ")
+            return f"cross-check skipped: {why or 'its runs failed'}"
         beyond = "" if self.holds else ", BEYOND its bound"
         return (
             f"cross-check: {runs} by {self.method}, largest difference {self.difference:.2g} "

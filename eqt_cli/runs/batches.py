@@ -23,10 +23,10 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Problem, SolverChecks
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.loop.closed_loop import STARTS, ClosedLoop, OwnStarts, ReferenceSystem
+from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.numbers.leaves import leaves, structure
 from eqt_cli.numbers.running import SampledRuns
-from eqt_cli.results.origin import OUT_OF_TIME, CrossCheck
+from eqt_cli.results.origin import CrossCheck
 
 # Groups runs of equal structure, also of different points, into problems for the engine -----------
 
@@ -259,50 +259,26 @@ BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`, with a margin for the amplification by the trajectories
 themselves: 190 was measured for a run of nog in the paper's ensemble that was solved alone."""
 
-MOST_SPANS = 200
-"""Largest number of spans between known instants that an engine in Python repeats. Each span takes
-at least one step, some milliseconds. A motion through thousands of waypoints would take minutes,
-and would show the same faults as its beginning."""
+EVALUATIONS = 500
+"""Evaluations, by the counts of the runs, that the check may take for loops of one structure: 0.07
+s of the paper's laws. Counts, unlike times, are the same under any load."""
 
-WORK_SHARE = 0.1
-"""Largest cost of the check with the default number of runs, as a share of the runs' work."""
+MOST_EVALUATIONS = 30_000
+"""Evaluations up to the first sample beyond which nothing is checked."""
 
-FREE_STEPS = 75_000
-"""Cost that the check may always have, in compiled steps: a twentieth of a second, which is a tenth
-of the time that any experiment needs to start."""
+EVALUATIONS_PER_STEP = 15
+"""Evaluations by LSODA per compiled step of the longest run: 9 to 18 were measured."""
 
-STEPS_PER_EVALUATION = 200
-"""Number of compiled steps that take as long as one evaluation of a vectorised law in Python: 133
-to 299 were measured of six shipped loops, 825 of the Crazyflie. The check is limited by counts, not
-by times, so that it is the same on every machine."""
-
-EVALUATIONS_PER_STEP = 28
-"""Evaluations by LSODA per compiled step (2,500 and 100 in 20 s of the paper's runs)."""
-
-EVALUATIONS_PER_INSTANT = 15
+EVALUATIONS_PER_SPAN = 40
 """Evaluations by LSODA that take as long as a control instant, with law, sensors and actuators: 5
 were measured of the BlueROV2, 12 of the CubeSat, 38 of the Crazyflie."""
 
-METHOD_FACTOR = 2
-"""Evaluations by LSODA per evaluation by DOP853: 0.4 to 1, and 2.3 with a law at 50 Hz."""
+MOST_SECONDS = 10.0
+"""Longest time of this thread for each chosen run of all laws, s. It ends what takes much longer
+than its counts say, such as unstable loops that only LSODA follows with short steps."""
 
 BLOCK_RUNS = 200
 """Number of runs that share the evaluations of an engine in Python."""
-
-RATE_TOLERANCE = 1e-9
-"""Tolerance, relative and in SI units, for rates computed together with other pieces."""
-
-MOST_PIECES = 16
-"""Largest number of pieces of the horizon that an engine in Python repeats side by side, each from
-its stored state. So the whole horizon is checked with the evaluations of one piece."""
-
-LEAST_SECONDS = 10.0
-"""Least wall time that a check may take, however little the runs took, s. The budget in counts is
-for loops that both methods integrate with similar steps; this limit is for the others, such as
-stiff or unstable ones."""
-
-SHORTER = 0.8
-"""Share of the time reached that is repeated, after a first attempt has run out of time."""
 
 
 def independent(engine: Engine) -> SolveIvp:
@@ -333,243 +309,82 @@ def chosen_entries(study: Study) -> Array:
     return np.sort(random.choice(entries, size=count, replace=False))
 
 
+class _Skipped(Exception):
+    """Raised with the reason where the check would take too long."""
+
+
 def cross_check(
     study: Study,
-    stored: Mapping[str, Sequence[Array]],
-    work: Mapping[str, Sequence[Array]],
-    deadline: float = np.inf,
+    stored: Mapping[int, Mapping[str, Sequence[Array]]],
+    longest: Mapping[int, Mapping[str, float]],
 ) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None if no run is chosen.
 
+    The default number of runs is repeated up to the last sample that `EVALUATIONS` allow, any other
+    number over the whole horizon.
+
     Parameters
     ----------
-    found
-        The stored states of the chosen runs of each controller, in blocks.
-    work
-        The work of all runs of each controller, as the engine counts it, in blocks.
-    deadline
-        Time of `time.monotonic` by which it ends. What was compared until then is said.
+    stored
+        The stored states of the chosen runs of each piece and controller, in blocks.
+    longest
+        The largest work of a run of each piece and controller, as the engine counts it.
     """
-    chosen = chosen_entries(study)
-    if not len(chosen):
+    base, pieces = study.base, study.pieces
+    runs = sum(len(chosen_entries(piece)) for piece in pieces)
+    if not runs:
         return None
-    groups = by_kind(study, chosen)
-    states, steps = (
-        {label: np.concatenate(each) for label, each in blocks.items()} for blocks in (stored, work)
+    times, bound = base.times, BOUND_PER_RTOL * base.engine.rtol
+    deadline = time.thread_time() + MOST_SECONDS * runs
+    difference, samples, method = np.nan, len(times), str(independent(base.engine).method)
+
+    def progress(done: float) -> None:
+        reporter().advance(done)
+        if time.thread_time() > deadline:
+            raise _Skipped(f"it takes more than {MOST_SECONDS * runs:g} s of the processor")
+
+    groups = (
+        (index, group)
+        for index, piece in enumerate(pieces)
+        for group in by_kind(piece, chosen_entries(piece))
     )
-    differences, redone = _differences(study, groups, states, steps, deadline)
-    other = independent(study.base.engine)
-    method = " ".join(filter(None, (other.method, redone.words(study.base.times))))
-    method += f", {OUT_OF_TIME}" if redone.out_of_time else ""
-    largest = float(differences.max()) if len(differences) else float("nan")
-    bound = BOUND_PER_RTOL * study.base.engine.rtol
-    return CrossCheck(method, len(chosen), largest, bound)
-
-
-def combined(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
-    """Combine the checks of several pieces: the sum of the runs, and the worst difference."""
-    done = [check for check in checks if check is not None]
-    if not done:
-        return None
-    worst = max(done, key=lambda check: np.nan_to_num(check.difference / check.bound, nan=-1.0))
-    return replace(worst, runs=sum(check.runs for check in done))
-
-
-def _affordable(study: Study, groups: int, steps: Mapping[str, Array], instants: int = 0) -> float:
-    """Return the share of the horizon that the check can repeat within its budget.
-
-    The budget is `WORK_SHARE` of the work of the runs, but at least `FREE_STEPS`. The whole horizon
-    is repeated if the configuration sets another number of runs than the default.
-    """
-    base = study.base
-    if base.solver.judgement.cross_check != SolverChecks.cross_check:
-        return 1.0
-    counted = [np.nan_to_num(each) for each in steps.values()]
-    longest = max((float(each.max(initial=0.0)) for each in counted), default=0.0)
-    if base.engine.threads:
-        solves = 2 if base.solver.estimates_errors else 1
-        work = solves * sum(float(each.sum()) for each in counted)
-        evaluations = longest * EVALUATIONS_PER_STEP + instants * EVALUATIONS_PER_INSTANT
-        cost = groups * evaluations * STEPS_PER_EVALUATION
-    else:
-        blocks = [each.mean() * -(-each.size // BLOCK_RUNS) for each in counted if each.size]
-        work = STEPS_PER_EVALUATION * float(sum(blocks))
-        cost = groups * longest * METHOD_FACTOR * STEPS_PER_EVALUATION
-    budget = max(WORK_SHARE * work, FREE_STEPS / len(study.shapes))
-    return min(1.0, budget / cost) if cost else 1.0
-
-
-class _OutOfTime(Exception):
-    """Raised within a solve at its deadline; its argument is the number of runs done."""
-
-
-@dataclass(frozen=True)
-class _Pieces:
-    """Pieces of the horizon to repeat, each from the stored state at its start.
-
-    Attributes
-    ----------
-    starts
-        Samples at which the pieces start.
-    length
-        Number of samples of each piece, including the first.
-    out_of_time
-        Whether it is shorter than planned, because the time ran out.
-    """
-
-    starts: tuple[int, ...]
-    length: int
-    out_of_time: bool = False
-
-    @staticmethod
-    def of(problem: Problem, engine: Engine, part: float) -> _Pieces:
-        """Return pieces that cover the horizon, or as much of it as `part` affords.
-
-        The pieces share the evaluations of one block of the engine. If the engine solves runs one
-        by one, or the vector field changes at known instants, there is one piece of at most
-        `MOST_SPANS` spans; so there is if a command is held, which a later start would renew.
-        """
-        steps, side_by_side = len(problem.times) - 1, engine.runs_at_once(1) // problem.runs
-        number = min(steps, MOST_PIECES, int(np.ceil(1 / part)), max(1, side_by_side))
-        held = problem.loop.vehicle.control is not None
-        if held or len(problem.spans) > 1 or number == 1:
-            return _Pieces.beginning(problem, part)
-        length = min(-(-steps // number), int(np.ceil(part * steps)))
-        starts = np.linspace(0, steps - length, number).round().astype(int)
-        return _Pieces(tuple(starts.tolist()), length + 1)
-
-    @staticmethod
-    def beginning(problem: Problem, part: float) -> _Pieces:
-        """Return the beginning of the horizon: at most `MOST_SPANS` spans, at least two samples."""
-        times = problem.times
-        end = times[0] + part * (times[-1] - times[0])
-        if len(problem.spans) > MOST_SPANS:
-            end = min(end, problem.spans[MOST_SPANS].start)
-        reached = int(np.searchsorted(times, end, side="right"))
-        return _Pieces((0,), len(times) if end >= times[-1] else max(reached, 2))
-
-    def can_share_evaluations(self, whole: Problem, states: Array) -> bool:
-        """Whether the field accepts a time for each piece; a plugin may accept only one time."""
-        if len(self.starts) == 1:
-            return True
-        t, together = float(whole.times[0]), self.problem(whole, states)
-        loop, alone = whole.batched_loop(), []
-        with np.errstate(all="ignore"):
-            try:
-                rates = together.batched_loop().vector_field(t, together.states)
-            except Exception:
-                return False
-            for start in self.starts:
-                t = float(whole.times[start])
-                alone.append(loop.holding(t).vector_field(t, states[:, start]))
-        expected = np.concatenate(alone)
-        return rates.shape == expected.shape and np.allclose(
-            rates, expected, RATE_TOLERANCE, RATE_TOLERANCE
-        )
-
-    def problem(self, whole: Problem, states: Array) -> Problem:
-        """Return all pieces of all runs as one problem; `states` are the stored ones."""
-        times = whole.times[: self.length]
-        if len(self.starts) == 1:
-            return replace(whole, times=times)
-        number = len(self.starts)
-        varying = {name: np.concatenate([rows] * number) for name, rows in whole.varying.items()}
-        later = whole.times[list(self.starts)] - whole.times[0]
-        return Problem(
-            OwnStarts.of(whole.loop),
-            np.concatenate([states[:, start] for start in self.starts]),
-            times,
-            varying | {STARTS: np.repeat(later, whole.runs)[:, None]},
-        )
-
-    def differences(self, whole: Problem, states: Array, again: Array) -> Array:
-        """Return the sum of the differences of the pieces of each run."""
-        loop, total = whole.batched_loop(extra_axes=1), np.zeros(whole.runs)
-        for start, redone in zip(self.starts, np.split(again, len(self.starts)), strict=True):
-            samples = slice(start, start + self.length)
-            total += distance(loop, whole.times[samples], states[:, samples], redone)
-        return total
-
-    def reach(self) -> int:
-        """Return the number of intervals between samples that the pieces cover."""
-        return len(self.starts) * (self.length - 1)
-
-    def words(self, times: Array) -> str:
-        """Describe the repeated part of the horizon; empty for all of it in one piece, or none."""
-        seconds = f"{times[max(self.length, 1) - 1] - times[0]:.3g} s"
-        if self.length < 2:
-            return ""
-        if len(self.starts) > 1:
-            return f"in {len(self.starts)} pieces of {seconds}"
-        return f"over the first {seconds}" if self.length < len(times) else ""
-
-
-def _differences(
-    study: Study,
-    groups: list[list[tuple[str, Batch]]],
-    stored: Mapping[str, Array],
-    steps: Mapping[str, Array],
-    deadline: float,
-) -> tuple[Array, _Pieces]:
-    """Return the difference of each run that did not fail, and the pieces that were repeated."""
-    instants = max(batch.problem.control_instants for group in groups for _, batch in group)
-    part = _affordable(study, len(groups), steps, instants)
-    differences, redone = [np.empty(0)], []
-    everything = _Pieces((0,), len(study.base.times))
-    for group in groups:
-        engine = independent(group[0][1].engine)
+    for index, group in groups:
         problem = Problem.joined([batch.problem for _, batch in group])
-        pieces = _Pieces.of(problem, engine, part)
-        states = np.concatenate([stored[label][batch.rows] for label, batch in group])
+        by_label = {label: np.concatenate(blocks) for label, blocks in stored[index].items()}
+        states = np.concatenate([by_label[label][batch.rows] for label, batch in group])
         good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
         reporter().advance(problem.runs - len(good))
         if not len(good):
             continue
-        whole, states = problem.select(good), states[good]
-        if not pieces.can_share_evaluations(whole, states):
-            pieces = _Pieces.beginning(problem, part)
-        pieces, again = _again(engine, pieces, whole, states, deadline)
-        redone.append(pieces)
-        if again is None:
-            continue
-        with np.errstate(all="ignore"):  # the other engine may fail or diverge
-            distances = pieces.differences(whole, states, again)
-        differences.append(np.nan_to_num(distances, nan=np.inf))
-    return np.concatenate(differences), min(redone, key=_Pieces.reach, default=everything)
-
-
-def _again(
-    engine: Engine, pieces: _Pieces, whole: Problem, states: Array, deadline: float
-) -> tuple[_Pieces, Array | None]:
-    """Solve pieces again; return those that were solved in time, and their states, if any.
-
-    If they take more than half of the time that is left, shorter ones are solved instead.
-    """
-    here, share = reporter(), 1 / len(pieces.starts)
-    for first in (True, False):
-        now, done = time.monotonic(), 0.0
-        ends = (now + deadline) / 2 if first and pieces.length > 2 else deadline
-
-        def counted(runs: float, ends: float = ends) -> None:
-            nonlocal done
-            done += runs
-            here.advance(share * runs)
-            if time.monotonic() > ends:
-                raise _OutOfTime
-
-        problem = pieces.problem(whole, states)
         try:
-            return pieces, engine.solve(problem, progress=counted).states
-        except _OutOfTime:
-            here.advance(-share * done)
-            reached = SHORTER * done / problem.runs
-            pieces = replace(
-                pieces, length=1 + int(reached * (pieces.length - 1)), out_of_time=True
-            )
-            if pieces.length < 2:
+            work = max(longest[index][label] for label, _ in group)
+            samples = min(samples, _samples(base, problem, work))
+            begun = replace(problem.select(good), times=times[:samples])
+            engine = independent(group[0][1].engine)
+            again = engine.solve(begun, progress=progress).states
+        except _Skipped as skipped:
+            if difference > bound:
                 break
-    here.advance(whole.runs)
-    return replace(pieces, length=1), None
+            return CrossCheck(f"{method}, {skipped}", runs, np.nan, bound)
+        with np.errstate(all="ignore"):  # the other engine may fail or diverge
+            loop = begun.batched_loop(extra_axes=1)
+            distances = distance(loop, begun.times, states[good, :samples], again)
+        difference = np.fmax(difference, np.nan_to_num(distances, nan=np.inf).max())
+    if samples < len(times):
+        method += f" over the first {times[samples - 1] - times[0]:.3g} s"
+    return CrossCheck(method, runs, float(difference), bound)
+
+
+def _samples(base: Experiment, problem: Problem, work: float) -> int:
+    """Return how many samples are repeated, where the longest run takes this work."""
+    if base.solver.judgement.cross_check != SolverChecks.cross_check:
+        return len(problem.times)
+    per_step = EVALUATIONS_PER_STEP if base.engine.counted == "steps" else 1
+    evaluations = per_step * work + EVALUATIONS_PER_SPAN * len(problem.spans)
+    per_sample = evaluations / (len(problem.times) - 1)
+    if per_sample > MOST_EVALUATIONS:
+        raise _Skipped(f"up to the first sample it takes about {per_sample:.1g} evaluations")
+    return 1 + min(max(1, int(EVALUATIONS / per_sample)), len(problem.times) - 1)
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:

@@ -25,7 +25,7 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.runs.batches import LEAST_SECONDS, chosen_entries, combined, cross_check
+from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
 from eqt_cli.runs.folder import (
@@ -372,8 +372,6 @@ class _Session:
 PACKING, CHECKING = "parts packed", "runs cross-checked"
 """Titles of the steps."""
 
-_ByController = dict[int, dict[str, list[Array]]]
-
 COPIED_BYTES = 64 * 2**20
 
 
@@ -399,8 +397,7 @@ def pack(
     Parameters
     ----------
     seconds
-        Wall times of what was done; receives that of the cross-check, which may take as long as the
-        simulation, and at least `LEAST_SECONDS`.
+        Wall times of what was done; receives that of the cross-check.
 
     Raises
     ------
@@ -416,14 +413,10 @@ def pack(
             for name, values in (shared or {}).items():
                 place.put(name, values[::decimate])
         with step(PACKING, len(task)):
-            states, work = _put_parts(task, file.places)
-        pieces = study.pieces
-        redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
-        deadline = time.monotonic() + max(LEAST_SECONDS, seconds.get("simulation", 0.0))
+            states, longest = _put_parts(task, file.places)
+        redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in study.pieces)
         with timed(seconds, "cross-check"), step(CHECKING, redone):
-            check = combined(
-                [cross_check(piece, states[k], work[k], deadline) for k, piece in enumerate(pieces)]
-            )
+            check = cross_check(study, states, longest)
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}
         file.root.describe({**attributes, **checked})
@@ -472,17 +465,17 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
 
 def _put_parts(
     task: PartTask, places: Sequence[Destination]
-) -> tuple[_ByController, _ByController]:
+) -> tuple[dict[int, dict[str, list[Array]]], dict[int, dict[str, float]]]:
     """Write the content of all finished parts into the result file, by piece.
 
     Returns
     -------
-    states, work
+    states, longest
         Inputs of the cross-check by piece and controller: the states of the chosen runs, and the
-        work of all runs.
+        largest work of a run.
     """
-    states: _ByController = defaultdict(lambda: defaultdict(list))
-    work: _ByController = defaultdict(lambda: defaultdict(list))
+    states: dict[int, dict[str, list[Array]]] = defaultdict(lambda: defaultdict(list))
+    longest: dict[int, dict[str, float]] = defaultdict(lambda: defaultdict(float))
     for item, listed in sorted(task.finished().items()):
         index, part = task.part(item)
         study, place = task.study.piece(index), places[index]
@@ -501,11 +494,12 @@ def _put_parts(
                 if ((chosen >= part.start) & (chosen < part.stop)).any():
                     states[index][label].append(checked_states(results, loop.layout))
                 if "steps" in variables:
-                    work[index][label].append(variables["steps"])
+                    work = float(np.max(variables["steps"]))
+                    longest[index][label] = max(longest[index][label], work)
         except ResultError as error:
             raise BrokenPart(listed.path, str(error)) from error
         reporter().advance(1)
-    return states, work
+    return states, longest
 
 
 def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: StudyPart) -> None:

@@ -138,16 +138,6 @@ def test_a_reference_without_instants_within_the_horizon(config, reference):
     assert found.jumps == []
 
 
-def test_the_cross_check_of_many_knots_is_of_the_beginning(config, monkeypatch):
-    monkeypatch.setattr("eqt_cli.runs.batches.MOST_SPANS", 1)
-    overrides = ["solver.cross_check=1", "solver.engine=native", "initial={}"]
-    done = execute(study(read_config(config, overrides)), config.parent / "checked").folder
-    with open_results(done.results) as results:
-        check = results.attributes
-        assert str(check["cross_check_method"]).endswith(" over the first 1 s")
-        assert check["cross_check_difference"] < check["cross_check_bound"]
-
-
 def test_angles_of_many_turns_that_are_written_as_numbers_are_told(config):
     asked = [
         "reference={kind: constant, pose: {rotvec: [45, 15*pi, 720 deg]}}",

@@ -1,0 +1,101 @@
+"""What the cross-check repeats, told by counts, and what it finds."""
+
+import numpy as np
+import pytest
+from small_experiment import mapping
+
+from eqt_cli import load_experiment
+from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.native import Native
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.runs import batches as checking
+from eqt_cli.runs.batches import batches, cross_check, independent
+
+
+def study(**changes):
+    changes = {"solver": {"engine": "native"}, "controllers": ["eqt"], **changes}
+    return load_experiment(mapping(time={"duration": 20, "samples": 401}, **changes))
+
+
+@pytest.fixture(scope="module")
+def states():
+    """The states of three runs of a law with a reference that depends on time."""
+    (batch,) = batches(study(), "eqt", np.arange(3))
+    return SolveIvp(rtol=1e-10).solve(batch.problem).states
+
+
+METHODS = {
+    Native(rtol=1e-7): "LSODA",
+    SolveIvp(rtol=1e-7): "LSODA",
+    SolveIvp(rtol=1e-7, method="Radau"): "LSODA",
+    SolveIvp(rtol=1e-7, method="LSODA"): "Radau",
+    SolveIvp(rtol=1e-7, method="BDF"): "Radau",
+}
+
+
+@pytest.mark.parametrize("engine", METHODS, ids=lambda each: getattr(each, "method", each.name))
+def test_the_check_is_of_another_kind_of_method_and_as_accurate(engine, states):
+    """LSODA compares largest errors and Radau means, so one is given √B times the tolerance."""
+    other = independent(engine)
+    assert other.method == METHODS[engine]
+    if engine.name == "native" or engine.method == "LSODA":
+        (batch,) = batches(study(), "eqt", np.arange(3))
+        problem = Problem(batch.problem.loop, batch.problem.states, batch.problem.times[:21])
+        again = other.solve(problem).states
+        assert 1e-12 < np.abs(again - states[:, :21]).max() < 100 * engine.rtol
+
+
+def test_a_check_of_few_steps_is_of_the_whole_horizon(states):
+    check = cross_check(study(), {0: {"eqt": [states]}}, {0: {"eqt": 30.0}})
+    assert (check.method, check.runs) == ("LSODA", 3)
+    assert 0 < check.difference < check.bound / 100
+
+
+CHECKED = {
+    "steps": ("2.8", {}, 232.0),  # 56 of 400 intervals, as 500 of 3,520 evaluations
+    "evaluations": ("2.8", {"solver": {"engine": "solve_ivp"}}, 3480.0),
+    "instants": ("2.8", {"control": {"period": 1.0}}, 181.0),
+    "one interval at least": ("0.05", {}, 500_000.0),
+}
+
+
+@pytest.mark.parametrize(("seconds", "changes", "longest"), CHECKED.values(), ids=CHECKED)
+def test_the_beginning_is_checked_that_the_counts_of_the_longest_run_allow(
+    states, seconds, changes, longest
+):
+    loaded = study(**changes)
+    (batch,) = batches(loaded, "eqt", np.arange(3))
+    found = SolveIvp(rtol=1e-10).solve(batch.problem).states if "control" in changes else states
+    check = cross_check(loaded, {0: {"eqt": [found]}}, {0: {"eqt": longest}})
+    assert check.method == f"LSODA over the first {seconds} s"
+    assert check.difference < check.bound / 10
+
+
+def test_another_number_of_runs_is_checked_over_the_whole_horizon(states):
+    asked = study(solver={"engine": "native", "cross_check": 2})
+    chosen = checking.chosen_entries(asked)
+    check = cross_check(asked, {0: {"eqt": [states[chosen]]}}, {0: {"eqt": 1e9}})
+    assert (check.method, check.runs) == ("LSODA", 2)
+
+
+def test_a_wrong_state_shows(states):
+    (batch,) = batches(study(), "eqt", np.arange(3))
+    wrong = states.copy()
+    wrong[1, 7, batch.problem.loop.layout.slices["momentum"]] += 1e-3
+    check = cross_check(study(), {0: {"eqt": [wrong]}}, {0: {"eqt": 235.0}})
+    assert 1e-4 < check.difference < 1e-2
+    assert not check.holds
+
+
+@pytest.mark.parametrize(
+    ("seconds", "longest", "why"),
+    [
+        (10.0, 1e7, "up to the first sample it takes about 4e+05 evaluations"),
+        (-1.0, 100.0, "it takes more than -3 s of the processor"),
+    ],
+)
+def test_a_check_that_takes_too_long_is_skipped(monkeypatch, states, seconds, longest, why):
+    monkeypatch.setattr(checking, "MOST_SECONDS", seconds)
+    check = cross_check(study(), {0: {"eqt": [states]}}, {0: {"eqt": longest}})
+    assert check.described == f"cross-check skipped: {why}"
+    assert check.holds
