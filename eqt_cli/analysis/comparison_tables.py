@@ -11,7 +11,7 @@ from eqt_cli.analysis.intervals import FEWEST, POWER, Level, Pair, Word
 from eqt_cli.analysis.verdict import Answer, answers, runs_each, sources, too_few, unsettled
 from eqt_cli.base.reporting import Block, TextTable, percent
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import Plain, Window
+from eqt_cli.results.quantity import NO_SYMBOL, Plain, Window
 from eqt_cli.results.result import PerRun
 
 Record = dict[str, Any]
@@ -336,7 +336,7 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
 
 def _measure(measured: PerRun, write: Plain, whole: str) -> str:
     """Return name, window unless it is that of most rows, and unit, in a cell."""
-    name = write.name(replace(measured.quantity, formula=""))
+    name = write.name(replace(measured.quantity, formula=NO_SYMBOL))
     row = [name, write.window(measured.seen), write.unit(measured.unit)]
     return ", ".join(word for word in row if word not in ("", whole))
 

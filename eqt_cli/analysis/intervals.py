@@ -507,13 +507,13 @@ class Pair:
         half = (values[2] - values[1]) / 2
         digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if 0 < half < math.inf else 0
         mean, *ends = (fixed(value, digits, signed=True).replace("-", "−") for value in values)
-        unit = "points" if self.measured.quantity.is_share else "%"
+        unit = "points" if self.measured.is_share else "%"
         return f"{mean} {unit} [{', '.join(ends)}]" if math.isfinite(half) else f"{mean} {unit}"
 
     def swapped(self) -> Pair:
         """Return the pair with the two controllers exchanged."""
         relative = [-self.relative, -self.relative_high, -self.relative_low]
-        if not self.measured.quantity.is_share:
+        if not self.measured.is_share:
             sign, other = np.sign([self.mean_second, self.mean_first])
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratios = 1 + sign * np.array([self.relative, self.relative_low, self.relative_high])
@@ -618,7 +618,7 @@ def _pair(
         failed,
         s.runs - failed - len(differences),
         *interval,
-        *(interval if s.quantity.is_share else relative),
+        *(interval if s.is_share else relative),
         mean_first=_mean(s.values[a][both]),
         mean_second=_mean(second),
         cohen_d=cohen_d,

@@ -7,20 +7,15 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Literal
 
 import numpy as np
 
 from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
 from eqt_cli.analysis.intervals import FEWEST, SHARE, Level, Pair, Word, holm, sign_test
 from eqt_cli.base.reporting import count_of, listed, percent, significant
-from eqt_cli.results.quantity import Plain
+from eqt_cli.results.quantity import LAST_RESORT, Plain
 from eqt_cli.results.result import PerRun
-
-ERRORS = ("position_rms", "mean_pointing_error", "mean_attitude_error"), ("mean_pose_error",)
-"""Errors by which laws are compared first; the first of these of which a result knows any."""
-
-COSTS = ("effort",), ("early_torque",)
-"""The same for what they cost."""
 
 MOST_NAMES = 6
 """Most undecided numbers of a law that are named."""
@@ -100,8 +95,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     made, undecided = list[str](), list[str]()
     for label in comparison.labels:
         of_law = [each for each in conclusions if each.pair.first == label]
-        first = [each for names in (ERRORS, COSTS) for each in _headline(of_law, names)]
-        first = first or of_law[:1]
+        first = [*_first(of_law, "error"), *_first(of_law, "cost")] or of_law[:1]
         others = [each for each in of_law if each not in first]
         if of_law:
             made.append(f"{titles[label]} against {titles[of_law[0].pair.second]}")
@@ -123,19 +117,17 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     return [*comparison.between, *made, *_meaning(comparison, tested)]
 
 
-def _headline(conclusions: Sequence[Answer], names: Sequence[tuple[str, ...]]) -> list[Answer]:
-    """Return the answers about the first of these numbers that are known, by parts if any."""
-    for some in names:
-        of_some = [
-            each
-            for name in some
-            for each in conclusions
-            if each.pair.measured.quantity.name.startswith(name)
-        ]
-        if of_some:
-            window = of_some[0].pair.measured.window
-            return [each for each in of_some if each.pair.measured.window == window]
-    return []
+def _first(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:
+    """Return the answers about the errors, or the costs, by which laws are compared first."""
+
+    def rank(answer: Answer) -> int:
+        return answer.pair.measured.quantity.rank
+
+    of_role = [each for each in conclusions if each.pair.measured.quantity.role == role]
+    ranked = sorted(of_role, key=rank)
+    ranked = [each for each in ranked if rank(each) < LAST_RESORT] or ranked
+    window = {each.pair.measured.window for each in ranked[:1]}
+    return [each for each in ranked if each.pair.measured.window in window]
 
 
 def _in_full(answer: Answer, comparison: Comparison) -> str:

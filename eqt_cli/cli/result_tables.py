@@ -16,7 +16,8 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
-from eqt_cli.results.result import HEADLINE, Result, mean_over_runs
+from eqt_cli.results.metrics import SUMMARY
+from eqt_cli.results.result import Result, mean_over_runs
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -85,51 +86,37 @@ def outcome_record(result: Result) -> dict[str, Any]:
     return {"points_won": won}
 
 
-_ERRORS = {
-    "mean_attitude_error": "mean error",
-    "mean_position_error": "mean error",
-    "position_rms": "rms error",
-    "final_attitude_error": "final error",
-    "final_position_error": "final error",
-}
-"""Headings of errors that are an angle in one block, and a distance in another one."""
-_OF_PARTS = {
-    "early_torque": "early wrench",
-    "mean_torque": "mean wrench",
-    "peak_torque": "largest wrench",
-    "mean_pose_error": "mean pose error",
-    "final_pose_error": "final pose error",
-    "final_velocity_error": "final velocity error",
-}
-"""Headings of norms of which each block has a symbol of its own, such as ‖τ‖ and ‖f‖."""
-
-
 def _headline(result: Result) -> Text:
     """Return a line per law: errors, torque, final velocity error, energy residual.
 
     Parts with units of their own have a block each.
     """
-    known = result.headlines
-    parts = [name.removeprefix(_base(name)) for name in known]
-    ends = list(dict.fromkeys(filter(None, parts))) or [""]
-    columns = {end: _columns(result, end) for end in ends}
-    shown = {heading: columns[end][heading] for end in ends for heading in columns[end]}
-    order = [*result.own_metrics, *HEADLINE]
-    measures = sorted(shown, key=lambda each: order.index(_base(shown[each])))
+    suffixes = dict.fromkeys(name.removeprefix(_base(name)) for name in result.headlines)
+    parts = [suffix for suffix in suffixes if suffix] or [""]
+    names_of_part = {part: _names_by_heading(result, part) for part in parts}
+    names = {heading: name for part in parts for heading, name in names_of_part[part].items()}
+    order = [*result.own_metrics, *(row.name for row in SUMMARY)]
+    headings = sorted(names, key=lambda heading: order.index(_base(names[heading])))
     blocks = [
-        _block(result, end, [columns[end].get(each, "") for each in measures]) for end in ends
-    ]
-    units = [result.units(shown[each]) * (ends == [""]) for each in measures]
-    header = [
-        f"{x}, {u}" if u not in ("", "1") else x for x, u in zip(measures, units, strict=True)
+        _block(result, part, [names_of_part[part].get(heading, "") for heading in headings])
+        for part in parts
     ]
     notes = []
-    for each in (each for each in measures if shown[each].startswith("early_torque")):
-        of_parts = dict.fromkeys(result.quantity(columns[end][each]).plain for end in ends)
-        notes.append(f"{each}: {'; '.join(of_parts)}")
-    if "mean error" in shown:
-        of = [", and the distance ‖p − p_d‖"] * ("final_position_error" in result.headlines)
-        notes.append(f"error: the angle of the attitude error{''.join(of)}")
+    for heading in headings:
+        if names[heading].startswith("early_torque"):
+            early = [result.quantity(names_of_part[part][heading]).plain for part in parts]
+            notes.append(f"{heading}: {'; '.join(dict.fromkeys(early))}")
+    if "mean error" in names:
+        moves = "final_position_error" in result.headlines
+        distance = ", and the distance ‖p − p_d‖" if moves else ""
+        notes.append(f"error: the angle of the attitude error{distance}")
+    header = headings
+    if parts == [""]:  # else each block names its units
+        units = [result.units(names[heading]) for heading in headings]
+        header = [
+            heading if unit in ("", "1") else f"{heading}, {unit}"
+            for heading, unit in zip(headings, units, strict=True)
+        ]
     settled = "settled" if all("settled" in row for row in result.headline()) else "runs"
     spare = (header[-1], *reversed(header[1:-1]))
     return output.laid_out(
@@ -138,22 +125,26 @@ def _headline(result: Result) -> Text:
 
 
 def _base(name: str) -> str:
-    return next((base for base in HEADLINE if name.startswith(base)), name)
+    """Return the name of a number of which this is a part, or its own name."""
+    return next((row.name for row in SUMMARY if name.startswith(row.name)), name)
 
 
-def _columns(result: Result, part: str) -> dict[str, str]:
+def _names_by_heading(result: Result, part: str) -> dict[str, str]:
     """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
-    columns, turns = dict[str, str](), part.startswith("_rotation")
-    for base in (*result.own_metrics, *HEADLINE):
+    names, turns = dict[str, str](), part.startswith("_rotation")
+    for base in (*result.own_metrics, *(row.name for row in SUMMARY)):
         name = base + part if base + part in result.headlines else base
         turned = any(what in base for what in ("attitude", "pointing"))
         of_other = (turned and not turns) or ("position" in base and turns)
-        if name in result.headlines and not (part and of_other):
-            plain = result.quantity(base).plain.removeprefix("energy ")
-            short = _WINDOW.sub(lambda m: m[1] + m[2].translate(_BELOW), plain)
-            short = _OF_PARTS.get(base, short) if part else short
-            columns.setdefault(_ERRORS.get(base, short), name)
-    return columns
+        if name not in result.headlines or (part and of_other):
+            continue
+        quantity = result.quantity(base)
+        heading = quantity.plain.removeprefix("energy ")
+        heading = _WINDOW.sub(lambda mean: mean[1] + mean[2].translate(_BELOW), heading)
+        if quantity.heading and (part or not quantity.stored_by_part):
+            heading = quantity.heading
+        names.setdefault(heading, name)
+    return names
 
 
 def _block(result: Result, part: str, names: Sequence[str]) -> Block:

@@ -85,7 +85,7 @@ def signal_label(result: Result, signal: str) -> str:
     """Return the axis label of a signal: its symbol with its unit."""
     if signal in result.custom_names:
         return in_words(free_text(result.custom_names[signal], _LONGEST), result.units(signal))
-    text = _labelled(result, signal, result.quantity(signal).symbol, result.units(signal))
+    text = _labelled(result, signal, result.quantity(signal).symbol.latex, result.units(signal))
     per_law = signal == "lyapunov" and result.lyapunov_functions
     return f"{text},\neach law's own" if per_law else text
 
@@ -99,7 +99,7 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
         unit = result.unit_of(of)
     words = result.custom_names.get(metric, "")
     if "{}" in of.label and not words:
-        return of.label.replace("{}", _labelled(result, metric, of.symbol, unit))
+        return of.label.replace("{}", _labelled(result, metric, of.symbol.latex, unit))
     words = free_text(words or of.label or of.long_name, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")
 

@@ -17,6 +17,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.loop.signals import MIXED
+from eqt_cli.results.metrics import RANKED
 from eqt_cli.results.quantity import SweptKey
 from eqt_cli.results.result import Result
 
@@ -322,11 +323,6 @@ def error_of(result: Result, figure: str, message: str) -> EqtError:
 # Metrics per run, of one or several results -------------------------------------------------------
 
 
-DEFAULT_METRICS = ("effort", "peak_torque", "settling_time")
-"""Metrics shown by default besides the errors by which laws are compared, as far as all results
-hold them."""
-
-
 @dataclass(frozen=True)
 class MetricValues:
     """One metric over the good runs of a controller.
@@ -370,7 +366,8 @@ class ShownMetrics(ShownControllers):
     Parameters
     ----------
     metrics
-        Metrics to show, by their names in the results; `DEFAULT_METRICS` if empty.
+        Metrics to show, by their names in the results; if empty, those by which laws are compared
+        first, as far as all results hold them.
 
     Attributes
     ----------
@@ -391,7 +388,8 @@ class ShownMetrics(ShownControllers):
         metrics: Sequence[str] = (),
     ) -> None:
         super().__init__(results, figure, chosen)
-        parts = [part for name in DEFAULT_METRICS for part in results[0].in_parts(name)]
+        besides = [row.name for row in RANKED if row.role != "error"]
+        parts = [part for name in besides for part in results[0].in_parts(name)]
         parts = [*results[0].compared_first, *parts]
         held = [
             name for name in dict.fromkeys(parts) if all(name in one.metrics for one in results)
@@ -401,7 +399,7 @@ class ShownMetrics(ShownControllers):
         if without and not metrics:
             self.remarks.append(f"No run has a {', '.join(without)}.".replace("_", " "))
         if not self.metrics:
-            message = f"finds none of the metrics {', '.join(DEFAULT_METRICS)}"
+            message = f"finds none of the metrics {', '.join(besides)}"
             raise self.error(f"{message}; choose others with the option 'metrics'")
         for one in results:
             unknown = [name for name in self.metrics if name not in one.comparable]

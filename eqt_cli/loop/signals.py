@@ -91,6 +91,13 @@ Formula: TypeAlias = Callable[[LoopState], Array]
 Norm: TypeAlias = Literal["", "entries", "axes", "each"]
 
 
+class Symbol(NamedTuple):
+    """A symbol, or a formula with ``{}`` for one, in LaTeX and in plain characters."""
+
+    latex: str
+    plain: str
+
+
 @dataclass(frozen=True)
 class Signal:
     """A quantity over time of one run.
@@ -100,7 +107,7 @@ class Signal:
     name
         Its name in a result file.
     symbol
-        Symbol of the paper, in LaTeX.
+        Symbol of the paper.
     long_name
         Its name in words.
     unit
@@ -121,10 +128,12 @@ class Signal:
         Whether it exists on a group.
     exists_for
         Whether it exists for a loop; it is stored if it does for that of any law.
+    rank
+        Its place among the signals that a page draws; 0 if it does not.
     """
 
     name: str
-    symbol: str
+    symbol: Symbol
     long_name: str
     unit: str
     formula: Formula
@@ -134,6 +143,7 @@ class Signal:
     only_there: bool = False
     exists_on: Callable[[MatrixLieGroup], bool] = lambda group: True
     exists_for: Callable[[ClosedLoop], bool] = lambda loop: True
+    rank: int = 0
 
     def unit_in(self, part: Part) -> str:
         """Return its unit in a part of the coordinates."""
@@ -172,13 +182,17 @@ MATRIX, VECTOR = ("row", "col"), ("axis",)
 
 
 def _signal(
-    symbol: str, unit: str, dims: tuple[str, ...] = (), norm: Norm = "", **where: Any
+    latex: str, unit: str, dims: tuple[str, ...] = (), norm: Norm = "", plain: str = "", **more: Any
 ) -> Callable[[Formula], Formula]:
-    """Add the signal of a formula, whose docstring without the full stop is its name in words."""
+    """Add the signal of a formula, whose docstring without the full stop is its name in words.
+
+    Its symbol in plain characters is that in LaTeX if no other is given.
+    """
+    symbol = Symbol(latex, plain or latex)
 
     def added(formula: Formula) -> Formula:
         words = str(formula.__doc__).removesuffix(".")
-        SIGNALS.append(Signal(formula.__name__, symbol, words, unit, formula, dims, norm, **where))
+        SIGNALS.append(Signal(formula.__name__, symbol, words, unit, formula, dims, norm, **more))
         return formula
 
     return added
@@ -202,37 +216,37 @@ def velocity(x: LoopState) -> Array:
     return x.s.V
 
 
-@_signal(r"\tau", "force_unit", VECTOR)
+@_signal(r"\tau", "force_unit", VECTOR, plain="τ")
 def torque(x: LoopState) -> Array:
     """control torque tau, body frame."""
     return x.torque
 
 
-@_signal(r"\|I - Q_E\|_{\mathrm{F}}", "pose_unit", norm="entries")
+@_signal(r"\|I - Q_E\|_{\mathrm{F}}", "pose_unit", norm="entries", plain="‖I − Q_E‖", rank=1)
 def pose_error(x: LoopState) -> Array:
     """pose error ||I - Q Qd^-1||_F."""
     return x.s.G.identity - x.s.Q_E
 
 
-@_signal(r"\|V - V_d\|", "velocity_unit", norm="axes")
+@_signal(r"\|V - V_d\|", "velocity_unit", norm="axes", plain="‖V − V_d‖", rank=3)
 def velocity_error(x: LoopState) -> Array:
     """velocity error ||V - Vd||."""
     return x.s.V_tilde
 
 
-@_signal(r"\|\tau\|", "force_unit", norm="axes")
+@_signal(r"\|\tau\|", "force_unit", norm="axes", plain="‖τ‖", rank=4)
 def torque_norm(x: LoopState) -> Array:
     """torque norm ||tau||."""
     return x.torque
 
 
-@_signal(r"\mathcal{L}", "J")
+@_signal(r"\mathcal{L}", "J", plain="L", rank=5)
 def lyapunov(x: LoopState) -> Array:
     """Lyapunov function L."""
     return x.lyapunov
 
 
-@_signal(r"\|p - p_d\|", "m", exists_on=rigid_motions)
+@_signal(r"\|p - p_d\|", "m", exists_on=rigid_motions, plain="‖p − p_d‖", rank=2)
 def position_error(x: LoopState) -> Array:
     """distance ||p - pd|| of the positions."""
     G = rigid(x.s.G)
@@ -247,13 +261,13 @@ def _turns(group: MatrixLieGroup) -> bool:
     return len(_rotations(group)) == 1
 
 
-@_signal(r"\theta_a", "deg", exists_for=attrgetter("axis"))
+@_signal(r"\theta_a", "deg", exists_for=attrgetter("axis"), plain="θ_a")
 def pointing_error(x: LoopState) -> Array:
     """angle between the axis that points and where it is to point."""
     return x.pointing
 
 
-@_signal(r"\theta_E", "deg", exists_on=_turns, exists_for=lambda loop: not loop.axis)
+@_signal(r"\theta_E", "deg", exists_on=_turns, exists_for=lambda loop: not loop.axis, plain="θ_E")
 def attitude_angle(x: LoopState) -> Array:
     """angle of the rotation R_E = R Rd^T."""
     [rotation] = _rotations(x.s.G)
@@ -261,13 +275,20 @@ def attitude_angle(x: LoopState) -> Array:
     return turn_of_distance(distance) * (180 / np.pi)
 
 
-@_signal(r"\psi_E", "deg", exists_on=lambda group: rigid_motions(group) and group.space == 3)
+@_signal(
+    r"\psi_E", "deg", exists_on=lambda group: rigid_motions(group) and group.space == 3, plain="ψ_E"
+)
 def heading_error(x: LoopState) -> Array:
     """size of the turn about the vertical in R Rd^T."""
     return absolute(heading_of(rigid(x.s.G), x.s.Q_E)) * (180 / np.pi)
 
 
-@_signal(r"\|R - R_c\|_{\mathrm{F}}", "1", exists_for=attrgetter("controller.commands_attitude"))
+@_signal(
+    r"\|R - R_c\|_{\mathrm{F}}",
+    "1",
+    exists_for=attrgetter("controller.commands_attitude"),
+    plain="‖R − R_c‖",
+)
 def attitude_command_error(x: LoopState) -> Array:
     """distance ||R - Rc||_F from the attitude that the law commands."""
     return x.attitude_error
@@ -317,13 +338,14 @@ def wheel_momentum(x: LoopState) -> Array:
     "rad/s",
     (WHEEL,),
     stored_of=lambda of: of.wheels and of.wheels[1].inertia is not None,
+    plain="Ω",
 )
 def wheel_speed(x: LoopState) -> Array:
     """speed of each wheel relative to the body."""
     return x.wheel_speed
 
 
-@_signal(r"\|A h\|", "N m s", stored_of=attrgetter("wheels"))
+@_signal(r"\|A h\|", "N m s", stored_of=attrgetter("wheels"), plain="‖A h‖")
 def stored_momentum(x: LoopState) -> Array:
     """momentum that the wheels store together, ||A h||."""
     return norm(x.stored)
@@ -401,61 +423,61 @@ def _covariance(s: Tracking) -> Array:
     return symmetric(entries, rows)[..., :n, :n]
 
 
-@_estimate(r"\hat{Q}", "pose_unit", MATRIX)
+@_estimate(r"\hat{Q}", "pose_unit", MATRIX, plain="Q̂")
 def estimated_pose(x: LoopState) -> Array:
     """estimated pose, at the last control instant."""
     return x.s.G.unpack(estimator_state(x.s, "pose", x.s.G.pack(x.s.Q)))
 
 
-@_estimate(r"\hat{V}", "velocity_unit", VECTOR)
+@_estimate(r"\hat{V}", "velocity_unit", VECTOR, plain="V̂")
 def estimated_velocity(x: LoopState) -> Array:
     """estimated body velocity, at the last control instant."""
     return estimator_state(x.s, "velocity", x.s.P)
 
 
-@_estimate(r"\hat{b}", "velocity_unit", VECTOR)
+@_estimate(r"\hat{b}", "velocity_unit", VECTOR, plain="b̂")
 def estimated_bias(x: LoopState) -> Array:
     """estimated bias of the measured velocity."""
     return estimator_state(x.s, "bias", x.s.P)
 
 
-@_estimate(r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}", "pose_unit", norm="entries")
+@_estimate(r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}", "pose_unit", norm="entries", plain="‖I − Q̂⁻¹ Q‖")
 def estimate_error(x: LoopState) -> Array:
     """error of the estimated pose ||I - Qhat^-1 Q||_F, at the last control instant."""
     return x.s.G.identity - x.s.G.exp(of_pose(x.s))
 
 
-@_estimate(r"\|b - \hat{b}\|", "velocity_unit", norm="axes")
+@_estimate(r"\|b - \hat{b}\|", "velocity_unit", norm="axes", plain="‖b − b̂‖")
 def bias_error(x: LoopState) -> Array:
     """error of the estimated bias ||b - bhat||, at the last control instant."""
     return of_bias(x.s)
 
 
-@_estimate(r"\varepsilon", "length_unit", VECTOR)
+@_estimate(r"\varepsilon", "length_unit", VECTOR, plain="ε")
 def pose_estimate_error(x: LoopState) -> Array:
     """log(Qhat^-1 Q), at the last control instant."""
     return of_pose(x.s)
 
 
-@_estimate(r"\tilde{b}", "velocity_unit", VECTOR)
+@_estimate(r"\tilde{b}", "velocity_unit", VECTOR, plain="b̃")
 def bias_estimate_error(x: LoopState) -> Array:
     """b - bhat, at the last control instant."""
     return of_bias(x.s)
 
 
-@_filtered(r"\sigma_\varepsilon", "length_unit", VECTOR)
+@_filtered(r"\sigma_\varepsilon", "length_unit", VECTOR, plain="σ_ε")
 def pose_estimate_std(x: LoopState) -> Array:
     """standard deviation of log(Qhat^-1 Q) by the filter."""
     return deviations(x.s)[..., : x.s.G.dimension]
 
 
-@_filtered(r"\sigma_b", "velocity_unit", VECTOR)
+@_filtered(r"\sigma_b", "velocity_unit", VECTOR, plain="σ_b")
 def bias_estimate_std(x: LoopState) -> Array:
     """standard deviation of b - bhat by the filter."""
     return deviations(x.s)[..., x.s.G.dimension :]
 
 
-@_filtered(r"\mathrm{NEES}", "1")
+@_filtered(r"\mathrm{NEES}", "1", plain="NEES")
 def nees(x: LoopState) -> Array:
     """squared error of the estimate, normalised by its covariance."""
     return consistency(x.s)[0]
@@ -473,13 +495,13 @@ def innovations(x: LoopState) -> Array:
     return of_innovations(x.s)[0]
 
 
-@_filtered(r"\nu^2", "1")
+@_filtered(r"\nu^2", "1", plain="ν²")
 def innovation_square(x: LoopState) -> Array:
     """mean square of the normalised innovations so far."""
     return of_innovations(x.s)[1]
 
 
-@_filtered(r"\rho_1", "1")
+@_filtered(r"\rho_1", "1", plain="ρ₁")
 def innovation_correlation(x: LoopState) -> Array:
     """correlation of successive normalised innovations so far."""
     return of_innovations(x.s)[2]

@@ -41,7 +41,7 @@ from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.figures.shown import CORNERS, FACES, discs
 from eqt_cli.report import summary
-from eqt_cli.results.quantity import Plain, plain
+from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 
 # Location and rendering of the page templates -----------------------------------------------------
@@ -189,7 +189,7 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
         "panels": [
             {
                 **head,
-                "name": plain(result.quantity(name).symbol),
+                "name": result.quantity(name).symbol.plain,
                 "curves": [_rounded(curve[samples]) for curve in values],
             }
             for head, (name, values) in zip(heads, shown.norms.items(), strict=True)

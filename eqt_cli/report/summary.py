@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -21,21 +22,13 @@ from eqt_cli.components.laws import Member, controllers
 from eqt_cli.engines.engine import SolverChecks, engines
 from eqt_cli.figures.shown import looks as looks_of
 from eqt_cli.figures.style import house_style, line_style
+from eqt_cli.loop.signals import MIXED, SIGNALS
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import FLOAT, ValuePer
 from eqt_cli.results.result import Result, meaning_of
 
 MOST_ROWS = 8000
 """Maximum number of rows, controllers times runs; failed runs are kept before good ones."""
-
-COLUMNS = tuple(
-    quantity.name
-    for quantity in QUANTITIES.values()
-    if quantity.per is ValuePer.RUN and quantity.stored and quantity.dtype is FLOAT
-    if not quantity.diagnostic
-)
-"""Metrics shown of a run, in the order of the table of quantities; `eqt show --table metrics` also
-prints the diagnostics, for all of which a page is not wide enough."""
 
 Document = dict[str, Any]
 
@@ -74,8 +67,17 @@ def run_table(result: Result) -> Document:
 
 
 def column_names(result: Result) -> list[str]:
-    """Return the `COLUMNS` that a result has, split into parts with units of their own."""
-    return [each for name in COLUMNS if result.has(name) for each in result.in_parts(name)]
+    """Return the metrics that a page shows of a run, split into parts with units of their own.
+
+    `eqt show --table metrics` also prints the diagnostics; a page is not wide enough for all.
+    """
+    return [
+        part
+        for row in QUANTITIES.values()
+        if row.per is ValuePer.RUN and row.stored and row.dtype is FLOAT and row.rank >= 0
+        if result.has(row.name)
+        for part in result.in_parts(row.name)
+    ]
 
 
 def columns(result: Result, names: Sequence[str]) -> list[Document]:
@@ -112,8 +114,6 @@ POWER = 4
 LEVELS = 65534
 """Code of the largest value; the next code marks a missing value."""
 
-SIGNALS = ("pose_error", "position_error", "velocity_error", "torque_norm", "lyapunov")
-
 
 def curves(result: Result) -> Document | None:
     """Return the data for drawing runs; None if the result holds no trajectories.
@@ -129,10 +129,12 @@ def curves(result: Result) -> Document | None:
     if not stored.size:
         return None
     names = [
-        name
-        for signal in SIGNALS
-        if result.has(signal)
-        for name in (result.split(signal) if result.units(signal) == "mixed" else [signal])
+        part
+        for signal in sorted(SIGNALS, key=attrgetter("rank"))
+        if signal.rank and result.has(signal.name)
+        for part in (
+            result.split(signal.name) if result.units(signal.name) == MIXED else [signal.name]
+        )
     ]
     samples = np.unique(np.linspace(0, len(times) - 1, SAMPLES).round().astype(int))
     per_run = len(names) * len(result.labels) * len(samples) * 2 * 4 / 3

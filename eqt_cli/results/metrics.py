@@ -12,9 +12,9 @@ from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
 from eqt_cli.base.registry import summary
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import SIGNALS, Better, Metric, metrics, signal_of
+from eqt_cli.loop.signals import SIGNALS, Better, Metric, Symbol, metrics, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.quantity import WHOLE, Quantity, ValuePer, Window
+from eqt_cli.results.quantity import LAST_RESORT, WHOLE, Quantity, ValuePer, Window
 
 # Metrics: numbers per run that follow from its signals, each with formula, names and unit ---------
 #
@@ -192,7 +192,9 @@ INTEGRALS = (time_mean, effort, integral_of_square, actuator_work, root_mean_squ
 
 _less_is_better = partial(Quantity, better="lower")
 _compared = partial(_less_is_better, compared=(WHOLE,))
-_integrated_square = partial(_compared, units="({})^2 s", formula=r"\int {}^2\,\mathrm{d}t")
+_integrated_square = partial(
+    _compared, units="({})^2 s", formula=Symbol(r"\int {}^2\,\mathrm{d}t", "∫{}² dt")
+)
 
 
 def _statistic(of: Callable[..., Any], label: str, words: str) -> Callable[..., Quantity]:
@@ -205,7 +207,7 @@ def _statistic(of: Callable[..., Any], label: str, words: str) -> Callable[..., 
     return row
 
 
-_mean = _statistic(time_mean, "mean {}", "mean {} over the horizon")
+_mean = partial(_statistic(time_mean, "mean {}", "mean {} over the horizon"), compared=(WHOLE,))
 _peak = _statistic(peak, "largest {}", "largest {} at the samples")
 _final = _statistic(final, "final {}", "{} at the end")
 _rms = _statistic(root_mean_square, "rms of {}", "root mean square of {} over the horizon")
@@ -244,23 +246,48 @@ def _closing(name: str, signal: str, what: str) -> Quantity:
 AXIS, OF_AXIS = "pointing_error", "the pointing error"
 
 METRICS = (
-    _mean(f"mean_{AXIS}", AXIS, OF_AXIS, label="mean pointing error", compared=(WHOLE,)),
-    _final(f"final_{AXIS}", AXIS, OF_AXIS, label="final pointing error", compared=(WHOLE,)),
-    _mean("mean_torque", "torque_norm", "||tau||", compared=(EARLY, WHOLE)),
+    _mean(
+        f"mean_{AXIS}", AXIS, OF_AXIS, label="mean pointing error", role="error", rank=2, place=2
+    ),
+    _final(
+        f"final_{AXIS}", AXIS, OF_AXIS, label="final pointing error", compared=(WHOLE,), place=3
+    ),
+    _mean(
+        "mean_torque",
+        "torque_norm",
+        "||tau||",
+        compared=(EARLY, WHOLE),
+        place=10,
+        heading="mean wrench",
+    ),
     _integrated_square(
         "effort",
         "control effort, integral of ||tau||^2",
         signals=("torque_norm",),
         label="effort",
         of=effort,
+        role="cost",
+        rank=4,
     ),
-    _peak("peak_torque", "torque_norm", "||tau||", compared=(WHOLE,)),
+    _peak(
+        "peak_torque",
+        "torque_norm",
+        "||tau||",
+        compared=(WHOLE,),
+        rank=5,
+        place=11,
+        heading="largest wrench",
+    ),
     _less_is_better(
         "early_torque",
         signals=("torque_norm",),
         of=time_mean,
         choices={"window_s": "early_window"},
         chosen=_early,
+        role="cost",
+        rank=LAST_RESORT,
+        place=9,
+        heading="early wrench",
         **_early(),
     ),
     _compared(
@@ -269,11 +296,19 @@ METRICS = (
         units="J",
         signals=("torque", "velocity"),
         label="actuator work",
-        formula=r"\int |\langle \tau, V \rangle|\,\mathrm{d}t",
+        formula=Symbol(r"\int |\langle \tau, V \rangle|\,\mathrm{d}t", "∫|⟨τ, V⟩| dt"),
         stored=False,
         of=actuator_work,
     ),
-    _mean("mean_pose_error", "pose_error", "||I - Q_E||_F", compared=(WHOLE,)),
+    _mean(
+        "mean_pose_error",
+        "pose_error",
+        "||I - Q_E||_F",
+        role="error",
+        rank=LAST_RESORT,
+        place=12,
+        heading="mean pose error",
+    ),
     _integrated_square(
         "squared_pose_error",
         "integral of ||I - Q_E||_F^2",
@@ -282,32 +317,62 @@ METRICS = (
         stored=False,
         of=integral_of_square,
     ),
-    _final("final_pose_error", "pose_error", "||I - Q_E||_F"),
+    _final("final_pose_error", "pose_error", "||I - Q_E||_F", place=13, heading="final pose error"),
     _mean(
         "mean_attitude_error",
         "attitude_angle",
         "attitude error",
         label="mean attitude error",
-        compared=(WHOLE,),
+        role="error",
+        rank=3,
+        place=4,
+        heading="mean error",
     ),
     _final(
-        "final_attitude_error", "attitude_angle", "the attitude error", label="final attitude error"
+        "final_attitude_error",
+        "attitude_angle",
+        "the attitude error",
+        label="final attitude error",
+        place=7,
+        heading="final error",
     ),
-    _mean("mean_position_error", "position_error", "||p - pd||", compared=(WHOLE,)),
-    _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,)),
+    _mean("mean_position_error", "position_error", "||p - pd||", place=5, heading="mean error"),
+    _rms(
+        "position_rms",
+        "position_error",
+        "||p - pd||",
+        compared=(WHOLE,),
+        role="error",
+        rank=1,
+        place=6,
+        heading="rms error",
+    ),
     _peak("peak_position_error", "position_error", "||p - pd||"),
-    _final("final_position_error", "position_error", "||p - pd||", compared=(WHOLE,)),
+    _final(
+        "final_position_error",
+        "position_error",
+        "||p - pd||",
+        compared=(WHOLE,),
+        place=8,
+        heading="final error",
+    ),
     _rms("heading_rms", "heading_error", "the heading error", label="rms of the heading error"),
     _rms("attitude_command_rms", "attitude_command_error", "||R - Rc||_F"),
-    _mean("mean_velocity_error", "velocity_error", "||V - Vd||", stored=False, compared=(WHOLE,)),
-    _final("final_velocity_error", "velocity_error", "||V - Vd||"),
-    _settling("settling_time", "pose_error", "||I - Q_E||_F"),
+    _mean("mean_velocity_error", "velocity_error", "||V - Vd||", stored=False),
+    _final(
+        "final_velocity_error",
+        "velocity_error",
+        "||V - Vd||",
+        place=14,
+        heading="final velocity error",
+    ),
+    _settling("settling_time", "pose_error", "||I - Q_E||_F", rank=6, place=1),
     Quantity(
         "decay_rate",
         "half the slope of -log L",
         units="1/s",
         signals=("lyapunov",),
-        special_symbol=r"\sqrt{\mathcal{L}}",
+        special_symbol=Symbol(r"\sqrt{\mathcal{L}}", "√L"),
         label="decay rate of {}",
         better="higher",
         stored=False,
@@ -351,6 +416,7 @@ METRICS = (
         "cut",
         "1 where limits change the command, else 0,",
         label="share of time that limits change the command",
+        compared=(),
         stored_of=attrgetter("limits"),
     ),
     _final("propellant", "burnt", "mass", label="propellant", compared=(WHOLE,), stored_of=_burns),
@@ -430,6 +496,7 @@ _OVER_TIME = tuple(
         label="{}",
         dims=("time", *signal.dims),
         stored_of=signal.stored_of,
+        rank=signal.rank,
     )
     for signal in SIGNALS
 )
@@ -440,7 +507,7 @@ _DESIRED = tuple(
         name.replace("_", " ") + ", from a separate solve",
         ValuePer.DESIRED,
         signals=(like,),
-        special_symbol=SIGNAL[like].symbol + "_d",
+        special_symbol=Symbol(*(text + "_d" for text in SIGNAL[like].symbol)),
         label="{}",
         dims=("time", *SIGNAL[like].dims),
     )
@@ -464,7 +531,7 @@ _OF_THE_RUN = (
         "largest distance from the group",
         units="1",
         label="drift from the group",
-        diagnostic=True,
+        rank=-1,
     ),
     Quantity(
         "energy_residual",
@@ -473,12 +540,13 @@ _OF_THE_RUN = (
         signals=("lyapunov", "energy_balance"),
         label="energy residual",
         of=energy_residual,
+        place=15,
     ),
     Quantity(
         "unstable_distance",
         "smallest ||Q_E - Qc||_F, Qc critical points other than I",
         signals=("pose",),
-        diagnostic=True,
+        rank=-1,
     ),
     Quantity(
         "error_estimate",
@@ -491,7 +559,7 @@ _OF_THE_RUN = (
         "distance of the run's own reference to desired_pose, desired_velocity",
         units="mixed",
         label="residual of the reference",
-        diagnostic=True,
+        rank=-1,
     ),
     Quantity(
         "status",
@@ -510,6 +578,15 @@ QUANTITIES = {
     for quantity in (*_OVER_TIME, *_DESIRED, *_INITIAL, *METRICS, *CONSISTENCY, *_OF_THE_RUN)
 }
 """All quantities by name; the stored ones are in the order of result files."""
+
+RANKED = sorted(
+    (q for q in QUANTITIES.values() if q.per is ValuePer.RUN and 0 < q.rank < LAST_RESORT),
+    key=attrgetter("rank"),
+)
+"""The numbers that come first where laws are compared."""
+
+SUMMARY = sorted((q for q in QUANTITIES.values() if q.place), key=attrgetter("place"))
+"""The numbers of a summary: means over runs, and the largest energy residual, which is the last."""
 
 MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.of and q.stored)
 """Stored quantities that are computed from the signals of a run."""

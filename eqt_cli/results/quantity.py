@@ -11,7 +11,7 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from eqt_cli.base.reporting import NOTHING, fixed
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import split
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.loop.signals import Better, signal_of
+from eqt_cli.loop.signals import Better, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns
 
 # Windows of time over which quantities are taken --------------------------------------------------
@@ -133,34 +133,10 @@ def _at(times: Array, values: Array, t: float, held: bool) -> Array:
 
 FLOAT = np.dtype("f8")
 
-_IN_PLAIN = (
-    (r"_{\mathrm{F}}", ""),
-    (r"\,\mathrm{d}t", " dt"),
-    (r"\mathcal{L}", "L"),
-    (r"\sqrt{L}", "√L"),
-    (r"\|", "‖"),
-    (r"\tau", "τ"),
-    (r"\Omega", "Ω"),
-    (r"\int ", "∫"),
-    (r"\langle ", "⟨"),
-    (r" \rangle", "⟩"),
-    (r"\hat{Q}^{-1}", "Q̂⁻¹"),
-    (r"\hat{Q}", "Q̂"),
-    (r"\hat{V}", "V̂"),
-    (r"\hat{b}", "b̂"),
-    (r"\tilde{b}", "b̃"),
-    (r"\sigma", "σ"),
-    (r"\psi", "ψ"),
-    (r"\omega", "ω"),
-    (r"\theta", "θ"),
-    (r"\varepsilon", "ε"),
-    (r"\mathrm{NEES}", "NEES"),
-    (r"\nu", "ν"),
-    (r"\rho_1", "ρ₁"),
-    ("^2", "²"),
-    ("-", "−"),
-)
-"""LaTeX commands of symbols and formulas, and the characters that replace them."""
+NO_SYMBOL = Symbol("", "")
+
+LAST_RESORT = 9
+"""Rank of a number that comes first only where a result has no other one of its role."""
 
 
 class ValuePer(Enum):
@@ -194,11 +170,11 @@ class Quantity:
     signals
         Signals from which it is computed. The first one gives its unit, symbol and parts.
     special_symbol
-        Symbol in LaTeX, if it is not that of the first signal.
+        Symbol, if it is not that of the first signal.
     label
         Short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
     formula
-        Formula in LaTeX, with ``{}`` for the symbol, if the label does not show it: ``\int {}^2``.
+        Formula, with ``{}`` for the symbol, if the label does not show it: ``\int {}^2``.
     better
         Which values are better.
     dims, dtype
@@ -226,8 +202,15 @@ class Quantity:
     implied_by
         Another number per run from which this one follows if a file does not hold it: it has a
         value where this one is 1.
-    diagnostic
-        Whether it describes the quality of the numbers; it is omitted where space is limited.
+    role
+        What it tells where laws are compared first: their error, or what they cost.
+    rank
+        Its place among the numbers that come first where laws are compared, or among the signals
+        that a page draws; 0 of all others, and −1 of those that are omitted where space is limited.
+    place
+        Its place in the summary of a result; 0 if it is not there.
+    heading
+        Its short name there, where each part of a norm has a symbol of its own.
     notes
         Further attributes in a result file.
     stored_of
@@ -239,9 +222,9 @@ class Quantity:
     per: ValuePer = ValuePer.RUN
     units: str = "{}"
     signals: tuple[str, ...] = ()
-    special_symbol: str = ""
+    special_symbol: Symbol | None = None
     label: str = ""
-    formula: str = ""
+    formula: Symbol = NO_SYMBOL
     better: Better = "neither"
     dims: tuple[str, ...] = ()
     dtype: np.dtype[Any] | None = FLOAT
@@ -255,7 +238,10 @@ class Quantity:
     censored: bool = False
     counts: bool = False
     implied_by: str = ""
-    diagnostic: bool = False
+    role: Literal["", "error", "cost"] = ""
+    rank: int = 0
+    place: int = 0
+    heading: str = ""
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
@@ -283,11 +269,6 @@ class Quantity:
         return "better" in self.notes
 
     @property
-    def is_share(self) -> bool:
-        """Whether it is a share of runs or of the time, so that differences are points of 100."""
-        return self.counts or self.name.endswith("_share")
-
-    @property
     def parted(self) -> bool:
         """Whether it has values for the parts of a norm, such as rotation and translation."""
         return self._of_norm and (self.windowed or self.per is ValuePer.TRAJECTORY)
@@ -309,10 +290,10 @@ class Quantity:
         return signal is not None and bool(signal.norm)
 
     @property
-    def symbol(self) -> str:
-        """Symbol in LaTeX: its own, or that of its first signal; empty without a signal."""
+    def symbol(self) -> Symbol:
+        """Symbol: its own, or that of its first signal; empty without a signal."""
         signal = signal_of(self.signals[0]) if self.signals else None
-        return self.special_symbol or (signal.symbol if signal else "")
+        return self.special_symbol or (signal.symbol if signal else NO_SYMBOL)
 
     def cost(self, values: Any) -> Any:
         """Return the values, or their negatives if higher is better; its own inverse."""
@@ -340,12 +321,12 @@ class Quantity:
     @property
     def plain(self) -> str:
         """Short name in plain characters: ``mean ‖τ‖``, ``effort``."""
-        return self.label.replace("{}", plain(self.symbol)) or self.long_name
+        return self.label.replace("{}", self.symbol.plain) or self.long_name
 
     @property
     def described(self) -> str:
         """Short name and formula in plain characters: ``effort ∫‖τ‖² dt``."""
-        return f"{self.plain} {plain(self.formula.replace('{}', self.symbol))}".rstrip()
+        return f"{self.plain} {self.formula.plain.replace('{}', self.symbol.plain)}".rstrip()
 
     def part(self, name: str) -> Quantity:
         """Return the same quantity for one part of its norm, such as ``rotation``."""
@@ -358,13 +339,8 @@ class Quantity:
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
             label=inside if "{}" in self.label else f"{self.label} {words}",
             stored=self.per is ValuePer.TRAJECTORY,
-            chosen=partial(self._chosen_of_part, name),
+            chosen=partial(_chosen_of_part, self, name),
         )
-
-    def _chosen_of_part(self, part: str, **known: float) -> dict[str, Any]:
-        fields = self.chosen(**known)
-        of_part = replace(self, **fields).part(part)
-        return {name: getattr(of_part, name) for name in fields}
 
     def measure(
         self, over: SampledRuns, signals: Mapping[str, Any], window: Window, **settings: float
@@ -394,18 +370,12 @@ class Quantity:
         over.hold = hold
         return self.of(over, *columns, **settings)
 
-    def is_same_as(self, other: Quantity) -> bool:
-        """Whether both are the same number over the same window."""
-        return self.name == other.name or (
-            self.of is not None and (self.of, self.signals) == (other.of, other.signals)
-        )
 
-
-def plain(latex: str) -> str:
-    r"""Write LaTeX in plain characters: ``‖I − Q_E‖`` for ``\|I - Q_E\|_{\mathrm{F}}``."""
-    for command, characters in _IN_PLAIN:
-        latex = latex.replace(command, characters)
-    return re.sub(r"_\{(\w+)\}", r"_\1", latex)
+def _chosen_of_part(quantity: Quantity, part: str, **known: float) -> dict[str, Any]:
+    """Return the fields of a part that keys of the configuration change."""
+    fields = quantity.chosen(**known)
+    of_part = replace(quantity, **fields).part(part)
+    return {name: getattr(of_part, name) for name in fields}
 
 
 # How quantities and numbers are written in tables, as plain text and in LaTeX ---------------------
@@ -485,8 +455,8 @@ class Latex(Plain):
     def name(self, quantity: Quantity) -> str:
         label = self.text(quantity.long_name.replace("||", "‖"))
         if quantity.label:
-            label = quantity.label.replace("{}", f"${quantity.symbol}$")
-        formula = quantity.formula.replace("{}", quantity.symbol)
+            label = quantity.label.replace("{}", f"${quantity.symbol.latex}$")
+        formula = quantity.formula.latex.replace("{}", quantity.symbol.latex)
         return f"{label} ${formula}$" if formula else label
 
     def unit(self, unit: str) -> str:

@@ -18,9 +18,9 @@ from eqt_cli.base.reporting import significant
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import in_wished, offered, size_of
 from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import MIXED, signal_of
+from eqt_cli.loop.signals import MIXED, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, quantity_of
+from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMMARY, quantity_of
 from eqt_cli.results.origin import KnownResult, check_status, law_title
 from eqt_cli.results.quantity import (
     WHOLE,
@@ -284,30 +284,22 @@ def lacks(signals: Sequence[str]) -> str:
     )
 
 
-HEADLINE = (
-    "settling_time",
-    "mean_pointing_error",
-    "final_pointing_error",
-    "mean_attitude_error",
-    "mean_position_error",
-    "position_rms",
-    "final_attitude_error",
-    "final_position_error",
-    "early_torque",
-    "mean_torque",
-    "peak_torque",
-    "mean_pose_error",
-    "final_pose_error",
-    "final_velocity_error",
-    "energy_residual",
-)
-"""Numbers of a summary: means over runs, and the largest energy residual."""
-
-
 _OF_MOTIONS = {
-    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|p_E\|", r"\|%s_E\|"),
-    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
-    "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
+    "pose_error": (
+        Symbol(r"\|I - R_E\|_{\mathrm{F}}", "‖I − R_E‖"),
+        Symbol(r"\|p_E\|", "‖p_E‖"),
+        Symbol(r"\|%s_E\|", "‖%s_E‖"),
+    ),
+    "velocity_error": (
+        Symbol(r"\|\omega - \omega_d\|", "‖ω − ω_d‖"),
+        Symbol(r"\|v - v_d\|", "‖v − v_d‖"),
+        Symbol(r"\|V - V_d\|_{%s}", "‖V − V_d‖_%s"),
+    ),
+    "torque_norm": (
+        Symbol(r"\|\tau\|", "‖τ‖"),
+        Symbol(r"\|f\|", "‖f‖"),
+        Symbol(r"\|f_{%s}\|", "‖f_%s‖"),
+    ),
 }
 """Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
 several vectors, by its initial."""
@@ -352,6 +344,11 @@ class PerRun:
         by = f"; they miss {missed} of {missed + 1} held values, and alias a sensor's noise"
         name = self.quantity.described
         return [f"{name}: an error of up to {text} by the distance of samples{by * bool(missed)}."]
+
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a share of runs or of the time, so that differences are points of 100."""
+        return self.quantity.counts or self.quantity.name.endswith("_share")
 
     @property
     def seen(self) -> Window:
@@ -571,7 +568,9 @@ class Result(StoredRuns):
         if not vectors or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
             return quantity
         turning, only, one_of_several = _OF_MOTIONS[norm]
-        vector = only if len(vectors) == 1 else one_of_several.replace("%s", part.name[0])
+        vector = only
+        if len(vectors) > 1:
+            vector = Symbol(*(text.replace("%s", part.name[0]) for text in one_of_several))
         label = quantity.label.replace(f"{{}} {part.name.replace('_', ' ')}", "{}")
         return replace(quantity, special_symbol=turning if part.turns else vector, label=label)
 
@@ -626,9 +625,9 @@ class Result(StoredRuns):
             without |= {"mean_pose_error", "final_pose_error"}
         known = self.attributes_of("settling_time") if self.has("settling_time") else {}
         without |= set() if "threshold_rate" in known else {"settling_time"}
-        listed = (*self.own_metrics, *HEADLINE)
-        names = (each for name in listed if name not in without for each in self.in_parts(name))
-        return [each for each in names if each in self.metrics]
+        listed = (*self.own_metrics, *(row.name for row in SUMMARY if row.name not in without))
+        names = [part for name in listed for part in self.in_parts(name)]
+        return [name for name in names if name in self.metrics]
 
     @cached_property
     def compared_first(self) -> list[str]:
@@ -636,8 +635,7 @@ class Result(StoredRuns):
 
         Errors are ‖p − p_d‖ and the angle of the attitude; ‖I − Q_E‖ of what has neither.
         """
-        first = "position_rms", "mean_pointing_error", "mean_attitude_error"
-        errors = [name for name in first if self.has(name)]
+        errors = [row.name for row in RANKED if row.role == "error" and self.has(row.name)]
         parts = () if self.group is None or len(self.group.parts) == 1 else self.group.parts
         if "position_rms" not in errors:
             turns = [f"mean_pose_error_{part.name}" for part in parts if part.turns]
@@ -793,8 +791,12 @@ class Result(StoredRuns):
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
         """Return the stored metrics that are this number over any window."""
-        metrics = [self.quantity(name) for name in self.metrics]
-        return [other for other in metrics if other.is_same_as(quantity)]
+        return [
+            metric
+            for metric in map(self.quantity, self.metrics)
+            if metric.name == quantity.name
+            or (metric.of and (metric.of, metric.signals) == (quantity.of, quantity.signals))
+        ]
 
     def _stored_as(self, quantity: Quantity, window: Window) -> str | None:
         """Return the stored metric that is this number over this window."""

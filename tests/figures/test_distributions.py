@@ -7,7 +7,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import comparison_figures
 from eqt_cli.figures.comparison_figures import Distributions
 from eqt_cli.figures.render import curves, encode
-from eqt_cli.figures.shown import DEFAULT_METRICS, MetricValues
+from eqt_cli.figures.shown import MetricValues
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -183,7 +183,8 @@ def test_unknown_metrics_are_refused(name, end, so3, opened):
 
 def test_a_result_without_any_of_the_metrics_says_so(so3, altered):
     first = ("mean_attitude_error", "mean_pose_error", "early_torque")
-    without = altered(so3, **dict.fromkeys((*first, *DEFAULT_METRICS)))
+    others = ("effort", "peak_torque", "settling_time")
+    without = altered(so3, **dict.fromkeys((*first, *others)))
     with pytest.raises(EqtError) as caught:
         Distributions().draw([without])
     assert str(caught.value).endswith(

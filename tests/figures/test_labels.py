@@ -35,7 +35,9 @@ def test_units_are_upright(unit, expected):
 
 def test_every_symbol_can_be_typeset():
     for named in QUANTITIES.values():
-        MathTextParser("path").parse(f"${named.symbol}$" if named.symbol else "")
+        for latex, plain in (named.symbol, named.formula):
+            MathTextParser("path").parse(f"${latex}$" if latex else "")
+            assert not set(plain.replace("{}", "")) & set(r"\{}$^-")
 
 
 @pytest.mark.parametrize(
