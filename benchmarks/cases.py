@@ -10,7 +10,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.components.initial_states import draw_initial_states
-from eqt_cli.config.experiment import Experiment, build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, Solution
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp

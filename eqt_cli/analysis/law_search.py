@@ -25,7 +25,8 @@ from eqt_cli.base.errors import (
     suggestion,
 )
 from eqt_cli.config.designs import DrawnRange, overlap
-from eqt_cli.config.experiment import Experiment, build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study

@@ -16,8 +16,8 @@ from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import InNotebook, reporter, step
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.preflight import check_reference, reference_over_horizon
 from eqt_cli.config.remarks import along_reference
+from eqt_cli.engines.horizon import check_reference
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     DERIVATIVE,
@@ -344,7 +344,7 @@ def certified_rates(
 
 def _known_reference(experiment: Experiment) -> Any:
     """Return the reference over the horizon, after a check that it is finite."""
-    shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
+    shown, problems = experiment.reference_over_horizon(), Problems(experiment.source.place)
     check_reference(shown, None, problems.at("reference"))
     problems.raise_if_any()
     return shown

@@ -30,7 +30,8 @@ from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, reporter, step
 from eqt_cli.config.designs import DrawnRange
-from eqt_cli.config.experiment import Experiment, build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import study

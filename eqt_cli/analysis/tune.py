@@ -23,7 +23,8 @@ from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief
 from eqt_cli.config.designs import Cases, DrawnRange
-from eqt_cli.config.experiment import Experiment, build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import TuneSection, WorstRunSection
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.config.study import require_sweepable, section_of, study

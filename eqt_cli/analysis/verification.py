@@ -20,8 +20,8 @@ from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.experiment import Experiment, build
-from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import along_reference, small_loops
 from eqt_cli.config.source import source_of
 from eqt_cli.config.study import Study
@@ -278,7 +278,7 @@ class _Verifier:
     @cached_property
     def _along(self) -> Along:
         """The reference where small errors are judged."""
-        return along_reference(self.experiment, reference_over_horizon(self.experiment))
+        return along_reference(self.experiment, self.experiment.reference_over_horizon())
 
     def _rate(self, label: str) -> float | None:
         """The rate at which small errors decay, 1/s; None if it is not known, or they grow."""

@@ -346,10 +346,10 @@ def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | DesiredM
 
 def desired_motion(experiment: Experiment) -> DesiredMotion:
     """Return the reference of an experiment, with remarks on it."""
-    from eqt_cli.config.preflight import check_reference, reference_over_horizon
+    from eqt_cli.engines.horizon import check_reference
     from eqt_cli.figures.shown import DesiredMotion
 
-    desired, problems = reference_over_horizon(experiment), Problems(lambda path: "")
+    desired, problems = experiment.reference_over_horizon(), Problems(lambda path: "")
     jumps = check_reference(desired, None, problems)
     return DesiredMotion(
         experiment.name,

@@ -154,7 +154,7 @@ def _attributes_at(result: Result, point: int) -> dict[str, str]:
 
 def loops_of(result: KnownResult, trust_plugins: bool = False) -> Mapping[str, ClosedLoop]:
     """Build the loops of a result again, by label."""
-    from eqt_cli.config.experiment import build
+    from eqt_cli.config.preflight import build
     from eqt_cli.config.source import source_of
 
     return build(source_of(result), trust_plugins=trust_plugins).loops

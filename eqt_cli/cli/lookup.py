@@ -237,9 +237,9 @@ def check(
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
     from eqt_cli.base.yaml_source import dump
-    from eqt_cli.config.preflight import check_reference, reference_over_horizon
     from eqt_cli.config.remarks import check_steps, remarks, wheels_needed
     from eqt_cli.config.study import study
+    from eqt_cli.engines.horizon import check_reference
     from eqt_cli.runs.preflight import check_resources, rehearse
 
     source = options.source_of(config, set_)
@@ -247,7 +247,7 @@ def check(
         checked = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
         check_resources(checked, Path("results") / checked.name, most_shapes=MOST_CHECKED)
         problems = Problems(source.place)
-        shown = reference_over_horizon(checked.base)
+        shown = checked.base.reference_over_horizon()
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
         check_steps(checked.base, problems)

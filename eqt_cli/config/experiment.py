@@ -7,7 +7,7 @@ is built even where another is broken, and what depends on a broken section is s
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from hashlib import sha256
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtWarning, InputError, KeyPath, Problems, alike, closest
+from eqt_cli.base.errors import InputError, KeyPath, Problems, alike, closest
 from eqt_cli.base.option_types import (
     MISSING,
     Kind,
@@ -30,7 +30,6 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import blamed
-from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
 from eqt_cli.components.initial_states import (
@@ -50,13 +49,6 @@ from eqt_cli.components.recording import read_starts
 from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
-from eqt_cli.config.preflight import (
-    metrics_of,
-    reference_over_horizon,
-    try_laws,
-    try_metrics,
-    try_vehicle,
-)
 from eqt_cli.config.schema import WORDS, Config, GainsSection, InitialSection, marked, marks_of
 from eqt_cli.config.sections import (
     DesiredTrajectory,
@@ -68,9 +60,10 @@ from eqt_cli.config.sections import (
     kp_and_kd,
     vehicle_from,
 )
-from eqt_cli.config.source import AUTO, ConfigSource, data_file, load_plugins, with_data
+from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
-from eqt_cli.engines.native import Native, refusal
+from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, reference_over_horizon
+from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
@@ -171,6 +164,13 @@ def _require_available(name: Any) -> None:
 # A checked experiment: the loops of its laws, the initial states, and the solver ------------------
 
 
+SAMPLES = 2001
+"""Number of times at which the reference is evaluated, besides both sides of known instants."""
+
+MOST_WRITTEN = 1_000
+"""Characters of a configuration above which the number of evaluations is reduced."""
+
+
 @dataclass(frozen=True)
 class Experiment:
     """A checked experiment with everything that a run needs.
@@ -249,6 +249,14 @@ class Experiment:
     def times(self) -> Array:
         """Sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
+
+    def reference_over_horizon(self, also: Iterable[float] = ()) -> Horizon:
+        """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
+        times = np.unique([*np.linspace(0.0, self.times[-1], SAMPLES), *also])
+        written = len(json.dumps(self.resolved))
+        most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / written))
+        start = self.initial_pose, self.initial_velocity
+        return reference_over_horizon(self.loop, start, times, most)
 
     def remarks(self) -> Iterator[tuple[KeyPath, str]]:
         """Yield remarks on what the sections say together, and on angles, each with its key."""
@@ -363,40 +371,18 @@ OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
 
 
-def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
-    """Check a configuration and make an experiment of it, whose source names its engine.
+@blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
+def assemble(source: ConfigSource, trust_plugins: bool = False) -> Experiment:
+    """Make the experiment of a configuration that names its engine, and evaluate nothing of it.
 
-    Parameters
-    ----------
-    trust_plugins
-        Execute plugin sources that are stored in a result file.
+    Laws that are designed for their loops have no gains yet; `designed_laws` gives them.
 
     Raises
     ------
     ConfigError
         With every problem, each at its place in the file.
-    ComponentError
-        If a component of the user's own fails while it is made.
     """
-    if source.engine != AUTO:
-        return _built(source, trust_plugins)
-    if source.chosen:
-        problems = Problems(source.place)
-        problems.at("solver", "engine").add("must be named where a point or a case sets the solver")
-        problems.raise_if_any()
-    if not (why := refusal()):
-        experiment = _built(source.by_engine(Native.name), trust_plugins)
-        if not (why := refusal(experiment.loops.values())):
-            return experiment
-    slower = f"engine {SolveIvp.name}, 2 to 17 times slower than native: {why.args[0]}"
-    reporter().remark(EqtWarning(slower, *why.remedies, lines=why.lines))
-    return _built(source.by_engine(SolveIvp.name), trust_plugins)
-
-
-@blamed()
-@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
-def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
-    """Make the experiment of a configuration that names its engine."""
     problems = Problems(source.place)
     plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
@@ -440,7 +426,7 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
         for label, law_gains in gains.items()
         if law_gains is not None
     }
-    plugin_metrics = metrics_of(sections["metrics"], plugins, loops.values(), problems)
+    plugin_metrics = _metrics_of(sections["metrics"], plugins, loops.values(), problems)
     problems.raise_if_any()
     config = config.model_copy(update={"metrics": plugin_metrics}) if plugin_metrics else config
     complete = read.resolved(config) | {
@@ -449,7 +435,7 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
         "initial": start.resolved,
         "solver": solver.resolved,
     }
-    experiment = Experiment(
+    return Experiment(
         config,
         complete,
         group,
@@ -462,15 +448,45 @@ def _built(source: ConfigSource, trust_plugins: bool) -> Experiment:
         replace(source, stored_plugins=plugins | read.code),
         desired.files | start.files | read.files,
     )
-    try_vehicle(experiment, problems)
-    problems.raise_if_any()
-    experiment = _designed(experiment, {label: law.index for label, law in laws.items()}, problems)
-    problems.raise_if_any()
-    try_laws(experiment, problems)
-    problems.raise_if_any()
-    try_metrics(experiment, problems)
-    problems.raise_if_any()
-    return experiment
+
+
+def designed_laws(experiment: Experiment, problems: Problems) -> Experiment:
+    """Return the experiment with the gains of the laws that are designed for their loops."""
+    made, horizon = dict(experiment.loops), float(experiment.times[-1])
+    for index, (label, loop) in enumerate(experiment.loops.items()):
+        if not (count := loop.controller.pieces):
+            continue
+        with problems.catching("controllers", index):
+            times = np.linspace(0.0, horizon, count + 1)
+            if (control := loop.vehicle.control) is not None:
+                last = max(1, math.ceil(horizon / control.period - 1e-9)) - 1
+                step = max(1, round(horizon / count / control.period))
+                middles = control.period * (0.5 + np.unique([*range(0, last, step), last]))
+                times = np.minimum(middles, horizon)
+            times = np.array([0.0, *times, horizon])
+            shown = experiment.reference_over_horizon(times)
+            if shown.spent or not shown.finite.all():
+                return experiment  # the checks of the reference say so
+            where = np.searchsorted(shown.times, times)
+            made[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
+    return replace(experiment, loops=made)
+
+
+def _metrics_of(
+    listed: Sequence[Metric | None] | None,
+    plugins: Mapping[str, str],
+    loops: Collection[ClosedLoop],
+    problems: Problems,
+) -> list[Metric]:
+    """Return the metrics that are listed, or those of the plugins whose signals a loop has."""
+    if listed is None:
+        names = metrics.defined_by(plugins.values())
+        made = filter(None, (Kind(metrics).read(n, problems.at("metrics")) for n in names))
+        return [each for each in made if not each.unknown(loops)]
+    names = [each.name for each in listed if each is not None]
+    for name in dict.fromkeys(name for name in names if names.count(name) > 1):
+        problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
+    return [each for each in listed if each is not None]
 
 
 class _Sections:
@@ -719,28 +735,6 @@ def _reads_gains(entry: Any) -> bool:
     reads: Any = kind.reads_gains
     # Code reads those of the law that it claims to be, if it claims any.
     return _reads_gains(options.get("as")) if isinstance(reads, property) else bool(reads)
-
-
-def _designed(experiment: Experiment, index: dict[str, int], problems: Problems) -> Experiment:
-    """Return the experiment with the gains of the laws that are designed for their loops."""
-    made, horizon = dict(experiment.loops), float(experiment.times[-1])
-    for label, loop in experiment.loops.items():
-        if not (count := loop.controller.pieces):
-            continue
-        with problems.catching("controllers", index[label]):
-            times = np.linspace(0.0, horizon, count + 1)
-            if (control := loop.vehicle.control) is not None:
-                last = max(1, math.ceil(horizon / control.period - 1e-9)) - 1
-                step = max(1, round(horizon / count / control.period))
-                middles = control.period * (0.5 + np.unique([*range(0, last, step), last]))
-                times = np.minimum(middles, horizon)
-            times = np.array([0.0, *times, horizon])
-            shown = reference_over_horizon(experiment, times)
-            if shown.spent or not shown.finite.all():
-                return experiment  # the checks of the reference say so
-            where = np.searchsorted(shown.times, times)
-            made[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
-    return replace(experiment, loops=made)
 
 
 def _sections(

@@ -5,7 +5,7 @@
 2. `try_laws`: initial states, group, reference and laws, where one is the user's own, at the start
    of run 0; the laws also with numbers that differ from run to run.
    `try_metrics`: metrics of the user's own, on samples at the start.
-3. `check_reference`: is the reference finite over the horizon, and its torque below a bound?
+3. `eqt_cli.engines.horizon`: is the reference finite over the horizon, its torque below a bound?
 4. `eqt_cli.config.remarks`: numbers that look wrong, rounding, stiffness, loops that are unstable
    or slow, and limits below the torque of the reference.
 
@@ -26,37 +26,84 @@ of a sweep. After them
 
 from __future__ import annotations
 
-import json
 import traceback
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.base.errors import EqtError, InputError, Problems, dotted
-from eqt_cli.base.option_types import Kind
-from eqt_cli.base.registry import described, is_foreign, place_of, place_of_function
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, EqtWarning, InputError, Problems, dotted
+from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
+from eqt_cli.base.reporting import reporter
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.initial_states import Stream, draw_initial_states, generator_at
-from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import Sensor
 from eqt_cli.components.vehicle import RandomOf
-from eqt_cli.engines.engine import Problem, Status
-from eqt_cli.engines.solve_ivp import SolveIvp, solve
-from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, ReferenceSystem, parts_of, vehicle_parts
-from eqt_cli.loop.signals import Metric, compute, metrics
+from eqt_cli.config.experiment import Experiment, assemble, designed_laws
+from eqt_cli.config.source import AUTO, ConfigSource
+from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.native import Native, refusal
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of, vehicle_parts
+from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.running import SampledRuns, mixes_runs
 
-if TYPE_CHECKING:
-    from eqt_cli.config.experiment import Experiment
+# Builds an experiment, and tries it ---------------------------------------------------------------
+
+
+def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
+    """Check a configuration and make an experiment of it, whose source names its engine.
+
+    Parameters
+    ----------
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+
+    Raises
+    ------
+    ConfigError
+        With every problem, each at its place in the file.
+    ComponentError
+        If a component of the user's own fails while it is made.
+    """
+    if source.engine != AUTO:
+        return _tried(source, trust_plugins)
+    if source.chosen:
+        problems = Problems(source.place)
+        problems.at("solver", "engine").add("must be named where a point or a case sets the solver")
+        problems.raise_if_any()
+    if not (why := refusal()):
+        experiment = _tried(source.by_engine(Native.name), trust_plugins)
+        if not (why := refusal(experiment.loops.values())):
+            return experiment
+    slower = f"engine {SolveIvp.name}, 2 to 17 times slower than native: {why.args[0]}"
+    reporter().remark(EqtWarning(slower, *why.remedies, lines=why.lines))
+    return _tried(source.by_engine(SolveIvp.name), trust_plugins)
+
+
+@blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
+def _tried(source: ConfigSource, trust_plugins: bool) -> Experiment:
+    """Return the experiment of a configuration that names its engine, once it was tried."""
+    experiment, problems = assemble(source, trust_plugins), Problems(source.place)
+    try_vehicle(experiment, problems)
+    problems.raise_if_any()
+    experiment = designed_laws(experiment, problems)
+    problems.raise_if_any()
+    try_laws(experiment, problems)
+    problems.raise_if_any()
+    try_metrics(experiment, problems)
+    problems.raise_if_any()
+    return experiment
+
 
 # A trial of parts of a loop, whose errors are noted at the part that they are from ----------------
 
@@ -345,23 +392,6 @@ RUNS_TRIED, MOST_TRIED = 3, 1000
 """Numbers of runs, and of samples at most, on which metrics are tried."""
 
 
-def metrics_of(
-    listed: Sequence[Metric | None] | None,
-    plugins: Mapping[str, str],
-    loops: Collection[ClosedLoop],
-    problems: Problems,
-) -> list[Metric]:
-    """Return the metrics that are listed, or those of the plugins whose signals a loop has."""
-    if listed is None:
-        names = metrics.defined_by(plugins.values())
-        made = filter(None, (Kind(metrics).read(n, problems.at("metrics")) for n in names))
-        return [each for each in made if not each.unknown(loops)]
-    names = [each.name for each in listed if each is not None]
-    for name in dict.fromkeys(name for name in names if names.count(name) > 1):
-        problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
-    return [each for each in listed if each is not None]
-
-
 def try_metrics(experiment: Experiment, problems: Problems) -> None:
     """Note metrics of the user's own that fail, or return no number for each run."""
     loops, times = list(experiment.loops.values()), experiment.times[:MOST_TRIED]
@@ -377,148 +407,3 @@ def try_metrics(experiment: Experiment, problems: Problems) -> None:
                 tried.fits(metric.of(SampledRuns(times), *signals), of, states[:, 0], exact=True)
                 if mixes_runs(metric.of, times, [each.shape[2:] for each in signals]):
                     tried.is_wrong(of, "numbers of a run that depend on other runs")
-
-
-# Checks the reference over the horizon ------------------------------------------------------------
-
-
-SAMPLES = 2001
-"""Number of times at which the reference is evaluated, besides both sides of known instants."""
-
-RTOL = 1e-8
-"""Relative tolerance for the integration of a reference."""
-
-MOST_EVALUATIONS = 10_000
-"""Largest number of evaluations of an integrated reference, so that a check takes seconds."""
-
-MOST_WRITTEN = 1_000
-"""Characters of a configuration above which the number of evaluations is reduced."""
-
-JUMP = 1e-6
-"""Least jump relative to the largest value on the horizon."""
-
-LEAST_JUMP = 1e-12
-"""Least jump in SI units; smaller ones are those of rounding."""
-
-
-@dataclass(frozen=True)
-class Horizon:
-    """The reference at some times.
-
-    Attributes
-    ----------
-    times : (n,)
-        Times in increasing order, s.
-    pose : (n, d, d)
-        Q_d.
-    velocity, acceleration, torque : (n, m)
-        V_d, V̇_d and τ_d in the body frame; NaN where the reference is not finite.
-    jumps
-        Jumps of Q_d, V_d or τ_d as (time, name, size with its unit if all coordinates share it).
-    spent
-        Number of evaluations after which the integration stopped, at the last of the times; None if
-        it reached the end.
-    """
-
-    times: Array
-    pose: Array
-    velocity: Array
-    acceleration: Array
-    torque: Array
-    jumps: list[tuple[float, str, str]]
-    spent: int | None = None
-
-    @property
-    def finite(self) -> Array:
-        """Whether the reference is finite at each time."""
-        parts = (frobenius(self.pose), norm(self.velocity), norm(self.torque))
-        return np.isfinite(np.array(parts)).all(axis=0)
-
-
-class _Light(SolveIvp):
-    """The engine of references: DOP853 without SciPy."""
-
-    solver = staticmethod(solve)
-
-
-def reference_over_horizon(experiment: Experiment, also: Iterable[float] = ()) -> Horizon:
-    """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
-    system = ReferenceSystem.of(experiment.loop)
-    stop = float(experiment.times[-1])
-    instants = np.array([t for t in system.instants(stop) if 0 < t < stop])
-    times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants, *also])
-    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
-    state = system.initial_state(Qd, Vd, Qd, Vd)
-    states = np.broadcast_to(state, (len(times), len(state)))
-    spent = None
-    if len(state):
-        engine = _Light(rtol=RTOL, atol=1e-3 * RTOL, max_steps=_affordable(experiment))
-        solution = engine.solve(Problem(system, state[None], times))
-        states = solution.states[0]
-        if solution.status[0] == Status.STEP_LIMIT:
-            spent = engine.max_steps
-            known = int(np.isfinite(states).all(axis=-1).sum())
-            times, states = times[:known], states[:known]
-            instants = instants[instants <= times[-1]]
-    with np.errstate(all="ignore"):
-        s = system.tracking(times, states)
-        torque = s.tau_d + 0 * s.P
-        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], spent)
-        if not len(instants):
-            return shown
-        where = np.searchsorted(times, instants)
-        sides = [
-            system.tracking(np.nextafter(instants, towards), states[where])
-            for towards in (-np.inf, np.inf)
-        ]
-        parts = experiment.group.parts
-        units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
-        jumps = list(_jumps(shown, instants, units, *sides))
-    return replace(shown, jumps=sorted(jumps))
-
-
-def _affordable(experiment: Experiment) -> int:
-    """Return the allowed number of evaluations of the reference."""
-    written = len(json.dumps(experiment.resolved))
-    return int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / written))
-
-
-def _jumps(
-    shown: Horizon, instants: Array, units: tuple[str, str], left: Tracking, right: Tracking
-) -> Iterator[tuple[float, str, str]]:
-    for what, scale, size, unit in (
-        ("Q_d", shown.pose, frobenius(right.Qd - left.Qd), ""),
-        ("V_d", shown.velocity, norm(right.Vd - left.Vd), units[0]),
-        ("τ_d", shown.torque, norm(right.tau_d - left.tau_d + 0 * left.P), units[1]),
-    ):
-        largest = np.nanmax(np.abs(scale)) if np.isfinite(scale).any() else 0.0
-        for t, by in zip(instants, size, strict=True):
-            if by > max(JUMP * largest, LEAST_JUMP):
-                yield float(t), what, f"{by:.3g} {unit}".strip()
-
-
-def check_reference(shown: Horizon, most_torque: float | None, problems: Problems) -> list[str]:
-    """Note where the reference is not finite, or needs more than a given torque.
-
-    Returns
-    -------
-    list of str
-        Remarks on jumps, which may be intended, and on a check that did not reach the end.
-    """
-    finite, sizes = shown.finite, norm(shown.torque)
-    if not finite.all():
-        t = shown.times[np.flatnonzero(~finite)[0]]
-        problems.add(f"has no finite real value at about t = {t:.4g} s; correct its expressions")
-    elif most_torque is not None and sizes.max() > most_torque:
-        t = shown.times[sizes.argmax()]
-        problems.add(
-            f"needs a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
-        )
-    at: dict[str, list[str]] = {}
-    for t, what, by in shown.jumps:
-        at.setdefault(f"{what} jumps by {by} at t =", []).append(f"{t:g}")
-    remarks = [f"{jump} {', '.join(instants)} s" for jump, instants in at.items()]
-    if shown.spent is not None:
-        until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"
-        remarks.append(f"checked until {until}")
-    return remarks

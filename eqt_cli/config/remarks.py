@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import log
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -18,14 +18,12 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.components.vehicle_parts import PlantInertia
+from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import Along, flow, growth, left_out, linearised, size_of
-
-if TYPE_CHECKING:
-    from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.preflight import Horizon, reference_over_horizon
 
 # Remarks on an experiment -------------------------------------------------------------------------
 
@@ -425,7 +423,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     loop = experiment.loop
     if not loop.vehicle.limits:
         return []
-    shown = shown or reference_over_horizon(experiment)
+    shown = shown or experiment.reference_over_horizon()
     parts = (shown.times, shown.torque, shown.pose, shown.velocity)
     times, torque, pose, velocity = (part[shown.finite] for part in parts)
     for force in loop.reference.known_forces:

@@ -25,8 +25,9 @@ from eqt_cli.base.yaml_source import dump, parse_value
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.designs import EXPECTED, Sweep
-from eqt_cli.config.experiment import OF_EVERY_LAW, Experiment, build, hashes, renamed
+from eqt_cli.config.experiment import OF_EVERY_LAW, Experiment, hashes, renamed
 from eqt_cli.config.parts import MANY_PARTS, Plan, Plans
+from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, Config, marks_of, not_swept
 from eqt_cli.config.sections import decides_parts
 from eqt_cli.config.source import ConfigSource, changed_at, description, source_of, with_value

@@ -11,7 +11,7 @@ import pytest
 from plugin_sources import component
 
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.engines import compiler
 
 GRID = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=0.5,1,2")

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.components.groups import group_named
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 
 KINDS = {"none": "none", "clamp": "clamp", "back": {"back_calculation": 0.5}}

@@ -22,7 +22,6 @@ from eqt_cli.components import cascade
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.preflight import reference_over_horizon
 from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import law_names
 from eqt_cli.engines.engine import Problem, Status
@@ -295,7 +294,7 @@ def test_without_rates_hover_is_unstable_as_its_characteristic_polynomial_says()
     worst = found[found.real.argmax()]
     assert (worst.real, abs(worst.imag)) == pytest.approx((0.0139, 4.414), abs=5e-4)
     one = experiment(law={"rates": "none"})
-    said = [str(each) for each in remarks(one, reference_over_horizon(one))]
+    said = [str(each) for each in remarks(one, one.reference_over_horizon())]
     assert any("the loop of 'cascade' is unstable: small errors grow at 0.0139" in e for e in said)
 
 

@@ -11,7 +11,6 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Family, controllers
 from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.config.preflight import reference_over_horizon
 from eqt_cli.config.remarks import remarks
 
 
@@ -72,7 +71,7 @@ def test_the_integral_of_goodarzi_follows_the_gains_unless_it_is_given():
     assert [loop.controller.ki for loop in found.base.loops.values()] == [0.002, 0.2, 0.5]
     written = found.base.resolved["controllers"]
     assert [entry.get("ki") for entry in written] == [None, None, 0.5]
-    said = map(str, remarks(found.base, reference_over_horizon(found.base)))
+    said = map(str, remarks(found.base, found.base.reference_over_horizon()))
     assert "the loop of 'goodarzi2013' is slower than the runs last: small errors take " in next(
         said
     )

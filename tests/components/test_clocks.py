@@ -7,8 +7,7 @@ from case_tables import from_yaml, refusal
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.vehicle_parts import Clock, Sampling
-from eqt_cli.config.experiment import build
-from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import along_reference
 from eqt_cli.config.source import read_config
 from eqt_cli.loop.linearised import linearised
@@ -188,7 +187,7 @@ def test_margins_are_those_of_a_monodromy_by_hand(experiment_of):
     text = text.replace("period: 0.25, delay: 50 ms", "period: 0.25")
     experiment = experiment_of(text)
     [loop] = experiment.loops.values()
-    along = along_reference(experiment, reference_over_horizon(experiment))
+    along = along_reference(experiment, experiment.reference_over_horizon())
     found = linearised(loop, *along, with_estimator=True)
     assert found.cycle == pytest.approx(1.0)  # 20 ticks
     hand = [monodromy(J, 5, 2, 4, 1, (2 * 1.5, 1.2)) for J in INERTIA]

@@ -253,7 +253,6 @@ def test_results_have_the_propellant(tmp_path):
 
 def test_margins_do_not_depend_on_the_propellant(experiment_of):
     """They are those of thrusts without limits and pulses, also of thrusts against a push."""
-    from eqt_cli.config.preflight import reference_over_horizon
     from eqt_cli.config.remarks import along_reference
     from eqt_cli.loop.linearised import linearised
 
@@ -262,7 +261,7 @@ def test_margins_do_not_depend_on_the_propellant(experiment_of):
     for each in (text, pushed, pushed.replace("    isp: 220.0\n", "")):
         experiment = experiment_of(each)
         [loop] = experiment.loops.values()
-        about = along_reference(experiment, reference_over_horizon(experiment))
+        about = along_reference(experiment, experiment.reference_over_horizon())
         found.append(linearised(loop, *about).closed[0])
     np.testing.assert_array_equal(found[1], found[2])
     eigenvalues = np.linalg.eigvals(found[0])

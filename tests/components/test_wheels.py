@@ -12,7 +12,6 @@ from scipy.optimize import linprog
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.wheels import Bias, Friction, Wheels
-from eqt_cli.config.preflight import reference_over_horizon
 from eqt_cli.config.remarks import along_reference, limits_below_reference, wheels_needed
 
 INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
@@ -191,7 +190,7 @@ def test_margins_know_the_drives(experiment_of):
     text = TEXT.replace(WHEELS, DRIVEN).replace("control: {period: 0.1}\n", "")
     experiment = experiment_of(text)
     [loop] = experiment.loops.values()
-    found = linearised(loop, *along_reference(experiment, reference_over_horizon(experiment)))
+    found = linearised(loop, *along_reference(experiment, experiment.reference_over_horizon()))
     A, H = pyramid(), pyramid() @ [-0.4e-3, 0.3e-3, -0.4e-3, -0.1e-3]
     e = np.hstack([np.zeros((4, 3)), A.T, np.eye(4) / SPIN, np.zeros((4, 4))])
     motor = -2e-4 * e - np.eye(4, 14, 10)  # on the body
@@ -249,7 +248,7 @@ def test_margins_leave_the_momentum_of_the_start(experiment_of):
         TEXT.replace("control: {period: 0.1}\n", "").replace("speed: 600, ", "")
     )
     [loop] = experiment.loops.values()
-    found = linearised(loop, *along_reference(experiment, reference_over_horizon(experiment)))
+    found = linearised(loop, *along_reference(experiment, experiment.reference_over_horizon()))
     H = pyramid() @ [4e-3, -3e-3, 4e-3, 1e-3]
     inverse = np.linalg.inv(INERTIA)
     hand = np.block(
@@ -297,13 +296,13 @@ def test_what_wheels_need_is_as_by_hand(experiment_of):
     text += "plant: {forces: [{kind: constant, force: [1.0e-6, 0, 0]}]}\n"
     text = text.replace(", start: [4 mN m s, -3 mN m s, 4 mN m s, 1 mN m s]", "")
     experiment = experiment_of(text)
-    found = wheels_needed(experiment, reference_over_horizon(experiment))
+    found = wheels_needed(experiment, experiment.reference_over_horizon())
     np.testing.assert_allclose(np.abs(found.momentum[-1]), 1.2e-4 * share, rtol=1e-9)
     np.testing.assert_allclose(np.abs(found.torque), 1e-6 * share, rtol=1e-9)
     assert not found.are_too_much
     cubesat = (Path(__file__).parents[2] / "configs" / "cubesat.yaml").read_text(encoding="utf-8")
     experiment = experiment_of(cubesat)
-    found = wheels_needed(experiment, reference_over_horizon(experiment))
+    found = wheels_needed(experiment, experiment.reference_over_horizon())
     rate, acceleration = 1.875 * np.pi / 3 / 60, 10 / np.sqrt(3) * np.pi / 3 / 3600
     most = np.abs(found.momentum).max()
     assert most == pytest.approx(4e-3 + 0.042 * rate * share, abs=2e-5)

@@ -10,7 +10,7 @@ from small_experiment import configuration
 
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.files import read_record, write_record
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import add_grids, study
 from eqt_cli.engines import compiler

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.yaml_source import dump
-from eqt_cli.config.experiment import build
-from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
@@ -133,7 +132,7 @@ def test_a_file_of_poses_may_be_mapped_and_says_what_is_odd(config):
     ["{kind: constant, velocity: 0.1}", "{kind: slew, to: {rotvec: 1}, duration: 9, start: -1}"],
 )
 def test_a_reference_without_instants_within_the_horizon(config, reference):
-    found = reference_over_horizon(build(read_config(config, [f"reference={reference}"])))
+    found = build(read_config(config, [f"reference={reference}"])).reference_over_horizon()
     assert found.finite.all()
     assert found.jumps == []
 

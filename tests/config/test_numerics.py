@@ -10,8 +10,7 @@ from ci_cases import mostly_ci
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.initial_states import draw_initial_states
 from eqt_cli.config import shipped
-from eqt_cli.config.experiment import build
-from eqt_cli.config.preflight import reference_over_horizon
+from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import check_steps, ill_conditioned, remarks
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, engines
@@ -148,7 +147,7 @@ def test_an_inertia_that_is_ill_later_says_when(experiment):
 @mostly_ci("name", shipped.names(), ["paper", "se3_bluerov2"], "integrates every reference")
 def test_shipped_configurations_are_well_conditioned(name):
     made = build(read_config(Path(shipped.folder() / f"{name}.yaml"), []))
-    found = [str(remark) for remark in remarks(made, reference_over_horizon(made))]
+    found = [str(remark) for remark in remarks(made, made.reference_over_horizon())]
     unstable = {  # their runs oscillate, at 1 Hz and at 2.5 Hz
         "se3_bluerov2_flies": "'gt' is unstable: small errors grow at 0.497 ",
         "se3_bluerov2_thrusters": "'eqt' is unstable: small errors grow at 0.634 ",

@@ -15,8 +15,8 @@ from said import sections_of
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.yaml_source import dump, load
 from eqt_cli.config import shipped
-from eqt_cli.config.experiment import build
 from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
 from eqt_cli.config.source import ConfigSource, read_config
 

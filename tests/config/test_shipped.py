@@ -15,7 +15,7 @@ from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import engines
 

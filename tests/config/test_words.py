@@ -12,7 +12,6 @@ import pytest
 
 from eqt_cli.api import load_experiment
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.config.preflight import reference_over_horizon
 from eqt_cli.config.remarks import remarks
 
 VARIATIONS = int(os.environ.get("EQT_VARIATIONS", "2"))
@@ -54,7 +53,7 @@ def words(data):
     data = {key: value for key, value in data.items() if value is not None}
     try:
         checked = load_experiment(data).base
-        return [str(each) for each in remarks(checked, reference_over_horizon(checked))]
+        return [str(each) for each in remarks(checked, checked.reference_over_horizon())]
     except ConfigError as error:
         return str(error).splitlines()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from said import error_of
 
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 from eqt_cli.runs.lock import locked
 

@@ -30,7 +30,7 @@ import pytest
 from plugin_sources import forget_plugins
 
 from eqt_cli.base.yaml_source import dump, load
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 

@@ -13,7 +13,7 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.extensions.firmware.export import files
 from eqt_cli.extensions.firmware.export_laws import exported

@@ -24,7 +24,8 @@ from eqt_cli.components.log_table import (
     recording_text,
 )
 from eqt_cli.components.recording_check import Recording, read_recording
-from eqt_cli.config.experiment import Experiment, build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of

@@ -17,7 +17,8 @@ from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError,
 from eqt_cli.base.files import CONFIG_MARK, check_entries, check_targets, refusals
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import Block, TextTable, significant, step
-from eqt_cli.config.experiment import Experiment, build
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import PLANT, marks_of
 from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.config.study import study

@@ -19,7 +19,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping
 from eqt_cli.components.recording_check import read_recording
 from eqt_cli.components.references import LogReference
-from eqt_cli.config.experiment import build
+from eqt_cli.config.preflight import build
 from eqt_cli.extensions.recordings.prediction import Replay
 from tests.extensions.recordings.conftest import DRAG, NAMES, NOISE, RELATIVE, model, true_plant
 

@@ -1,0 +1,153 @@
+"""The reference of a loop over a horizon, as an engine integrates it, and what is wrong with it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, frobenius, norm
+from eqt_cli.base.errors import Problems
+from eqt_cli.components.mechanics import Tracking
+from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.engines.solve_ivp import SolveIvp, solve
+from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
+
+RTOL = 1e-8
+"""Relative tolerance for the integration of a reference."""
+
+MOST_EVALUATIONS = 10_000
+"""Largest number of evaluations of an integrated reference, so that a check takes seconds."""
+
+JUMP = 1e-6
+"""Least jump relative to the largest value on the horizon."""
+
+LEAST_JUMP = 1e-12
+"""Least jump in SI units; smaller ones are those of rounding."""
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """The reference at some times.
+
+    Attributes
+    ----------
+    times : (n,)
+        Times in increasing order, s.
+    pose : (n, d, d)
+        Q_d.
+    velocity, acceleration, torque : (n, m)
+        V_d, V̇_d and τ_d in the body frame; NaN where the reference is not finite.
+    jumps
+        Jumps of Q_d, V_d or τ_d as (time, name, size with its unit if all coordinates share it).
+    spent
+        Number of evaluations after which the integration stopped, at the last of the times; None if
+        it reached the end.
+    """
+
+    times: Array
+    pose: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    jumps: list[tuple[float, str, str]]
+    spent: int | None = None
+
+    @property
+    def finite(self) -> Array:
+        """Whether the reference is finite at each time."""
+        parts = (frobenius(self.pose), norm(self.velocity), norm(self.torque))
+        return np.isfinite(np.array(parts)).all(axis=0)
+
+
+class _Light(SolveIvp):
+    """The engine of references: DOP853 without SciPy."""
+
+    solver = staticmethod(solve)
+
+
+def reference_over_horizon(
+    loop: ClosedLoop,
+    start: tuple[Array, Array],
+    times: Array,
+    most_evaluations: int = MOST_EVALUATIONS,
+) -> Horizon:
+    """Compute Q_d, V_d, V̇_d and τ_d at some times, and at the known instants between them.
+
+    Parameters
+    ----------
+    start
+        Q_d(0) and V_d(0).
+    times : (n,)
+        Times in increasing order from 0, s.
+    """
+    system, stop = ReferenceSystem.of(loop), float(times[-1])
+    instants = np.array([t for t in system.instants(stop) if 0 < t < stop])
+    times = np.unique([*times, *instants])
+    state = system.initial_state(*start, *start)
+    states = np.broadcast_to(state, (len(times), len(state)))
+    spent = None
+    if len(state):
+        engine = _Light(rtol=RTOL, atol=1e-3 * RTOL, max_steps=most_evaluations)
+        solution = engine.solve(Problem(system, state[None], times))
+        states = solution.states[0]
+        if solution.status[0] == Status.STEP_LIMIT:
+            spent = engine.max_steps
+            known = int(np.isfinite(states).all(axis=-1).sum())
+            times, states = times[:known], states[:known]
+            instants = instants[instants <= times[-1]]
+    with np.errstate(all="ignore"):
+        s = system.tracking(times, states)
+        torque = s.tau_d + 0 * s.P
+        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], spent)
+        if not len(instants):
+            return shown
+        where = np.searchsorted(times, instants)
+        sides = [
+            system.tracking(np.nextafter(instants, towards), states[where])
+            for towards in (-np.inf, np.inf)
+        ]
+        parts = loop.group.parts
+        units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
+        jumps = list(_jumps(shown, instants, units, *sides))
+    return replace(shown, jumps=sorted(jumps))
+
+
+def _jumps(
+    shown: Horizon, instants: Array, units: tuple[str, str], left: Tracking, right: Tracking
+) -> Iterator[tuple[float, str, str]]:
+    for what, scale, size, unit in (
+        ("Q_d", shown.pose, frobenius(right.Qd - left.Qd), ""),
+        ("V_d", shown.velocity, norm(right.Vd - left.Vd), units[0]),
+        ("τ_d", shown.torque, norm(right.tau_d - left.tau_d + 0 * left.P), units[1]),
+    ):
+        largest = np.nanmax(np.abs(scale)) if np.isfinite(scale).any() else 0.0
+        for t, by in zip(instants, size, strict=True):
+            if by > max(JUMP * largest, LEAST_JUMP):
+                yield float(t), what, f"{by:.3g} {unit}".strip()
+
+
+def check_reference(shown: Horizon, most_torque: float | None, problems: Problems) -> list[str]:
+    """Note where the reference is not finite, or needs more than a given torque.
+
+    Returns
+    -------
+    list of str
+        Remarks on jumps, which may be intended, and on a check that did not reach the end.
+    """
+    finite, sizes = shown.finite, norm(shown.torque)
+    if not finite.all():
+        t = shown.times[np.flatnonzero(~finite)[0]]
+        problems.add(f"has no finite real value at about t = {t:.4g} s; correct its expressions")
+    elif most_torque is not None and sizes.max() > most_torque:
+        t = shown.times[sizes.argmax()]
+        problems.add(
+            f"needs a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
+        )
+    at: dict[str, list[str]] = {}
+    for t, what, by in shown.jumps:
+        at.setdefault(f"{what} jumps by {by} at t =", []).append(f"{t:g}")
+    remarks = [f"{jump} {', '.join(instants)} s" for jump, instants in at.items()]
+    if shown.spent is not None:
+        until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"
+        remarks.append(f"checked until {until}")
+    return remarks
