@@ -139,16 +139,13 @@ def _mathematics(text: str) -> str:
 
 # Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle -------------
 #
-# A user's sheet sets how a figure looks: no programs, no folders, no code that Matplotlib would
-# call, and no numbers with which a drawing never ends or exceeds the memory. What Matplotlib would
-# only warn of is refused with a reason.
+# Matplotlib checks the values of a user's sheet. eqt refuses what runs code or programs or opens
+# files, and numbers that no drawing survives.
 
 
 Settings = dict[str, Any]
 
-_CYCLE = "axes.prop_cycle"
-
-_WITHOUT_COMMENT = re.compile(r'(?:[^"#]|"[^"]*")*')
+_WITHOUT_COMMENT = re.compile(r'(?:[^"#]|"[^"]*(?:"|$))*')
 
 # Typed as Any, since the stubs do not list every key.
 _DEFAULTS: Any = matplotlib.rcParamsDefault
@@ -175,8 +172,7 @@ def read(name: str) -> Settings:
 def read_file(path: Path) -> Settings:
     """Return the settings in a file.
 
-    Nothing in it is executed, whatever the version of Matplotlib, and no line without a key of
-    Matplotlib is quoted: the file may be no style sheet.
+    Matplotlib's own reader would quote lines of a file that is no style sheet.
 
     Raises
     ------
@@ -187,93 +183,59 @@ def read_file(path: Path) -> Settings:
         text = text_in(path)
     settings: Any = RcParams()
     for number, line in enumerate(text.splitlines(), start=1):
+        content = _WITHOUT_COMMENT.match(line)
+        if content is None or not content[0].strip():
+            continue
+        key, _, value = (part.strip() for part in content[0].partition(":"))
+        if len(value) > 1 and value[0] == value[-1] == '"':
+            value = value[1:-1]
         try:
-            for key, value in _setting(line):
-                if key == _CYCLE:
-                    check_cycle(value)
-                settings[key] = value
-                if key not in OF_A_MACHINE:
-                    check(key, settings[key], _DEFAULTS.get(key))
+            if key not in RcParams.validate:
+                near = suggestion(key, RcParams.validate)
+                raise ValueError(
+                    f"Matplotlib has no key {key}{near}" if near else "expected a key of Matplotlib"
+                )
+            if key == "axes.prop_cycle":
+                check_cycle(value)
+            settings[key] = value
+            check(key, settings[key])
         except (ValueError, TypeError) as error:
             raise EqtError(f"{path}:{number}: the style sheet is wrong: {error}") from error
-    return {key: settings[key] for key in settings if key not in OF_A_MACHINE}
+    return dict(settings)
 
 
-def _setting(line: str) -> Iterator[tuple[str, str]]:
-    """Yield the key of a line and the text of its value; nothing for an empty line."""
-    content = _WITHOUT_COMMENT.match(line)
-    assert content is not None  # the pattern matches the empty string, too
-    if line[content.end() :].startswith('"'):
-        raise ValueError("a closing quotation mark is missing")
-    if not content[0].strip():
-        return
-    key, colon, value = (part.strip() for part in content[0].partition(":"))
-    if not colon:
-        raise ValueError("expected 'key: value'")
-    if key not in RcParams.validate:
-        known = suggestion(key, RcParams.validate)
-        raise ValueError(
-            f"Matplotlib has no key {key}{known}" if known else "expected a key of Matplotlib"
-        )
-    yield key, value[1:-1] if len(value) > 1 and value[0] == value[-1] == '"' else value
+_REFUSED = {
+    "figure.hooks": "eqt runs no code of a style sheet",
+    "path.effects": "eqt runs no code of a style sheet",
+    "ps.usedistiller": "eqt starts no program for a style sheet",
+    "text.latex": "eqt draws without LaTeX",
+    "text.usetex": "eqt draws without LaTeX",
+}
+"""Why a style may not set the keys with these prefixes."""
+
+MOST, MOST_PER_INCH = 300.0, 2400.0
+"""Largest magnitude of a number, such as a size in points, and of a resolution or a weight."""
 
 
-# What a style may set ----------------------------------------------------------------------------
-
-_LOOKS = (
-    "axes. axes3d. boxplot. contour. date. errorbar. figure. font. grid. hatch. hist. image. "
-    "legend. lines. markers. mathtext. patch. path.simplify path.snap pdf. polaraxes. ps. savefig. "
-    "scatter. svg. text. xaxis. xtick. yaxis. ytick."
-).split()
-"""Prefixes of the keys that set how a figure looks."""
-
-_NOT_LOOKS = ("figure.hooks", "ps.usedistiller")
-"""Keys with these prefixes that name code or programs."""
-
-_OF_LATEX = ("text.latex", "text.usetex")
-"""Prefixes of the keys that let LaTeX set the text."""
-
-OF_A_MACHINE = frozenset(
-    "backend backend_fallback date.epoch docstring.hardcopy figure.max_open_warning "
-    "figure.raise_window interactive savefig.directory timezone tk.window_focus toolbar "
-    "webagg.address webagg.open_in_browser webagg.port webagg.port_retries".split()
-)
-"""Keys that Matplotlib itself leaves out of a style, as eqt does."""
-
-MOST = 300.0
-"""Largest magnitude of a number without a bound of its own, such as a size in points."""
-
-_MOST = {"dpi": 2400.0, "figsize": 50.0, "weight": 1000.0, "threshold": 1e4}
-"""Bounds of numbers, by suffix of the key."""
-
-
-def check(key: str, value: Any, default: Any) -> None:
+def check(key: str, value: Any) -> None:
     """Raise a `ValueError` with the reason if a style may not set a key to a value.
 
     Matplotlib's default may always be set.
     """
-    if value == default:
+    if value == _DEFAULTS.get(key):
         return
-    if not key.startswith(tuple(_LOOKS)) or key in _NOT_LOOKS:
-        raise ValueError(f"Key {key}: does not change how a figure looks; remove the line")
-    if key.startswith(_OF_LATEX):
-        raise ValueError(f"Key {key}: eqt draws without LaTeX; remove the line")
-    most = next((most for end, most in _MOST.items() if key.endswith(end)), MOST)
-    for number in _numbers(value):
-        if not abs(number) <= most:
+    for prefix, reason in _REFUSED.items():
+        if key.startswith(prefix):
+            raise ValueError(f"Key {key}: {reason}; remove the line")
+    if key.startswith("mathtext.") and "file=" in str(value):
+        raise ValueError(f"Key {key}: expected the name of a font, got a file")
+    most = MOST_PER_INCH if key.endswith(("dpi", "weight")) else MOST
+    for number in value if isinstance(value, list | tuple) else [value]:
+        if isinstance(number, int | float) and not abs(number) <= most:
             raise ValueError(f"Key {key}: expected numbers of at most {most:g}, got {number:g}")
 
 
-def _numbers(value: Any) -> Iterator[float]:
-    if isinstance(value, bool):
-        return
-    if isinstance(value, int | float):
-        yield value
-    elif isinstance(value, list | tuple):
-        for entry in value:
-            yield from _numbers(entry)
-    elif hasattr(value, "by_key"):
-        yield from _numbers(list(value.by_key().values()))
+_IN_CYCLES = "Expression Call keyword Name Load BinOp Add List Tuple UnaryOp USub Constant".split()
 
 
 def check_cycle(text: str) -> None:
@@ -283,15 +245,9 @@ def check_cycle(text: str) -> None:
     other operators nothing else can be reached, and nothing is larger than it is written.
     """
     try:
-        terms = [ast.parse(text.strip(), mode="eval").body]
-        while terms:
-            term = terms.pop()
-            if isinstance(term, ast.BinOp) and isinstance(term.op, ast.Add):
-                terms += [term.left, term.right]
-            elif isinstance(term, ast.Call) and getattr(term.func, "id", None) == "cycler":
-                for each in (*term.args, *(keyword.value for keyword in term.keywords)):
-                    ast.literal_eval(each)
-            else:
+        for node in ast.walk(ast.parse(text, mode="eval")):
+            name = getattr(node, "id", "cycler")
+            if type(node).__name__ not in _IN_CYCLES or name != "cycler":
                 raise ValueError
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         reason = "axes.prop_cycle is not a sum of cyclers of literal values"
@@ -420,20 +376,15 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
         if to_hex(_PRESENT["grid.color"]) == ink():
             # From a sheet without a grid; eqt shows one, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
-        with _moderate_numbers(), _one_reader_of_formulas(style):
+        name, reader = "MathTextParser", _reader_of_formulas(style)
+        of_png, of_paths = replaced(backend_agg, name, reader), replaced(textpath, name, reader)
+        with of_png, of_paths, _moderate_numbers():
             yield
-
-
-@contextmanager
-def _one_reader_of_formulas(style: Style) -> Iterator[None]:
-    """Share what is read of formulas: each renderer of Matplotlib otherwise reads all of them."""
-    shared, name = _reader_of_formulas(style), "MathTextParser"
-    with replaced(backend_agg, name, shared), replaced(textpath, name, shared):
-        yield
 
 
 @lru_cache(maxsize=1)
 def _reader_of_formulas(style: Style) -> Callable[[str], Any]:
+    """Return one reader for all renderers of a style: each would read all formulas again."""
     return lru_cache(MathTextParser)
 
 
