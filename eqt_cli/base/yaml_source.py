@@ -3,7 +3,8 @@
 The dialect is YAML 1.2's core schema: ``on``, ``no``, ``12:30`` and ``1_000`` are text, ``1e-9`` is
 a number. Features that a configuration does not need and that can surprise or harm are refused:
 tags (``!!python`` and even ``!!str``), merge keys, duplicate keys, keys that are not text, integers
-with a leading zero, numbers that overflow, several documents, and excessive sizes.
+with a leading zero, numbers that overflow, several documents, anchors set twice, and excessive
+sizes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NoReturn, TypeAlias
 
@@ -30,6 +31,7 @@ MAX_DEPTH: Final = 64
 MAX_VALUES: Final = 100_000
 """Largest number of keys and values in a document, aliases followed."""
 
+_TOO_MANY: Final = f"expected at most {MAX_VALUES} keys and values, aliases followed, got more"
 _Position: TypeAlias = tuple[int, int]  # line and column, from 1
 _Scalar: TypeAlias = str | int | float | bool | None
 
@@ -51,27 +53,18 @@ class Source:
 
     name: str
     data: dict[str, Any]
-    _root: _Node = field(repr=False)
+    _values: dict[KeyPath, _Position] = field(repr=False)
+    _keys: dict[KeyPath, _Position] = field(repr=False)
 
     def place(self, path: KeyPath) -> str:
         """Return ``name:line:column`` of the value at `path`, or of its nearest ancestor."""
-        return _place(self.name, self._nearest(path)[0].position)
+        while path and path not in self._values:
+            path = path[:-1]
+        return _place(self.name, self._values.get(path, (1, 1)))
 
     def key_place(self, path: KeyPath) -> str:
         """Return ``name:line:column`` of the last key of `path`; without a key, as `place`."""
-        parent, rest = self._nearest(path[:-1])
-        if not rest and path and path[-1] in parent.keys:
-            return _place(self.name, parent.keys[path[-1]])
-        return self.place(path)
-
-    def _nearest(self, path: KeyPath) -> tuple[_Node, KeyPath]:
-        """Return the deepest existing node along `path`, and the rest of the path."""
-        node = self._root
-        for depth, step in enumerate(path):
-            if node.children is None or step not in node.children:
-                return node, path[depth:]
-            node = node.children[step]
-        return node, ()
+        return _place(self.name, self._keys[path]) if path in self._keys else self.place(path)
 
 
 def load(text: str | bytes, name: str) -> Source:
@@ -80,16 +73,18 @@ def load(text: str | bytes, name: str) -> Source:
     Raises
     ------
     ConfigError
-        With every error; reading continues after errors that leave the rest readable.
+        With every error of the content, or the first one of the syntax.
     """
     reader = _Reader(name, located=True)
-    root = reader.read(text) or _Node((1, 1), children={})
-    if not root.is_mapping:
+    data = reader.read(text)
+    if not reader.values:
+        data = {}
+    if not isinstance(data, dict):
         # The file may not be a configuration, so the message must not quote it.
-        is_value = root.children is None and not isinstance(root.value, str)
-        got = "a single value" if is_value else root.kind
-        reader.stop((), f"expected lines of 'key: value', got {got}", root.position)
-    return Source(name, root.plain(), root)
+        got = "text" if isinstance(data, str) else "a single value"
+        got = "a list" if isinstance(data, list) else got
+        reader.stop((), f"expected lines of 'key: value', got {got}", reader.values[()])
+    return Source(name, data, reader.values, reader.keys)
 
 
 def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
@@ -100,64 +95,62 @@ def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
     ConfigError
         With every error, each at the place `name`.
     """
-    root = _Reader(name, located=False, below=path).read(text)
-    return None if root is None else root.plain()
+    return _Reader(name, located=False, below=path).read(text)
 
 
 # Reading --------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Node:
-    """A value with its place; scalars have no `children`, lists have them by index."""
+class _Loader(_PARSER):  # type: ignore[misc]
+    """Composes a bounded number of nodes, of which only those with a tag in the text have one."""
 
-    position: _Position
-    value: _Scalar = None
-    children: dict[Any, _Node] | None = None
-    keys: dict[Any, _Position] = field(default_factory=dict)
-    is_mapping: bool = True
-    size: int = 1  # keys and values, this one included, aliases followed
-    height: int = 0  # levels of containers, this one included
+    _depth = 0
+    _size = 0
 
-    def __post_init__(self) -> None:
-        if self.children is None:
-            self.is_mapping = False
-            return
-        self.size += len(self.keys) + sum(child.size for child in self.children.values())
-        self.height = 1 + max((child.height for child in self.children.values()), default=0)
+    def descend_resolver(self, parent: yaml.Node | None, index: object) -> None:
+        # The parser in C would recurse until it crashes. `_Reader` has the exact limits, which
+        # count aliases and tell the path of a node.
+        self._depth += 1
+        self._size += 1
+        if parent and self._depth > 2 * MAX_DEPTH:
+            raise yaml.MarkedYAMLError(problem="nesting depth", problem_mark=parent.start_mark)
+        if parent and self._size > 2 * MAX_VALUES:
+            raise yaml.MarkedYAMLError(problem="many nodes", problem_mark=parent.start_mark)
 
-    @property
-    def kind(self) -> str:
-        if self.children is not None:
-            return "a mapping" if self.is_mapping else "a list"
-        return "text" if isinstance(self.value, str) else json.dumps(self.value)
+    def ascend_resolver(self) -> None:
+        self._depth -= 1
 
-    def plain(self) -> Any:
-        if self.children is None:
-            return self.value
-        if self.is_mapping:
-            return {key: child.plain() for key, child in self.children.items()}
-        return [child.plain() for child in self.children.values()]
+    def resolve(self, kind: object, value: object, implicit: object) -> str:
+        return ""
 
 
 class _Reader:
-    """Builds the nodes of one text from the parser's events."""
+    """Makes data and places of the nodes of one text."""
 
     def __init__(self, name: str, *, located: bool, below: KeyPath = ()) -> None:
+        self.values: dict[KeyPath, _Position] = {}
+        self.keys: dict[KeyPath, _Position] = {}
         self._name, self._below = name, below
         self._located = located
         self._problems: list[InputProblem] = []
-        self._anchors: dict[str, _Node | None] = {}  # None while the node is being built
-        self._size = 0
-        self._events: Iterator[Any] = iter(())
+        self._within: list[yaml.Node] = []
 
-    def read(self, source: str | bytes) -> _Node | None:
-        """Return the root of the only document, or None if it is empty."""
-        self._events = self._parsed(self._characters(source))
-        root = self._document()
+    def read(self, source: str | bytes) -> Any:
+        """Return the data of the only document, or None if it is empty."""
+        self._text = self._characters(source)
+        try:
+            root = _Loader(self._text).get_single_node()
+        except yaml.MarkedYAMLError as error:
+            self._stop_at_syntax(error)
+        except (yaml.YAMLError, ValueError, OverflowError):
+            # Python's parser gives escapes such as \UFFFFFFFF to chr() and int() unchecked.
+            self.stop((), "an escape or a directive (%) is not valid YAML", None)
+        data = None if root is None else self._value(root, (), _mark(root.start_mark))
         if self._problems:
             raise ConfigError(self._problems)
-        return root
+        if data is None and (root is None or root.value == ""):
+            self.values.clear()  # of an empty document
+        return data
 
     def stop(self, path: KeyPath, message: str, position: _Position | None) -> NoReturn:
         """Report an error after which reading cannot continue."""
@@ -197,148 +190,107 @@ class _Reader:
             self.stop((), message, _position(text, invalid.start()))
         return text
 
-    def _parsed(self, text: str) -> Iterator[Any]:
-        try:
-            yield from yaml.parse(text, Loader=_PARSER)
-        except yaml.MarkedYAMLError as error:
-            self._stop_at_syntax(error, text)
-        except (yaml.YAMLError, ValueError, OverflowError):
-            # Python's parser gives escapes such as \UFFFFFFFF to chr() and int() unchecked.
-            self.stop((), "an escape or a directive (%) is not valid YAML", None)
-
-    def _document(self) -> _Node | None:
-        root = None
-        starts = (event for event in self._events if isinstance(event, yaml.DocumentStartEvent))
-        for number, event in enumerate(starts):
-            if number:
-                message = "a second document starts here; expected only one"
-                self.stop((), message, _mark(event.start_mark))
-            first = next(self._events)
-            root = self._node(first, (), 0)
-            if isinstance(first, yaml.ScalarEvent) and not first.value and not first.style:
-                root = None
-        return root
-
-    def _node(self, event: Any, path: KeyPath, depth: int) -> _Node:
-        """Return the node that starts with `event`, inside `depth` containers."""
-        self._size += 1
-        if isinstance(event, yaml.AliasEvent):
-            node = self._alias(event, path)
-            self._size += node.size - 1
-        else:
-            node = self._written(event, path, depth)
-        position = _mark(event.start_mark)
-        if depth + node.height > MAX_DEPTH:
+    def _value(self, node: yaml.Node, path: KeyPath, position: _Position) -> Any:
+        """Return the value of a node, which an alias at the position may refer to."""
+        self.values[path] = position
+        if len(self.values) + len(self.keys) > MAX_VALUES:
+            self.stop(path, _TOO_MANY, position)
+        self._check_tag(node, path, position)
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalar(node, path, position)
+        if node in self._within:
+            self._report(path, "the alias is part of what it refers to", position)
+            return None
+        self._within.append(node)
+        if len(self._within) > MAX_DEPTH:
             self.stop(path, f"nested more than {MAX_DEPTH} deep", position)
-        if self._size > MAX_VALUES:
-            message = f"expected at most {MAX_VALUES} keys and values, aliases followed, got more"
-            self.stop(path, message, position)
-        return node
-
-    def _alias(self, event: Any, path: KeyPath) -> _Node:
-        """Return the target of an alias at the alias's place; its parts keep their own places."""
-        position = _mark(event.start_mark)
-        target = self._anchors.get(event.anchor)
-        if target is not None:
-            return _Node(position, target.value, target.children, target.keys, target.is_mapping)
-        name = _short(event.anchor)
-        if event.anchor in self._anchors:
-            message = f"*{name} is part of what it refers to"
+        value: Any = []
+        if isinstance(node, yaml.MappingNode):
+            value = self._mapping(node, path)
         else:
-            message = f"*{name} refers to nothing; no &{name} comes before it"
-        self._report(path, message, position)
-        return _Node(position)
+            last = node.start_mark.index
+            for item in node.value:
+                # The node of an alias stands further up, so that the place is that of the list.
+                place = item if item.start_mark.index > last else node
+                last = max(last, item.start_mark.index)
+                value.append(self._value(item, (*path, len(value)), _mark(place.start_mark)))
+        self._within.pop()
+        return value
 
-    def _written(self, event: Any, path: KeyPath, depth: int) -> _Node:
-        position = _mark(event.start_mark)
-        if event.tag is not None:
-            tag = _short(event.tag.replace("tag:yaml.org,2002:", "!!"))
-            self._report(path, f"tag {tag} is not allowed; write the value without it", position)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = None
-        if isinstance(event, yaml.ScalarEvent):
-            node = self._scalar(event, path)
-        elif depth >= MAX_DEPTH:
-            self.stop(path, f"nested more than {MAX_DEPTH} deep", position)
-        elif isinstance(event, yaml.SequenceStartEvent):
-            node = self._sequence(position, path, depth + 1)
-        else:
-            node = self._mapping(position, path, depth + 1)
-        if event.anchor is not None:
-            self._anchors[event.anchor] = node
-        return node
-
-    def _scalar(self, event: Any, path: KeyPath) -> _Node:
-        position = _mark(event.start_mark)
-        value: _Scalar = event.value
-        if not event.style:
-            try:
-                value = _resolved(event.value)
-            except ValueError as error:
-                self._report(path, str(error), position)
-        elif _SURROGATE.search(event.value):
-            self._report(path, "an escape for half a surrogate pair is no character", position)
-        return _Node(position, value)
-
-    def _sequence(self, position: _Position, path: KeyPath, depth: int) -> _Node:
-        children: dict[int, _Node] = {}
-        while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
-            index = len(children)
-            children[index] = self._node(event, (*path, index), depth)
-        return _Node(position, children=children, is_mapping=False)
-
-    def _mapping(self, position: _Position, path: KeyPath, depth: int) -> _Node:
-        children: dict[str, _Node] = {}
-        keys: dict[str, _Position] = {}
-        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
-            key_position = _mark(event.start_mark)
-            key = self._key(event, path, depth)
-            key_path = path if key is None else (*path, key)
-            value = self._node(next(self._events), key_path, depth)
+    def _mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[str, Any]:
+        mapping: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            position = _mark(key_node.start_mark)
+            key = self._key(key_node, path, position)
             if key is None:
                 continue
-            if key in keys:
-                first = f"; the first is at {self._place(keys[key])}" if self._located else ""
-                self._report(key_path, f"duplicate key{first}", key_position)
+            key_path = (*path, key)
+            if key in mapping:
+                first = f"; the first is at {self._place(self.keys[key_path])}"
+                message = f"duplicate key{first if self._located else ''}"
+                self._report(key_path, message, position)
                 continue
-            keys[key] = key_position
-            children[key] = value
-        return _Node(position, children=children, keys=keys)
+            self.keys[key_path] = position
+            position = _mark(value_node.start_mark)
+            if value_node.start_mark.index < key_node.start_mark.index:
+                # The node of an alias stands further up; only the text tells where the alias is.
+                end = key_node.end_mark
+                after = self._text[end.index : end.index + _LONGEST_KEY].partition("*")[0]
+                line, column = _position(after, len(after))
+                position = end.line + line, column + (end.column if line == 1 else 0)
+            mapping[key] = self._value(value_node, key_path, position)
+        return mapping
 
-    def _key(self, event: Any, path: KeyPath, depth: int) -> str | None:
+    def _key(self, node: yaml.Node, path: KeyPath, position: _Position) -> str | None:
         """Return the text of a key, or None after reporting that it is not text."""
-        position = _mark(event.start_mark)
-        if not isinstance(event, yaml.ScalarEvent):
-            kind = self._node(event, path, depth).kind
-            got = "an alias" if isinstance(event, yaml.AliasEvent) else kind
-            self._report(path, f"expected text as a key, got {got}", position)
-            return None
-        text = str(event.value)
-        if event.style or not _NOT_TEXT.fullmatch(text):
-            self._node(event, (*path, text), depth)
-            return text
-        if text == "<<":
+        if isinstance(node, yaml.ScalarNode) and (
+            node.style or not _NOT_TEXT.fullmatch(node.value)
+        ):
+            path = (*path, node.value)
+            self._check_tag(node, path, position)
+            return str(self._scalar(node, path, position))
+        message = "expected a key before ':'"
+        if not isinstance(node, yaml.ScalarNode):
+            got = "a mapping" if isinstance(node, yaml.MappingNode) else "a list"
+            message = f"expected text as a key, got {got}"
+        elif node.value == "<<":
             message = "merge keys (<<) are not supported; write out the keys to merge"
-        elif text:
-            message = f'expected text as a key, got {_short(text)}; write "{_short(text)}"'
-        else:
-            message = "expected a key before ':'"
+        elif node.value:
+            text = _short(node.value)
+            message = f'expected text as a key, got {text}; write "{text}"'
         self._report(path, message, position)
         return None
 
+    def _scalar(self, node: yaml.ScalarNode, path: KeyPath, position: _Position) -> _Scalar:
+        if _BARE_TAG.match(self._text, node.start_mark.index):
+            self._report(path, "tag ! is not allowed; write the value without it", position)
+        if not node.style:
+            try:
+                return _resolved(node.value)
+            except ValueError as error:
+                self._report(path, str(error), position)
+        elif _SURROGATE.search(node.value):
+            self._report(path, "an escape for half a surrogate pair is no character", position)
+        return str(node.value)
+
+    def _check_tag(self, node: yaml.Node, path: KeyPath, position: _Position) -> None:
+        if node.tag:
+            tag = _short(node.tag.replace("tag:yaml.org,2002:", "!!"))
+            self._report(path, f"tag {tag} is not allowed; write the value without it", position)
+
     # Syntax
 
-    def _stop_at_syntax(self, error: yaml.MarkedYAMLError, text: str) -> NoReturn:
+    def _stop_at_syntax(self, error: yaml.MarkedYAMLError) -> NoReturn:
         """Report an error of the parser in our own words."""
         problem, context = str(error.problem), str(error.context)
         here = error.problem_mark or error.context_mark
         start = error.context_mark or here
         if here is None or start is None:
             self.stop((), "invalid YAML", None)
-        if "nesting depth" in problem:  # libyaml reads ahead, and has a bound of its own
+        if "nesting depth" in problem:  # libyaml has a bound of its own
             self.stop((), f"nested more than {MAX_DEPTH} deep", _mark(here))
-        before, at_here = _split(text, here)
-        opening = _split(text, start)[1][:1]
+        before, at_here = _split(self._text, here)
+        opening = _split(self._text, start)[1][:1]
         since = f" that starts at {self._place(_mark(start))}" if self._located else ""
         if "flow" in context:
             self._stop_in_brackets(before, at_here, opening, _mark(here), _mark(start), since)
@@ -352,9 +304,12 @@ class _Reader:
         if in_collection and before.strip():
             message = f"unexpected {character!r} after a value; quote the whole value"
             self.stop((), message, _mark(here))
+        name = _short(re.split(r"[^\w-]", at_here[1:], maxsplit=1)[0])  # of an anchor
         for in_context, in_problem, at_start, template in _SYNTAX:
             if in_context in context and in_problem in problem:
-                message = template.format(opening=opening, character=character, since=since)
+                message = template.format(
+                    opening=opening, character=character, since=since, name=name
+                )
                 self.stop((), message, _mark(start if at_start else here))
         self.stop((), "invalid YAML", _mark(here))
 
@@ -391,6 +346,10 @@ _QUOTE: Final = "; quote text that starts with it"
 # Errors of both parsers: a part of the context, a part of the problem, whether the place is the
 # start of the context, and our message. The first row that matches is used.
 _SYNTAX: Final = (
+    ("", "many nodes", False, _TOO_MANY),
+    ("", "another document", False, "a second document starts here; expected only one"),
+    ("", "undefined alias", False, "*{name} refers to nothing; no &{name} comes before it"),
+    ("duplicate anchor", "", False, "&{name} is set a second time; choose another name"),
     ("quoted scalar", "unexpected", True, "the quote {opening} is never closed"),
     ("quoted scalar", "", True, "unknown escape in this text; use single quotes, or \\\\ for \\"),
     ("alias", "", True, f"'*' starts a reference{_QUOTE}"),
@@ -417,6 +376,8 @@ _SYNTAX: Final = (
 _INVALID: Final = re.compile(
     "[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
+# A tag without a name, which PyYAML's nodes do not tell of; an anchor may come before it.
+_BARE_TAG: Final = re.compile(r"(?:&\S+(?:\s|#.*\n)+)?!(?:\s|\Z)")
 _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 _LINE_BREAK: Final = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # as the parsers count them
 
