@@ -96,7 +96,7 @@ class TooLargeError(OSError):
         self.size = size
 
 
-def open_regular(path: Path, *, follow: bool = True) -> BinaryIO:
+def open_regular(path: Path, *, follow: bool = True) -> io.BufferedReader:
     """Open a file for reading, if it is a regular file.
 
     Parameters

@@ -1,12 +1,17 @@
-"""Reads result files, which may be damaged or hostile: their structure is checked first."""
+"""Reads result files, which may be damaged, or come from strangers.
 
+h5py reads them. What eqt never writes is refused before it is used: links, data in other files or
+larger than the file, other types, and dimensions that do not fit.
+"""
+
+import io
 import operator
+import os
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from functools import cache, partial
 from math import prod
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -22,74 +27,18 @@ from eqt_cli.base.errors import Remedy, ResultError, suggestion
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.version import __version__
 
-# Checks the heaps in which HDF5 keeps strings, because HDF5 trusts their contents -----------------
-#
-# A broken object size makes the HDF5 library loop for ever (its issue 1707, open in 2.0). Unlike
-# the rest of a result file, these heaps have no checksum.
-
-
-_COLLECTION = b"GCOL\x01"
-_HEADER = 16  # size of the header of a collection, and of each object in it, bytes
-_DAMAGED = "its strings are damaged"
-
-Heaps = dict[int, dict[int, int]]
-"""The sizes of all strings of a file: address of collection → index of object → bytes."""
-
 
 class Refusal(Exception):
     """Raised for a refused file; the message follows the file's path in a sentence."""
 
 
-def read_heaps(view: mmap, gaps: Iterable[tuple[int, int]]) -> Heaps:
-    """Return the sizes of all strings in a file.
-
-    Parameters
-    ----------
-    view
-        The bytes of the file.
-    gaps
-        The spans, begin and end, outside the data of datasets, where data could look like heaps.
-
-    Raises
-    ------
-    Refusal
-        If the objects of a collection do not fill it exactly.
-    """
-    heaps = {}
-    for begin, end in gaps:
-        at = view.find(_COLLECTION, begin, end)
-        while at >= 0:
-            stop = at + int.from_bytes(view[at + 8 : at + 16], "little")
-            if stop > end:
-                raise Refusal(_DAMAGED)
-            heaps[at] = _objects(view, at + _HEADER, stop)
-            at = view.find(_COLLECTION, stop, end)
-    return heaps
-
-
-def _objects(view: mmap, at: int, stop: int) -> dict[int, int]:
-    """Return the sizes in a collection; object 0, and a rest shorter than a header, are free."""
-    sizes: dict[int, int] = {}
-    while at + _HEADER <= stop:
-        index, size = struct.unpack_from("<H6xQ", view, at)
-        step = _HEADER + -(-size // 8) * 8 if index else size
-        if index in sizes or step < _HEADER:
-            raise Refusal(_DAMAGED)
-        sizes[index] = size
-        at += step
-    if at > stop:
-        raise Refusal(_DAMAGED)
-    return sizes
-
-
-_LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
-_OBJECTS = {h5py.h5o.TYPE_GROUP: "a group", h5py.h5o.TYPE_NAMED_DATATYPE: "a named type"}
+_OBJECTS = {h5py.Group: "a group", h5py.Datatype: "a named type"}
 _SHUFFLE, _DEFLATE = h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE
 _FILTERS: tuple[list[int], ...] = ([], [_DEFLATE], [_SHUFFLE, _DEFLATE])
 # One byte of a deflate stream expands to at most 1032 bytes (RFC 1951: 258 bytes from 2 bits).
 _DEFLATE_RATIO = 1032
 _ATTACHMENT = np.dtype([("address", "<u8"), ("axis", "<u4"), ("padding", "<u4")])
-_VERSION = re.compile(r"[0-9A-Za-z.+-]{1,32}")
+_VERSION = re.compile(rb"[0-9A-Za-z.+-]{1,32}")
 _REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4")])
 
 
@@ -104,7 +53,6 @@ class CheckedArray:
     dataset: Any
     dims: tuple[str, ...]
     attributes: dict[str, Attribute]
-    is_text: bool
 
 
 @dataclass(frozen=True)
@@ -119,106 +67,91 @@ class Contents:
 
 def format_of(file: Any) -> int | None:
     """Return the number of eqt's layout, or None if eqt did not write the file."""
-    number = _without_heap(file, files.FORMAT_ATTRIBUTE, h5py.h5t.INTEGER)
-    return None if number is None else int(number)
+    number = _outside_heaps(file, files.FORMAT_ATTRIBUTE)
+    return int(number) if isinstance(number, np.integer) else None
 
 
-def version_of(file: Any) -> str | None:
-    """Return the version of eqt that wrote the file; None if it is missing or invalid."""
-    version = bytes(_without_heap(file, files.VERSION_ATTRIBUTE, h5py.h5t.STRING) or b"")
-    text = version.decode("ascii", "replace")
-    return text if _VERSION.fullmatch(text) else None
+def _outside_heaps(file: Any, name: str) -> Any:
+    """Return an attribute that is no string of variable length; otherwise None."""
+    is_there = name in file.attrs and file.attrs.get_id(name).dtype.kind in "iuS"
+    return file.attrs[name] if is_there else None
 
 
-def _without_heap(file: Any, name: str, kind: int) -> Any:
-    """Return a single value that lies in no heap of strings; None if there is none of its kind."""
-    if name not in file.attrs:
-        return None
-    handle = h5py.h5a.open(file.id, name.encode())
-    is_kind = handle.shape == () and handle.get_type().get_class() == kind
-    return None if not is_kind or _is_text(handle) else file.attrs[name]
+class CheckedStream(io.BufferedReader):
+    """A file for HDF5 to read, except for heaps that it would read for ever.
 
-
-def inspect(file: Any, view: mmap) -> tuple[Contents, Sequence[Callable[[], Contents]], Heaps]:
-    """Check the structure, the heaps and the attributes of an open file, whose bytes are `view`.
-
-    Returns its root, the groups of its points, and its heaps. The places of all datasets are
-    checked here. Because there may be hundreds of groups, the attributes and dimensions of a group
-    are checked when its point is first used.
+    HDF5 keeps strings in heaps, which have no checksum. It walks from object to object by their
+    sizes, and never ends at one that takes no bytes (its issue 1707, open in 2.0).
     """
-    size = len(view)
-    version, offset_bytes, length_bytes = view[8:11]
-    if version not in (2, 3) or (offset_bytes, length_bytes) != (8, 8):
-        raise Refusal("it has an HDF5 layout without checksums")
-    root = h5py.h5g.open(file.id, b"/")
-    groups = _groups(root)
-    inside = {raw for raw, _ in groups}
-    datasets = _datasets(root, [raw for raw in root if raw not in inside], "")
-    by_group = [_datasets(group, list(group), raw.decode() + "/") for raw, group in groups]
-    heaps = _heaps([data for scope in (datasets, *by_group) for data in scope.values()], view)
-    contents = _contents(file, datasets, size)
-    if groups and contents.dimensions.get(files.POINT) != len(groups):
-        raise Refusal(f"it has {len(groups)} groups of points, and another number of points")
-    points = [
-        cache(partial(_contents, h5py.Group(group), within, size))
-        for (_, group), within in zip(groups, by_group, strict=True)
-    ]
-    return contents, points, heaps
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill the buffer from the present position on, where a heap would start."""
+        start, count = self.tell(), super().readinto(buffer)
+        if bytes(buffer[:5]) == b"GCOL\x01":
+            self.seek(start)
+            size_of_file = os.fstat(self.fileno()).st_size
+            heap = self.read(min(int.from_bytes(buffer[8:16], "little"), size_of_file))
+            place = 16
+            while place + 16 <= len(heap):
+                index, size = struct.unpack_from("<H6xQ", heap, place)
+                taken = (16 + -(-size // 8) * 8) % 2**64 if index else size
+                if not taken:
+                    raise Refusal("its strings are damaged")
+                place += taken
+        return count
 
 
-def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
-    """Check the datasets of the root, or of one group."""
-    labels = {name: _scale_label(dataset, size) for name, dataset in datasets.items()}
+def contents_of(group: Any, size: int) -> Contents:
+    """Check a group of a file of `size` bytes, or its root, and the datasets in it."""
+    names = [k for k in group if group.name != "/" or not files.POINT_GROUP.fullmatch(k)]
+    if len(names) > MOST_DATASETS:
+        raise Refusal(f"it holds {len(names)} datasets in '{_path(group) or '/'}'")
+    datasets = {name: _dataset(group, name) for name in names}
+    labels = {name: _scale_label(dataset) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
-    stored = {k: v for k, v in datasets.items() if not labels[k].startswith(files.PLACEHOLDER)}
-    for dataset in stored.values():
-        if prod(dataset.shape) and not dataset.id.get_storage_size():
-            where = dataset.name[1:]
-            raise Refusal(f"'{where}' has the shape {dataset.shape} and holds no data")
+    # A placeholder is never written: only its length counts.
+    stored = [name for name in names if not labels[name].startswith(files.PLACEHOLDER)]
+    coordinates = set(scales)
+    for name in stored:
+        _require_data(datasets[name], size)
+        if files.COORDINATES in datasets[name].attrs:
+            coordinates.update(str(attribute(datasets[name], files.COORDINATES)).split())
     dims = _dimensions(datasets, scales)
-    further = " ".join(
-        str(attribute(dataset, files.COORDINATES, size))
-        for dataset in stored.values()
-        if files.COORDINATES in dataset.attrs
-    )
     return Contents(
-        entries={
-            name: CheckedArray(
-                dataset, dims[name], attributes_of(dataset, size), _is_text(dataset.id)
-            )
-            for name, dataset in stored.items()
+        {
+            name: CheckedArray(datasets[name], dims[name], attributes_of(datasets[name]))
+            for name in stored
         },
-        coordinates={*scales, *further.split()},
-        dimensions={name: len(datasets[name]) for name in scales},
-        attributes=attributes_of(owner, size),
+        coordinates,
+        {name: len(datasets[name]) for name in scales},
+        attributes_of(group),
     )
 
 
-def _heaps(datasets: Iterable[Any], view: mmap) -> Heaps:
-    """Check the places of the datasets, and return the heaps of strings between them."""
-    spans = [span for data in datasets for span in _spans(data.name[1:], data, len(view))]
-    gaps, position = [], 0
-    for begin, end in sorted(spans):
-        if begin < position:
-            raise Refusal("two of its datasets share the same bytes")
-        gaps.append((position, begin))
-        position = end
-    gaps.append((position, len(view)))
-    return read_heaps(view, gaps)
+def count_groups(file: Any) -> int:
+    """Return the number of groups of points, which the root may hold beside datasets."""
+    groups = {name for name in file if files.POINT_GROUP.fullmatch(name)}
+    names = [files.point_group(k) for k in range(len(groups))]
+    if groups != set(names):
+        raise Refusal("its groups of points are not numbered from 0")
+    for name in names:
+        if not isinstance(_object(file, name), h5py.Group):
+            raise Refusal(f"'{name}' is no group")
+    return len(names)
 
 
-def attributes_of(owner: Any, size: int) -> dict[str, Attribute]:
+def attributes_of(owner: Any) -> dict[str, Attribute]:
     """Return the user's attributes of an open file or dataset."""
-    names = [name for name in owner.attrs if name not in files.RESERVED]
-    return {name: attribute(owner, name, size) for name in names}
+    return {name: attribute(owner, name) for name in owner.attrs if name not in files.RESERVED}
 
 
-def attribute(owner: Any, name: str, size: int) -> Attribute:
+def attribute(owner: Any, name: str) -> Attribute:
     """Return an attribute, which must be a single number or string."""
     handle = h5py.h5a.open(owner.id, name.encode())
-    space, kind = handle.get_space(), handle.get_type()
-    if space.get_simple_extent_npoints() != 1 or not _is_plain(kind, size):
-        where = f" of '{owner.name[1:]}'" if owner.name != "/" else ""
+    kind = handle.get_type()
+    is_plain = kind.get_class() == h5py.h5t.STRING or _is_number(kind)
+    if handle.get_space().get_simple_extent_npoints() != 1 or not is_plain:
+        where = f" of '{_path(owner)}'" if _path(owner) else ""
         raise Refusal(f"its attribute {name!r}{where} is not one number or string")
     value = np.asarray(owner.attrs[name]).item()
     if isinstance(value, bytes):
@@ -228,122 +161,76 @@ def attribute(owner: Any, name: str, size: int) -> Attribute:
     return value
 
 
-def _is_plain(kind: Any, size: int) -> bool:
-    """Whether a type is an integer, a float or a string of a plausible size."""
-    if kind.get_class() == h5py.h5t.STRING:
-        return bool(kind.is_variable_str() or kind.get_size() <= size)
-    return _is_number(kind)
+def _path(owner: Any) -> str:
+    return owner.name[1:]
 
 
 def _is_number(kind: Any) -> bool:
-    return bool(kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT) and kind.get_size() <= 8)
+    return kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT) and kind.get_size() <= 8
 
 
-def _groups(root: Any) -> list[tuple[bytes, Any]]:
-    """Open the groups of the points; the root may hold only these and datasets."""
-    groups = {}
-    for raw in list(root):
-        if (
-            files.POINT_GROUP.fullmatch(raw.decode())
-            and _kind(root, raw, "") == h5py.h5o.TYPE_GROUP
-        ):
-            groups[raw] = h5py.h5g.open(root, raw)
-    names = [files.point_group(k).encode() for k in range(len(groups))]
-    if set(names) != set(groups):
-        raise Refusal("its groups of points are not numbered from 0")
-    return [(name, groups[name]) for name in names]
+def _is_text(dataset: Any) -> bool:
+    kind = dataset.id.get_type()
+    return kind.get_class() == h5py.h5t.STRING and kind.is_variable_str()
 
 
-def _kind(parent: Any, raw: bytes, path: str) -> int:
-    """Return the kind of the object of a name, without following a link out of the file."""
-    name = raw.decode()
+def _object(group: Any, name: str) -> Any:
+    """Open what a group holds, without following a link out of the file."""
+    path = f"{group.name}/{name}".lstrip("/")
     if not files.NAME.fullmatch(name):
-        raise Refusal(f"it holds something called {path + name!r}")
-    link = parent.links.get_info(raw).type
-    if link != h5py.h5l.TYPE_HARD:
-        raise Refusal(f"'{path}{name}' is {_LINKS.get(link, 'an unknown kind of link')}")
-    return int(h5py.h5o.get_info(parent, raw).type)
+        raise Refusal(f"it holds something called {path!r}")
+    link = group.get(name, getlink=True)
+    if not isinstance(link, h5py.HardLink):
+        kind = "a soft link" if isinstance(link, h5py.SoftLink) else "an external link"
+        raise Refusal(f"'{path}' is {kind}")
+    entry = group[name]
+    if h5py.h5o.get_info(entry.id).rc > 1:
+        raise Refusal(f"'{path}' has another name, too")
+    return entry
 
 
-def _datasets(parent: Any, names: list[bytes], path: str) -> dict[str, Any]:
-    """Open objects in `path`, which must all be datasets."""
-    if len(names) > MOST_DATASETS:
-        raise Refusal(f"it holds {len(names)} datasets in '{path or '/'}'")
-    return {raw.decode(): _dataset(parent, raw, path) for raw in names}
-
-
-def _dataset(parent: Any, raw: bytes, path: str) -> Any:
-    kind, name = _kind(parent, raw, path), path + raw.decode()
-    if kind != h5py.h5o.TYPE_DATASET:
-        raise Refusal(f"'{name}' is {_OBJECTS.get(kind, 'an unknown kind of object')}")
-    identifier = h5py.h5d.open(parent, raw)
-    creation = identifier.get_create_plist()
+def _dataset(group: Any, name: str) -> Any:
+    """Open a dataset whose data are numbers or strings in this file."""
+    dataset = _object(group, name)
+    path = _path(dataset)
+    if not isinstance(dataset, h5py.Dataset):
+        raise Refusal(f"'{path}' is {_OBJECTS[type(dataset)]}")
+    creation = dataset.id.get_create_plist()
     # This check comes first, because even the shape of a virtual dataset may open other files.
     if creation.get_layout() == h5py.h5d.VIRTUAL:
-        raise Refusal(f"'{name}' is a virtual dataset")
+        raise Refusal(f"'{path}' is a virtual dataset")
     if creation.get_external_count():
-        raise Refusal(f"'{name}' keeps its data in another file")
-    if _filters(creation) not in _FILTERS:
-        raise Refusal(f"'{name}' uses filters other than shuffle and gzip")
-    if not (_is_text(identifier) or _is_number(identifier.get_type())):
-        raise Refusal(f"'{name}' holds neither numbers nor variable-length strings")
-    if identifier.get_space().get_simple_extent_type() == h5py.h5s.NULL:
-        raise Refusal(f"'{name}' has no shape")
-    return h5py.Dataset(identifier)
+        raise Refusal(f"'{path}' keeps its data in another file")
+    if [creation.get_filter(k)[0] for k in range(creation.get_nfilters())] not in _FILTERS:
+        raise Refusal(f"'{path}' uses filters other than shuffle and gzip")
+    if not (_is_text(dataset) or _is_number(dataset.id.get_type())):
+        raise Refusal(f"'{path}' holds neither numbers nor variable-length strings")
+    if _is_text(dataset) and dataset.chunks:
+        raise Refusal(f"'{path}' does not hold its strings in one piece")
+    if dataset.shape is None:
+        raise Refusal(f"'{path}' has no shape")
+    return dataset
 
 
-def _is_text(identifier: Any) -> bool:
-    kind = identifier.get_type()
-    return bool(kind.get_class() == h5py.h5t.STRING and kind.is_variable_str())
+def _require_data(dataset: Any, size: int) -> None:
+    """Refuse a dataset that declares more data than a file of `size` bytes can hold."""
+    declared = prod(dataset.shape) * dataset.dtype.itemsize
+    stored = min(dataset.id.get_storage_size(), size)
+    if declared > _DEFLATE_RATIO * stored:
+        raise Refusal(f"'{_path(dataset)}' declares {declared} bytes and holds {stored}")
 
 
-def _filters(creation: Any) -> list[int]:
-    return [creation.get_filter(k)[0] for k in range(creation.get_nfilters())]
-
-
-def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
-    """Return the spans of a dataset's bytes in the file; refuse fewer bytes than its shape needs.
-
-    A dataset that was never written has none, which is valid only for a dimension without values.
-    """
-    identifier, is_text = dataset.id, _is_text(dataset.id)
-    creation = identifier.get_create_plist()
-    layout = creation.get_layout()
-    item = _REFERENCE.itemsize if is_text else identifier.get_type().get_size()
-    declared, ratio = item * prod(dataset.shape), 1
-    spans: list[tuple[int, int]] = []
-    if layout == h5py.h5d.CONTIGUOUS:
-        if (offset := identifier.get_offset()) is not None:
-            spans.append((offset, offset + identifier.get_storage_size()))
-    elif is_text:
-        raise Refusal(f"'{name}' does not hold its strings in one piece")
-    elif layout == h5py.h5d.CHUNKED:
-        identifier.chunk_iter(lambda c: spans.append((c.byte_offset, c.byte_offset + c.size)))
-        # Chunks are decoded completely, also those that extend beyond the shape.
-        counts = zip(dataset.shape, creation.get_chunk(), strict=True)
-        declared = item * prod(-(-length // chunk) * chunk for length, chunk in counts)
-        ratio = _DEFLATE_RATIO if _filters(creation) else 1
-    else:
-        return []  # a compact dataset is part of the metadata, which have checksums and a limit
-    if any(end > size for _, end in spans):
-        raise Refusal(f"'{name}' lies beyond the end of the file")
-    stored = sum(end - begin for begin, end in spans)
-    if spans and declared > ratio * stored:
-        raise Refusal(f"'{name}' declares {declared} bytes and holds {stored}")
-    return spans
-
-
-def _scale_label(dataset: Any, size: int) -> str:
+def _scale_label(dataset: Any) -> str:
     """Return the label of a dimension scale; empty for other datasets."""
-    name = dataset.name[1:]
-    if "CLASS" not in dataset.attrs or attribute(dataset, "CLASS", size) != "DIMENSION_SCALE":
+    name = _path(dataset)
+    if "CLASS" not in dataset.attrs or attribute(dataset, "CLASS") != "DIMENSION_SCALE":
         return ""
     if dataset.ndim != 1:
         raise Refusal(f"'{name}' is a dimension scale of shape {dataset.shape}")
-    return str(attribute(dataset, "NAME", size)) if "NAME" in dataset.attrs else name
+    return str(attribute(dataset, "NAME")) if "NAME" in dataset.attrs else name
 
 
-def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str, tuple[str, ...]]:
+def _dimensions(datasets: Mapping[str, Any], scales: Sequence[str]) -> dict[str, tuple[str, ...]]:
     """Return the dimensions of each dataset, from the attachments stored with the scales.
 
     The datasets also hold them, but as references in a heap, which would have to be followed.
@@ -356,15 +243,15 @@ def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str,
         for address, axis in _attached(datasets[scale]):
             name = names.get(address, "")
             if not name or axis >= len(dims[name]) or dims[name][axis]:
-                raise Refusal(f"'{datasets[scale].name[1:]}' is attached where it cannot be")
+                raise Refusal(f"'{_path(datasets[scale])}' is attached where it cannot be")
             dims[name][axis] = scale
     for name, dataset in datasets.items():
         for dim, length in zip(dims[name], dataset.shape, strict=True):
             if not dim:
-                raise Refusal(f"'{dataset.name[1:]}' has an axis without a dimension")
+                raise Refusal(f"'{_path(dataset)}' has an axis without a dimension")
             if datasets[dim].shape != (length,):
                 has = f"{length} entries along '{dim}', which has {len(datasets[dim])}"
-                raise Refusal(f"'{dataset.name[1:]}' has {has}")
+                raise Refusal(f"'{_path(dataset)}' has {has}")
     return {name: tuple(words) for name, words in dims.items()}
 
 
@@ -375,33 +262,26 @@ def _attached(scale: Any) -> list[tuple[int, int]]:
     handle = h5py.h5a.open(scale.id, b"REFERENCE_LIST")
     kind = handle.get_type()
     if kind.get_class() != h5py.h5t.COMPOUND or kind.get_size() != _ATTACHMENT.itemsize:
-        raise Refusal(f"'{scale.name[1:]}' is attached in an unknown way")
+        raise Refusal(f"'{_path(scale)}' is attached in an unknown way")
     raw = np.empty(handle.shape, f"V{_ATTACHMENT.itemsize}")
     handle.read(raw, kind)  # as bytes, so that no reference is followed
     return [(int(address), int(axis)) for address, axis, _ in raw.view(_ATTACHMENT)]
 
 
-def check_text(dataset: Any, view: mmap, heaps: Heaps) -> None:
-    """Refuse strings that are not in the file's heaps, or declare more text than the file has.
+def require_short_text(dataset: Any, view: mmap) -> None:
+    """Refuse strings that declare more text than the file has.
 
-    Each string is a reference (length, address) into a heap. Many references to one long string
-    could fill the memory from a small file, so their lengths are added up before HDF5 reads them.
+    Many references to one long string could fill the memory from a small file.
     """
-    offset = dataset.id.get_offset()
-    if offset is None:
+    if (offset := dataset.id.get_offset()) is None:
         return  # the dataset has no elements
-    name = dataset.name[1:]
     references = np.frombuffer(view[offset : offset + dataset.id.get_storage_size()], _REFERENCE)
-    total = 0
-    for length, collection, index in references[references["collection"] != 0].tolist():
-        if heaps.get(collection, {}).get(index, -1) < length:
-            raise Refusal(f"'{name}' has damaged strings")
-        total += length
+    total = int(references["length"].sum())
     if total > len(view):
-        raise Refusal(f"'{name}' declares {total} bytes of text in a file of {len(view)}")
+        raise Refusal(f"'{_path(dataset)}' declares {total} bytes of text in a file of {len(view)}")
 
 
-# Reads result files safely, even files from others ------------------------------------------------
+# Results of eqt -----------------------------------------------------------------------------------
 
 
 Positions = int | slice | Sequence[int] | NDArray[np.integer[Any]]
@@ -409,6 +289,9 @@ Positions = int | slice | Sequence[int] | NDArray[np.integer[Any]]
 
 Selection = Positions | str | Sequence[str]
 """Positions along one dimension, or labels."""
+
+Chosen = int | slice | NDArray[Any]
+"""Positions along one dimension, in range and rising."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _AGAIN = "copy it again or run the experiment again"
@@ -437,20 +320,29 @@ class ResultFile:
         The variables and the coordinates, in the order of writing.
     """
 
-    of_all_points: tuple[str, ...] = (*"path _view _file _root _points _heaps _open".split(),)
+    of_all_points: tuple[str, ...] = (*"path _view _file _root _groups _checked _open".split(),)
     """Attributes that a view of one point shares."""
 
     def __init__(self, path: str | Path, oldest: int = files.FORMAT) -> None:
         self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
-            stream = stack.enter_context(files.open_regular(path))
+            stream = stack.enter_context(CheckedStream(files.open_regular(path).detach()))
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
-            # No locks: result files never change, and some network disks refuse to lock.
-            self._file = stack.enter_context(_opened(path))
-            _check_format(path, format_of(self._file), version_of(self._file), oldest)
-            self._root, self._points, self._heaps = inspect(self._file, self._view)
+            # Before HDF5 sees the file, so that what a bad disk changed does not reach it.
             if files.is_intact(self._view) is False:
                 raise ResultError(f"{path}: is damaged: its checksum differs; {_AGAIN}")
+            self._file = stack.enter_context(h5py.File(stream, "r"))
+            _check_format(path, self._file, oldest)
+            version, *sizes = self._view[8:11]
+            if version not in (2, 3) or sizes != [8, 8]:
+                raise Refusal("it has an HDF5 layout without checksums")
+            self._groups = count_groups(self._file)
+            self._root = contents_of(self._file, len(self._view))
+            if self._groups not in (0, self._root.dimensions.get(files.POINT)):
+                raise Refusal(
+                    f"it has {self._groups} groups of points, and another number of points"
+                )
+            self._checked: dict[int, Contents] = {}  # of points, when each is first used
             self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
             self._show(self._root)
             self._check()
@@ -512,15 +404,17 @@ class ResultFile:
         for name in (name for name in self.of_all_points if hasattr(self, name)):
             setattr(view, name, getattr(self, name))
         merged = dict(self.attributes)
-        if self._points:
-            with _guard(self.path):
-                contents = self._points[point]()
-            merged |= contents.attributes
-            view._show(contents)
+        if self._groups:
+            if point not in self._checked:
+                with _guard(self.path):
+                    group = self._file[files.point_group(point)]
+                    self._checked[point] = contents_of(group, len(self._view))
+            merged |= self._checked[point].attributes
+            view._show(self._checked[point])
         else:
             view._show(self._root, {files.POINT: point})
         view.attributes = _Attributes(self.path, merged | dict(attributes or {}))
-        if self._points:  # each group has its own attributes and coordinates
+        if self._groups:  # each group has its own attributes and coordinates
             view._check()
         return view
 
@@ -547,7 +441,7 @@ class ResultFile:
     @property
     def has_groups(self) -> bool:
         """Whether the points differ in shape, so that each has its arrays in a group."""
-        return bool(self._points) and files.POINT in self.dimensions
+        return bool(self._groups) and files.POINT in self.dimensions
 
     def refusal(self, reason: str) -> ResultError:
         """Return the error for a feature that eqt's files do not have."""
@@ -596,42 +490,58 @@ class ResultFile:
                     f"{self.path}: '{name}' has no dimension '{dim}'"
                     f"{suggestion(dim, dims)}; its dimensions are: {', '.join(dims)}"
                 )
-        positions: list[int | slice | NDArray[Any]] = []
-        for dim in entry.dims:
-            if dim in self._fixed:
-                positions.append(self._fixed[dim])
-                continue
-            place = f"{self.path}: '{name}': {dim}"
-            chosen = self._labelled(place, dim, selection.get(dim))
-            positions.append(_positions(place, chosen, self.dimensions[dim]))
+        positions = [
+            self._fixed[dim] if dim in self._fixed else self._chosen(name, dim, selection.get(dim))
+            for dim in entry.dims
+        ]
         if not self._file:
             raise ResultError(f"{self.path}: is closed; read within its `with` block")
         with _guard(self.path, name):
-            if entry.is_text:
-                check_text(entry.dataset, self._view, self._heaps)
+            if _is_text(entry.dataset):
+                require_short_text(entry.dataset, self._view)
                 return _read(entry.dataset.asstr(), positions).astype(object)
             return _read(entry.dataset, positions)
 
-    def _labelled(self, place: str, dim: str, selection: Selection | None) -> Positions | None:
-        """Return a selection with positions in place of labels."""
-        if isinstance(selection, str):
-            return self._position_of(place, dim, selection)
-        if isinstance(selection, Sequence):
-            return [self._position_of(place, dim, label) for label in selection]
-        return selection
-
-    def _position_of(self, place: str, dim: str, label: int | str) -> int:
-        if not isinstance(label, str):
-            return label
-        if dim not in self.coordinates or not self._entry(dim).is_text:
+    def _chosen(self, name: str, dim: str, selection: Selection | None) -> Chosen:
+        """Return a selection in a form that h5py accepts: in range, with rising slices."""
+        place = f"{self.path}: '{name}': {dim}"
+        if selection is None:
+            return slice(None)
+        try:
+            if isinstance(selection, slice):
+                selection = range(self.dimensions[dim])[selection]
+                if selection.step > 0:
+                    return slice(selection.start, selection.stop, selection.step)
+            if isinstance(selection, str) or not isinstance(selection, (Sequence, np.ndarray)):
+                return self._position(place, dim, selection)
+            listed = [self._position(place, dim, position) for position in selection]
+            return np.array(listed) if listed else slice(0, 0)
+        except TypeError:
             raise ResultError(
-                f"{place}: has no labels, so '{label}' selects nothing; use positions"
+                f"{place}: cannot select {selection!r}; expected an integer, a slice or a list of "
+                "integers"
+            ) from None
+
+    def _position(self, place: str, dim: str, selected: int | str) -> int:
+        """Return the position of a label or number."""
+        if isinstance(selected, str):
+            if dim not in self.coordinates or not _is_text(self._entry(dim).dataset):
+                raise ResultError(
+                    f"{place}: has no labels, so '{selected}' selects nothing; use positions"
+                )
+            labels = [str(label) for label in self.coordinate(dim)]
+            if selected not in labels:
+                hint = suggestion(selected, labels) or f"; there are: {', '.join(labels)}"
+                raise ResultError(f"{place}: has no '{selected}'{hint}")
+            return labels.index(selected)
+        if isinstance(selected, (bool, np.bool_)):
+            raise TypeError
+        position, size = operator.index(selected), self.dimensions[dim]
+        if not -size <= position < size:
+            raise ResultError(
+                f"{place}: {position} is out of range; expected {-size} to {size - 1}"
             )
-        known = [str(other) for other in self.coordinate(dim)]
-        if label not in known:
-            hint = suggestion(label, known) or f"; there are: {', '.join(known)}"
-            raise ResultError(f"{place}: has no '{label}'{hint}")
-        return known.index(label)
+        return position % size
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{dim} {size}" for dim, size in self.dimensions.items())
@@ -685,20 +595,6 @@ def open_results(path: str | Path, oldest: int = files.FORMAT) -> ResultFile:
         declares more data than it holds.
     """
     return ResultFile(path, oldest)
-
-
-def _opened(path: Path) -> Any:
-    """Open the file for reading, without locks if possible.
-
-    Result files never change, and some network disks refuse locks. But HDF5 opens a file twice in
-    one process only with equal flags, and xarray in a notebook opens it with locks.
-    """
-    try:
-        return h5py.File(path, "r", locking=False)
-    except OSError as error:
-        if "locking flag" not in str(error):
-            raise
-        return h5py.File(path, "r")
 
 
 class MissingAttributeError(ResultError, KeyError):
@@ -772,69 +668,42 @@ def _refused(path: Path, reason: str) -> ResultError:
     return ResultError(f"{path}: refused: {reason}; {_RESTORE}")
 
 
-def _check_format(path: Path, number: int | None, writer: str | None, oldest: int) -> None:
+def _check_format(path: Path, file: Any, oldest: int) -> None:
+    number = format_of(file)
     if number is None:
         raise ResultError(
             f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
             f"'{files.FORMAT_ATTRIBUTE}'); give the {files.FILE_NAME} that eqt wrote"
         )
     if not oldest <= number <= files.FORMAT:
-        wrote = f"eqt {writer}" if writer else "the version of eqt that wrote it"
+        version = _outside_heaps(file, files.VERSION_ATTRIBUTE)
+        is_valid = isinstance(version, bytes) and _VERSION.fullmatch(version)
+        writer = f"eqt {version.decode()}" if is_valid else "the version of eqt that wrote it"
         raise ResultError(
             f"{path}: has format {number}, but eqt {__version__} reads format {files.FORMAT}; "
-            f"read it with {wrote}"
+            f"read it with {writer}"
         )
 
 
-def _positions(place: str, selection: Positions | None, size: int) -> int | slice | NDArray[Any]:
-    """Return a selection in a form that h5py accepts: in range, with rising slices."""
-    if selection is None:
-        return slice(None)
-    try:
-        if isinstance(selection, slice):
-            selection = range(size)[selection]
-            if selection.step > 0:
-                return slice(selection.start, selection.stop, selection.step)
-        if isinstance(selection, (Sequence, np.ndarray)):
-            listed = [_position(place, k, size) for k in selection]
-            return np.array(listed) if listed else slice(0, 0)
-        return _position(place, selection, size)
-    except TypeError:
-        raise ResultError(
-            f"{place}: cannot select {selection!r}; expected an integer, a slice or a list of "
-            "integers"
-        ) from None
-
-
-def _position(place: str, selection: int, size: int) -> int:
-    if isinstance(selection, (bool, np.bool_)):
-        raise TypeError
-    position = operator.index(selection)
-    if not -size <= position < size:
-        raise ResultError(f"{place}: {position} is out of range; expected {-size} to {size - 1}")
-    return position % size
-
-
-def _read(dataset: Any, selection: Sequence[int | slice | NDArray[Any]]) -> NDArray[Any]:
+def _read(dataset: Any, selection: Sequence[Chosen]) -> NDArray[Any]:
     """Read with one rising list of positions, the most that h5py takes, and select the rest."""
-    stored: list[int | slice | NDArray[Any]] = []
-    picks: list[NDArray[Any] | None] = []  # one for each remaining axis
+    stored: list[Chosen] = []
+    orders: list[NDArray[Any] | None] = []  # of each remaining axis, where it is a list
     for choice in selection:
-        if isinstance(choice, int):
+        if not isinstance(choice, np.ndarray):
             stored.append(choice)
-        elif isinstance(choice, slice):
-            stored.append(choice)
-            picks.append(None)
-        elif any(isinstance(other, np.ndarray) for other in stored):
-            low, high = int(choice.min()), int(choice.max())
-            stored.append(slice(low, high + 1))
-            picks.append(choice - low)
+            if isinstance(choice, slice):
+                orders.append(None)
+            continue
+        rising = np.unique(choice)
+        if any(order is not None for order in orders):
+            rising = np.arange(rising[0], rising[-1] + 1)
+            stored.append(slice(rising[0], rising[-1] + 1))
         else:
-            rising, pick = np.unique(choice, return_inverse=True)
             stored.append(rising)
-            picks.append(pick)
+        orders.append(np.searchsorted(rising, choice))
     data = np.asarray(dataset[tuple(stored)])
-    for axis, order in enumerate(picks):
+    for axis, order in enumerate(orders):
         if order is not None:
             data = np.take(data, order, axis=axis)
     return data

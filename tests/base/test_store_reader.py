@@ -161,16 +161,6 @@ def test_a_file_replaced_while_open_still_reads(tmp_path, table):
         assert results["message"].tolist() == table.variables["message"].data.tolist()
 
 
-def test_a_locked_file_is_read(tmp_path, table):
-    """Also disks that refuse to lock can then hold results."""
-    fcntl = pytest.importorskip("fcntl", reason="only POSIX has flock")
-    write(tmp_path / "results.h5", table)
-    with (tmp_path / "results.h5").open("rb") as stream:
-        fcntl.flock(stream, fcntl.LOCK_EX)
-        with open_results(tmp_path) as results:
-            assert results["torque"].shape == (2, 5, 11, 3)
-
-
 @pytest.mark.ci("imports xarray")
 def test_a_file_that_xarray_holds_open_in_this_process(tmp_path, table):
     xarray = pytest.importorskip("xarray")

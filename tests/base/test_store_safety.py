@@ -2,7 +2,6 @@
 
 import os
 import struct
-from mmap import ACCESS_READ, mmap
 
 import h5py
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.files import FORMAT, SEAL
-from eqt_cli.base.store_reader import Refusal, open_results, read_heaps
+from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.base.version import __version__
 
@@ -141,44 +140,29 @@ def test_text_that_is_no_utf8(path):
     assert refusal(path) == f"{path}: is damaged; {AGAIN}"
 
 
-def test_a_chunk_beyond_the_end(tmp_path, table):
-    path = tmp_path / "results.h5"
-    write(path, table, "gzip")
-    with h5py.File(path) as file:
-        address = file["torque"].id.get_chunk_info(0).byte_offset
-    spoil(path, struct.pack("<Q", address), struct.pack("<Q", 2**40))
-    assert refusal(path) == refused_as(path, "'torque' lies beyond the end of the file")
-
-
 NO_KIND = "'evil' holds neither numbers nor variable-length strings"
 VALUES = {
     "soft link": (h5py.SoftLink("/torque"), "'evil' is a soft link"),
     "external link": (h5py.ExternalLink("/etc/other.h5", "/data"), "'evil' is an external link"),
     "named type": (np.dtype("f8"), "'evil' is a named type"),
     "compound": (np.zeros(5, dtype=[("a", "f8"), ("b", "i4")]), NO_KIND),
-    "boolean": (np.zeros(5, dtype=bool), NO_KIND),
     "fixed width text": (np.array([b"eqt", b"gt"]), NO_KIND),
     "no shape": (h5py.Empty("f8"), "'evil' has no shape"),
     "without dimension": (np.zeros(5), "'evil' has an axis without a dimension"),
 }
 """What would be called evil in a file, and what is said of it."""
-NO_DATA = "'evil' has the shape {} and holds no data"
-HUGE = (2**34,)
 DATASETS = {
     "external storage": (
         {"shape": 5, "dtype": "f8", "external": [("/etc/passwd", 0, 40)]},
         "'evil' keeps its data in another file",
     ),
-    "numbers of variable length": ({"shape": 5, "dtype": h5py.vlen_dtype(np.float64)}, NO_KIND),
     "other filter": (
         {"data": np.zeros(50), "compression": "lzf"},
         "'evil' uses filters other than shuffle and gzip",
     ),
-    "huge": ({"shape": HUGE, "dtype": "f8"}, NO_DATA.format(HUGE)),
-    "huge in chunks": ({"shape": HUGE, "dtype": "f8", "chunks": (1000,)}, NO_DATA.format(HUGE)),
     "beyond 64 bits": (
         {"shape": (2**40, 2**40), "dtype": "f8", "chunks": (1000, 1000)},
-        NO_DATA.format((2**40, 2**40)),
+        f"'evil' declares {2**83} bytes and holds 0",
     ),
     "text in chunks": (
         {"shape": 5, "dtype": h5py.string_dtype(), "chunks": (5,)},
@@ -217,10 +201,6 @@ def _virtual(file):
     file.create_virtual_dataset("evil", layout)
 
 
-def _reference(file):
-    file["evil"] = np.array([file.ref] * 5, dtype=h5py.ref_dtype)
-
-
 def _two_deflations(file):
     creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     creation.set_chunk((50,))
@@ -228,10 +208,6 @@ def _two_deflations(file):
     creation.set_deflate(9)
     kind, space = h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((50,))
     h5py.h5d.create(file.id, b"evil", kind, space, creation)
-
-
-def _one_chunk_of_many(file):
-    file.create_dataset("evil", (2**34,), "f8", chunks=(1000,))[:1000] = 1.0
 
 
 def _one_compressed_chunk_of_many(file):
@@ -273,31 +249,24 @@ def _twice_the_same(file):
     file["evil"] = file["torque"]
 
 
-def _array_attribute(file):
-    file["torque"].attrs["evil"] = np.zeros(3)
-
-
 def _huge_attribute(file):
-    file.attrs.create("evil", np.zeros(10**6))
+    file["torque"].attrs.create("evil", np.zeros(10**6))
 
 
 BUILDERS = {
     _group: "'evil' is a group",
     _strange_name: "it holds something called '\\x1b[31m'",
     _virtual: "'evil' is a virtual dataset",
-    _reference: "'evil' holds neither numbers nor variable-length strings",
     _two_deflations: "'evil' uses filters other than shuffle and gzip",
-    _one_chunk_of_many: "'evil' declares 137438960000 bytes and holds 8000",
-    _one_compressed_chunk_of_many: "'evil' declares 137438960000 bytes and holds 41",
+    _one_compressed_chunk_of_many: "'evil' declares 137438953472 bytes and holds 41",
     _of_another_size: "'evil' has 6 entries along 'run', which has 5",
     _two_dimensions_on_an_axis: "'run' is attached where it cannot be",
     _attached_to_no_dataset: "'run' is attached where it cannot be",
     _attached_beyond_the_last_axis: "'run' is attached where it cannot be",
     _attached_by_text: "'run' is attached in an unknown way",
     _scale_with_two_axes: "'evil' is a dimension scale of shape (5, 5)",
-    _twice_the_same: "two of its datasets share the same bytes",
-    _array_attribute: "its attribute 'evil' of 'torque' is not one number or string",
-    _huge_attribute: "its attribute 'evil' is not one number or string",
+    _twice_the_same: "'torque' has another name, too",
+    _huge_attribute: "its attribute 'evil' of 'torque' is not one number or string",
 }
 
 
@@ -315,12 +284,15 @@ def test_the_layout_without_checksums(tmp_path):
     assert refusal(path) == refused_as(path, "it has an HDF5 layout without checksums")
 
 
-def test_a_broken_heap_does_not_hang(tmp_path):
-    """The HDF5 library itself loops for ever on this file (its issue 1707)."""
-    path = tmp_path / "results.h5"
-    write(path, Table({}, attributes={"note": "something to find"}))
-    size = struct.pack("<Q", len("something to find"))
-    spoil(path, size + b"something to find", bytes(8) + b"something to find")
+@pytest.mark.parametrize(
+    "head", [struct.pack("<HHIQ", 0, 0, 0, 0), struct.pack("<HHIQ", 1, 1, 0, 2**64 - 16)]
+)
+def test_a_heap_without_end_is_not_walked(path, head):
+    """HDF5 itself does so for ever (its issue 1707)."""
+    with h5py.File(path, "r+") as file:
+        file.attrs["note"] = "to find"
+    content = unsealed(path)
+    path.write_bytes(content[: (at := content.index(b"to find") - 16)] + head + content[at + 16 :])
     assert refusal(path) == refused_as(path, "its strings are damaged")
 
 
@@ -346,22 +318,14 @@ def test_many_references_to_one_long_string(texts):
     assert str(caught.value) == refused_as(path, declared)
 
 
-@pytest.mark.parametrize(
-    "reference",
-    [
-        struct.pack("<IQI", 5, 8, 1),  # where there is no heap
-        struct.pack("<IQI", 2**32 - 1, 0, 0)[:4],  # longer than what is there
-    ],
-    ids=["elsewhere", "too long"],
-)
-def test_a_reference_to_a_string_that_is_not_there(texts, reference):
+def test_a_reference_to_a_string_that_is_not_there(texts):
     path, offset = texts
     content = bytearray(unsealed(path))
-    content[offset : offset + len(reference)] = reference
+    content[offset : offset + 16] = struct.pack("<IQI", 5, 8, 1)
     path.write_bytes(content)
     with open_results(path) as results, pytest.raises(ResultError) as caught:
         results["message"]
-    assert str(caught.value) == refused_as(path, "'message' has damaged strings")
+    assert str(caught.value) == f"{path}: 'message' is damaged; {AGAIN}"
 
 
 def test_spoiled_compressed_data(tmp_path, table):
@@ -385,73 +349,3 @@ def test_more_than_the_memory_holds(path, monkeypatch):
     with open_results(path) as results, pytest.raises(ResultError) as caught:
         results["torque"]
     assert str(caught.value) == f"{path}: 'torque' does not fit the memory; read it in parts"
-
-
-# Heaps of strings
-
-
-def header(size):
-    return b"GCOL\x01\0\0\0" + struct.pack("<Q", size)
-
-
-def entry(index, size, room):
-    return struct.pack("<HHIQ", index, 1, 0, size) + bytes(room)
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read(content, gaps=None):
-        path = tmp_path / "heap"
-        path.write_bytes(content)
-        with path.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as view:
-            return read_heaps(view, gaps or [(0, len(content))])
-
-    return read
-
-
-GOOD = header(88) + entry(3, 5, 8) + entry(1, 0, 0) + entry(0, 24, 8) + bytes(8)
-
-
-def test_finds_every_string_of_every_collection(read):
-    content = b"before" + GOOD + b"between" + GOOD
-    assert read(content) == {6: {3: 5, 1: 0, 0: 24}, 101: {3: 5, 1: 0, 0: 24}}
-
-
-def test_looks_only_where_no_data_are(read):
-    content = GOOD + header(7)  # the second would be broken
-    assert list(read(content, [(0, 88)])) == [0]
-
-
-def test_refuses_a_collection_that_reaches_into_data(read):
-    with pytest.raises(Refusal, match="its strings are damaged"):
-        read(GOOD, [(0, 80)])
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        header(32) + entry(0, 0, 0),
-        header(32) + entry(0, 8, 0),
-        header(64) + entry(1, 5, 8) + entry(1, 5, 8),
-        header(40) + entry(1, 9, 16),
-        header(32) + entry(1, 2**64 - 1, 0),
-        header(8) + bytes(100),
-        header(0) + bytes(100),
-        header(200) + bytes(100),
-        header(2**64 - 1) + bytes(100),
-    ],
-    ids=[
-        "free space of no size, on which HDF5 loops",
-        "free space smaller than its header",
-        "an index twice",
-        "an object beyond the end of the collection",
-        "a size that wraps around 64 bits",
-        "a collection smaller than its header",
-        "a collection of no size",
-        "a collection beyond the end of the file",
-        "a collection that wraps around 64 bits",
-    ],
-)
-def test_refuses_what_hdf5_would_trust(read, content):
-    with pytest.raises(Refusal, match="its strings are damaged"):
-        read(content)
