@@ -137,15 +137,25 @@ class Trial:
 
         What is the same for all runs or samples may lack their axes, unless it is to be `exact`.
         """
-        wrong = _unfit(value, states.shape[:-1], axes, exact)
-        if wrong:
-            hint = CONTRACTED if self.when == TOGETHER else ""
-            self.is_wrong(function, f"{wrong}{hint}")
+        shape, actual = (*states.shape[:-1], *axes), np.shape(value)
+        if not isinstance(value, np.ndarray | np.generic | float | int):
+            returned = "None" if value is None else type(value).__name__
+            self.is_wrong(function, f"{returned}; expected an array")
+        if (kind := np.asarray(value).dtype).kind not in "fiu":
+            self.is_wrong(function, f"an array of {kind}; expected real numbers")
+        last = zip(reversed(actual), reversed(shape), strict=False)
+        spreads = len(actual) <= len(shape) and all(n in (1, whole) for n, whole in last)
+        if actual == shape or (not exact and spreads and actual[len(actual) - len(axes) :] == axes):
+            return
+        counts = zip(shape[: states.ndim - 1], ("runs", "samples"), strict=False)
+        of = " of ".join(f"{n} {what}" for n, what in counts)
+        self.is_wrong(function, f"an array of shape {actual} for {of}; expected {shape}")
 
     def is_wrong(self, function: Any, returned: str) -> NoReturn:
         """Raise an `InputError` about what a function returns."""
         place = f"{place_of_function(function)}: {function.__name__}"
-        raise InputError(f"{self.name} is wrong {self.when}: {place} returns {returned}")
+        hint = CONTRACTED if self.when == TOGETHER else ""
+        raise InputError(f"{self.name} is wrong {self.when}: {place} returns {returned}{hint}")
 
 
 @contextmanager
@@ -175,23 +185,6 @@ def _culprit(error: BaseException, parts: Sequence[LoopPart]) -> LoopPart:
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     modules = [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]
     return next((by_module[module] for module in modules if module in by_module), parts[0])
-
-
-def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: bool) -> str | None:
-    """Return what is wrong with a value, in words; None if nothing is."""
-    if not isinstance(value, np.ndarray | np.generic | float | int):
-        return f"{'None' if value is None else type(value).__name__}; expected an array"
-    actual, kind = np.shape(value), np.asarray(value).dtype
-    if kind.kind not in "fiu":
-        return f"an array of {kind}; expected real numbers"
-    shape = (*leading, *axes)
-    try:
-        spread = np.broadcast_shapes(actual, shape) == shape
-        fits = actual == shape if exact else spread and actual[len(actual) - len(axes) :] == axes
-    except ValueError:
-        fits = False
-    counts = " of ".join(f"{n} {w}" for n, w in zip(leading, ("runs", "samples"), strict=False))
-    return None if fits else f"an array of shape {actual} for {counts}; expected {shape}"
 
 
 def _repeated(loop: ClosedLoop, state: Array) -> list[tuple[Any, Array]]:
@@ -247,31 +240,21 @@ def _try_law(tried: Trial, loop: ClosedLoop, state: Array) -> None:
     Each with the numbers of the configuration, and with numbers of each run: so points of a sweep
     are solved together.
     """
-    at_once = _repeated(loop, state)
-    (_, starts), (times, _) = at_once
-    numbers = {
-        path: np.repeat(number[None], len(starts), axis=0) for path, number in leaves(loop).items()
-    }
-    together = Problem(loop, starts, times, numbers)
-    for extra_axes, (t, states) in enumerate(at_once):
-        for when, each in ((WHEN, loop), (TOGETHER, together.batched_loop(extra_axes))):
+    kind = type(loop.controller)
+    for extra_axes, (t, states) in enumerate(_repeated(loop, state)):
+        numbers = {name: np.array([number] * len(states)) for name, number in leaves(loop).items()}
+        together = Problem(loop, states, np.zeros(1), numbers).batched_loop(extra_axes)
+        for when, each in ((WHEN, loop), (TOGETHER, together)):
+            law, s = each.controller, each.tracking(t, states)
             tried.when = when
-            _evaluate(tried, each, t, states)
-
-
-def _evaluate(tried: Trial, loop: ClosedLoop, t: Any, states: Array) -> None:
-    """Raise an `InputError` if the law fails, or returns no numbers for every run."""
-    law, s = loop.controller, loop.tracking(t, states)
-    kind = type(law)
-    tried.fits(law.torque(s), kind.torque, states, loop.group.dimension, exact=True)
-    tried.fits(law.lyapunov(s), kind.lyapunov, states, exact=True)
-    dissipation = law.dissipation(s)
-    if dissipation is not None:
-        tried.fits(dissipation, kind.dissipation, states)
-    if states.ndim == 2:
-        loop.vector_field(t, states)
-    else:
-        compute(loop, t, states)
+            tried.fits(law.torque(s), kind.torque, states, loop.group.dimension, exact=True)
+            tried.fits(law.lyapunov(s), kind.lyapunov, states, exact=True)
+            if (dissipation := law.dissipation(s)) is not None:
+                tried.fits(dissipation, kind.dissipation, states)
+            if extra_axes:
+                compute(each, t, states)
+            else:
+                each.vector_field(t, states)
 
 
 # Tries the parts of the vehicle -------------------------------------------------------------------
@@ -283,106 +266,99 @@ MEASUREMENTS = 3, 7
 
 def try_vehicle(experiment: Experiment, problems: Problems) -> None:
     """Note what parts of the user's lack, raise, or return in a shape that does not fit."""
-    loop = experiment.loop
-    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
-    for each in vehicle_parts(loop):
-        if not each.is_foreign:
+    loop, start = experiment.loop, (experiment.initial_pose, experiment.initial_velocity)
+    random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, 0)
+    for place in vehicle_parts(loop):
+        if not place.is_foreign:
             continue
-        with trial([each, *parts_of(loop)], problems) as tried:
-            _require_words(each)
-            state = loop.initial_state(Qd, Vd, Qd, Vd)
-            random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, 0)
-            if isinstance(each.part, Sensor):
-                _try_sensor(loop, each, random_of)
-            elif isinstance(each.part, Estimator):
-                _try_estimator(loop, each.name, random_of, _repeated(loop, state)[0][1])
+        part, words = place.part, place.part.departs
+        with trial([place, *parts_of(loop)], problems) as tried:
+            if not isinstance(words, str) or not words.strip():
+                raise InputError(
+                    f"{place.name}: `departs` is {words!r}; expected text that says in a few words "
+                    "how the loop departs from the ideal one, such as departs: ClassVar[str] = "
+                    '"a tether"'
+                )
+            evaluated = _repeated(loop, loop.initial_state(*start, *start))
+            if isinstance(part, Sensor):
+                _try_sensor(loop, place, random_of)
+            elif isinstance(part, Estimator):
+                states = evaluated[0][1]
+                errors = loop.vehicle.measurement_errors(loop.group, 2, [random_of])
+                for tick in range(2):  # as engines call it
+                    states = loop.measured(0.0, states, errors.measured(loop.group, 0, tick))
+                if not np.isfinite(states).all():
+                    raise InputError(
+                        f"{place.name} gives no number {WHEN}: its states are not finite"
+                    )
+            elif isinstance(part, Force):
+                _try_force(tried, loop, part, evaluated)
             else:
-                for t, states in _repeated(loop, state):
-                    _try_part(tried, loop, each.part, t, states)
+                _try_actuator(tried, loop, part, evaluated)
 
 
-def _require_words(part: LoopPart) -> None:
-    """Raise where a report has no words for it."""
-    words = part.part.departs
-    if not isinstance(words, str) or not words.strip():
-        raise InputError(
-            f"{part.name}: `departs` is {words!r}; expected text that says in a few words how the "
-            'loop departs from the ideal one, such as departs: ClassVar[str] = "a tether"'
-        )
-
-
-def _try_sensor(loop: ClosedLoop, each: LoopPart, random_of: RandomOf) -> None:
+def _try_sensor(loop: ClosedLoop, place: LoopPart, random_of: RandomOf) -> None:
     """Raise where its errors do not fit, or one depends on how many are drawn."""
-    sensor, place, G, control = each.part, dotted(each.path), loop.group, loop.vehicle.control
+    sensor, path, G, control = place.part, dotted(place.path), loop.group, loop.vehicle.control
     assert control is not None
-    drawn: list[tuple[Array, Array]] = []
-    for count in MEASUREMENTS:
-        errors = sensor.errors(G, count, control.period, random_of(place))
-        lost = np.asarray(sensor.lost(count, random_of(place)))
-        shape = (count, sensor.coordinates(G))
-        if np.shape(errors) != shape:
+    count, period = MEASUREMENTS[0], control.period
+    errors = [np.asarray(sensor.errors(G, n, period, random_of(path))) for n in MEASUREMENTS]
+    lost = [np.asarray(sensor.lost(n, random_of(path))) for n in MEASUREMENTS]
+    for method, (few, many), shape, dtype, booleans in (
+        ("errors", errors, (count, sensor.coordinates(G)), "", ""),
+        ("lost", lost, (count,), f"{lost[0].dtype} of ", "booleans of shape "),
+    ):
+        where = f"{place.name}: {place_of_function(getattr(type(sensor), method))}: {method}"
+        if few.shape != shape or (booleans and few.dtype != bool):
             raise InputError(
-                f"{each.name}: {place_of_function(type(sensor).errors)}: errors returns an array "
-                f"of shape {np.shape(errors)} for {count} measurements; expected {shape}"
+                f"{where} returns an array of {dtype}shape {few.shape} for {count} measurements; "
+                f"expected {booleans}{shape}"
             )
-        if lost.shape != (count,) or lost.dtype != bool:
+        if not np.array_equal(few, many[:count]):
             raise InputError(
-                f"{each.name}: {place_of_function(type(sensor).lost)}: lost returns an array of "
-                f"{lost.dtype} of shape {lost.shape} for {count} measurements; expected booleans "
-                f"of shape ({count},)"
-            )
-        drawn.append((errors, lost))
-    for method, few, many in zip(("errors", "lost"), *drawn, strict=True):
-        if not np.array_equal(few, many[: len(few)]):
-            where = place_of_function(getattr(type(sensor), method))
-            raise InputError(
-                f"{each.name}: {where}: {method}: the first values depend on how many are drawn; "
+                f"{where}: the first values depend on how many are drawn; "
                 "draw the numbers of each measurement in a separate row"
             )
 
 
-def _try_estimator(loop: ClosedLoop, name: str, random_of: RandomOf, states: Array) -> None:
-    """At two instants, as engines call it."""
-    errors = loop.vehicle.measurement_errors(loop.group, 2, [random_of])
-    for tick in range(2):
-        states = loop.measured(0.0, states, errors.measured(loop.group, 0, tick))
-    if not np.isfinite(states).all():
-        raise InputError(f"{name} gives no number {WHEN}: its states are not finite")
+def _try_force(
+    tried: Trial, loop: ClosedLoop, force: Force, evaluated: list[tuple[Any, Array]]
+) -> None:
+    """Raise where its wrench does not fit, or its instants are no list."""
+    G, kind = loop.group, type(force)
+    for t, states in evaluated:
+        s = loop.tracking(t, states)
+        tried.fits(force.in_body(G, t, s.Q, s.V), kind.acting, states, G.dimension)
+    if np.asarray(force.instants(G, 1.0), dtype=float).ndim != 1:
+        tried.is_wrong(kind.instants, "no list of times, s, in order")
 
 
-def _try_part(tried: Trial, loop: ClosedLoop, part: Any, t: Any, states: Array) -> None:
-    """Raise where the output of a force or an actuator does not fit."""
-    G, s, kind = loop.group, loop.tracking(t, states), type(part)
-    if isinstance(part, Force):
-        tried.fits(part.in_body(G, t, s.Q, s.V), kind.acting, states, G.dimension)
-        if np.asarray(part.instants(G, 1.0), dtype=float).ndim != 1:
-            tried.is_wrong(kind.instants, "no list of times, s, in order")
-        return
-    _require_states(part, part.states(G), tried.name)
-    x = np.zeros((*states.shape[:-1], part.states(G)))
-    tried.fits(part.output(G, s.V, x), kind.output, states, G.dimension)
-    rate, limited = part.state_rate(G, s.V, x), np.shape(part.at_limit(G, s.V, x))
-    if part.moves:
-        tried.fits(rate, kind.state_rate, states, x.shape[-1])
-    if part.limits and limited != x.shape[:-1]:
-        tried.is_wrong(kind.at_limit, f"an array of shape {limited}; expected {x.shape[:-1]}")
-
-
-def _require_states(part: Actuator, count: int, name: str) -> None:
-    """Raise where it has states that nothing moves, or moves none."""
-    if count and not part.moves and not part.sampled:
+def _try_actuator(
+    tried: Trial, loop: ClosedLoop, actuator: Actuator, evaluated: list[tuple[Any, Array]]
+) -> None:
+    """Raise where it has states that nothing moves, or moves none, or its output does not fit."""
+    G, kind, count = loop.group, type(actuator), actuator.states(loop.group)
+    if count and not actuator.moves and not actuator.sampled:
         raise InputError(
-            f"{name}: has {count} states, but neither `moves` nor `sampled` is True; set `moves`, "
-            "and give their time derivative in `state_rate`, or `sampled`, and give the states "
-            "after an instant in `step`"
+            f"{tried.name}: has {count} states, but neither `moves` nor `sampled` is True; set "
+            "`moves`, and give their time derivative in `state_rate`, or `sampled`, and give the "
+            "states after an instant in `step`"
         )
-    if part.moves and (not count or type(part).state_rate is Actuator.state_rate):
+    if actuator.moves and (not count or kind.state_rate is Actuator.state_rate):
         raise InputError(
-            f"{name}: `moves` is True; give the number of its states in `states` and their time "
-            "derivative in `state_rate`"
+            f"{tried.name}: `moves` is True; give the number of its states in `states` and their "
+            "time derivative in `state_rate`"
         )
-    if count and not part.moves and type(part).step is Actuator.step:
-        raise InputError(f"{name}: has {count} states; give them after an instant in `step`")
+    if count and not actuator.moves and kind.step is Actuator.step:
+        raise InputError(f"{tried.name}: has {count} states; give them after an instant in `step`")
+    for t, states in evaluated:
+        V, x = loop.tracking(t, states).V, np.zeros((*states.shape[:-1], count))
+        tried.fits(actuator.output(G, V, x), kind.output, states, G.dimension)
+        if actuator.moves:
+            tried.fits(actuator.state_rate(G, V, x), kind.state_rate, states, count)
+        limited = np.shape(np.asarray(actuator.at_limit(G, V, x)))
+        if actuator.limits and limited != x.shape[:-1]:
+            tried.is_wrong(kind.at_limit, f"an array of shape {limited}; expected {x.shape[:-1]}")
 
 
 # Tries metrics ------------------------------------------------------------------------------------

@@ -81,8 +81,12 @@ def rehearse(study: Study, problems: Problems, *, solves: bool = True) -> list[s
         with trial(parts, problems, TOGETHER) as tried:
             problem = Problem.joined([batch.problem for _, batch in group])
             rates = _rates(problem)
-            if solves:
-                _require_numbers(problem, rates, tried.name)
+            for name, values in problem.loop.layout.split(rates).items() if solves else ():
+                if len(lost := values[~np.isfinite(values)]):
+                    raise InputError(
+                        f"{tried.name} gives no number at the start: the rate of "
+                        f"{name.replace('_', ' ')} is {lost[0]:g}"
+                    )
             _require_alone(problem, rates, tried.name)
             if solves:
                 first.engine.rehearse(problem)
@@ -100,14 +104,6 @@ def _first_runs(study: Study) -> Iterator[list[tuple[str, Batch]]]:
         piece = study.piece(index)
         runs = piece.plan.runs
         yield from by_kind(piece, np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs]))
-
-
-def _require_numbers(problem: Problem, rates: Array, law: str) -> None:
-    """Raise an `InputError` if a rate is no number at the start."""
-    for name, values in problem.loop.layout.split(rates).items():
-        if not (finite := np.isfinite(values)).all():
-            what, value = name.replace("_", " "), float(values[~finite][0])
-            raise InputError(f"{law} gives no number at the start: the rate of {what} is {value:g}")
 
 
 def _require_alone(problem: Problem, rates: Array, law: str) -> None:

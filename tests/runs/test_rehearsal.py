@@ -141,17 +141,6 @@ def test_a_law_that_cannot_be_compiled(check):
     assert "cannot be compiled" not in check(body, "solver.engine=solve_ivp", code=0)
 
 
-def test_a_force(check):
-    said = check(
-        "V.nothing", text=FORCE, controllers="gt", more="plant: {forces: [{kind: push}]}\n"
-    )
-    assert said == (
-        "1 error in c.yaml\nc.yaml:10:18: plant.forces[0]: force 'push' fails at the start of run "
-        "0: AttributeError: 'numpy.ndarray' object has no attribute 'nothing' at own.py:12: return "
-        "V.nothing\n"
-    )
-
-
 def test_a_torque_bound(folder, invoke):
     Path("c.yaml").write_text(
         CONFIG.replace("CONTROLLERS", "gt").replace("plugins: [own.py]\n", "")
@@ -166,7 +155,3 @@ def test_a_torque_bound(folder, invoke):
 def test_a_check_keeps_to_its_time(check, monkeypatch):
     monkeypatch.setattr("eqt_cli.runs.preflight.MOST_SECONDS", -1.0)
     assert "not tried: eqt, own; the laws before took more than -1 s\n" in check("-s.V", code=0)
-
-
-def test_a_law_that_is_right(check):
-    assert "not " not in check("-self.gain * s.V", code=0)
