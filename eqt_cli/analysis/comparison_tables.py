@@ -26,7 +26,8 @@ def records(comparison: Comparison, *against: str) -> dict[str, list[Record]]:
         "verdict": [_answer(answer) for answer in answers(comparison, *against[:1])],
         "controllers": [_level(level) for level in comparison.levels],
         "pairs": [
-            {**_pair(pair), "word": str(pair.word(comparison.negligible))}
+            _pair(pair)
+            | {"runs_to_decide": pair.runs_to_decide, "word": str(pair.word(comparison.negligible))}
             for pair in comparison.against(*against)
         ],
         "claims": [_judgement(judgement) for judgement in comparison.judgements],
@@ -48,36 +49,29 @@ def rows_of(comparison: Comparison) -> list[Record]:
     return tables["pairs"] or tables["controllers"]
 
 
-def _what(measured: PerRun) -> Record:
+def _record(measured: PerRun, row: Level | Pair | Judgement, fields: str) -> Record:
+    """Return the number that was measured, and these fields of a row about it."""
     return {
         "metric": measured.quantity.name,
         "window_start": measured.seen.start,
         "window_stop": measured.seen.stop,
         "units": measured.unit,
+        **{name: getattr(row, name) for name in fields.split()},
     }
-
-
-def _fields(row: Level | Pair | Judgement, *names: str) -> Record:
-    return {name: getattr(row, name) for name in names}
 
 
 def _level(level: Level) -> Record:
-    return {
-        **_what(level.measured),
-        **_fields(level, "controller", "runs", "failed", "undefined", "censored"),
-        **_fields(level, "mean", "low", "high", "standard_deviation", "median"),
-    }
+    counts = "controller runs failed undefined censored"
+    return _record(level.measured, level, f"{counts} mean low high standard_deviation median")
 
 
 def _pair(pair: Pair) -> Record:
-    return {
-        **_what(pair.measured),
-        **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
-        **_fields(pair, "difference", "low", "high", "relative", "relative_low", "relative_high"),
-        **_fields(pair, "cohen_d", "first_better"),
-        **({} if pair.p_value is None else {"p_value": pair.p_value}),
-        "runs_to_decide": pair.runs_to_decide,
-    }
+    counts = "first second pairs failed undefined censored"
+    numbers = "difference low high relative relative_low relative_high cohen_d first_better"
+    record = _record(pair.measured, pair, f"{counts} {numbers}")
+    if pair.p_value is not None:
+        record["p_value"] = pair.p_value
+    return record
 
 
 def _answer(answer: Answer) -> Record:
@@ -102,18 +96,16 @@ def _judgement(judgement: Judgement) -> Record:
         "runs_to_decide": judgement.runs_to_decide,
     }
     if judgement.pair is not None:
-        pair = _pair(judgement.pair)
-        pair.pop("runs_to_decide")
-        statement = "first is less than second"
-        return {**common, "statement": statement, **pair}
+        return common | {"statement": "first is less than second"} | _pair(judgement.pair)
     assert judgement.measured is not None
     return {
         **common,
         "statement": judgement.statement,
-        **_what(judgement.measured),
+        **_record(judgement.measured, judgement, ""),
         "first": judgement.controller,
         "pairs": judgement.runs,
-        **_fields(judgement, "held", "low"),
+        "held": judgement.held,
+        "low": judgement.low,
     }
 
 
@@ -148,35 +140,24 @@ def text_tables(
 
 
 def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
-    rows = []
-    notes = []
-    titles = comparison.titles
-
-    def counted(of_laws: Mapping[str, int]) -> str:
-        return ", ".join(f"{titles[label]} {count}" for label, count in of_laws.items() if count)
-
+    rows, notes, titles = [], list[str](), comparison.titles
     for _, group in groupby(comparison.levels, key=lambda level: id(level.measured)):
         levels = list(group)
-        here = levels[0].measured
-        name, end = here.quantity.described, f"{here.window.stop:g} s"
-        of_runs = write.text(", % of runs") * here.quantity.counts
-        rows.append([_measure(here, write, whole) + of_runs, *_values(levels, write)])
-        if censored := counted({level.controller: level.censored for level in levels}):
-            notes.append(
-                f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
-                "the mean time restricted to the horizon."
-            )
-        least = min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels)
-        notes += here.sampling_note(least, Plain().unit(here.unit))
-        if undefined := counted({level.controller: level.undefined for level in levels}):
-            notes.append(f"{name}: good runs without a value: {undefined}.")
-    notes += [f"{write.best_is}: the best mean."] * (len(titles) > 1)
+        measured = levels[0].measured
+        name = _measure(measured, write, whole)
+        if measured.quantity.counts:
+            name += write.text(", % of runs")
+        rows.append([name, *_values(levels, write)])
+        notes += _notes_on(levels, titles)
+    if len(titles) > 1:
+        notes.append(f"{write.best_is}: the best mean.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
     if comparison.not_matched:
-        listed = ", ".join(titles[label] for label in comparison.not_matched)
-        notes.append(f"Gains not matched: {listed}.")
-    if failed := counted(comparison.failed):
+        notes.append(
+            f"Gains not matched: {', '.join(titles[label] for label in comparison.not_matched)}."
+        )
+    if failed := _counted(comparison.failed, titles):
         notes.append(f"Failed runs, left out: {failed}.")
     if any(level.measured.quantity.counts for level in comparison.levels):
         notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
@@ -187,6 +168,25 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
     laws = [write.text(titles[label]) for label in comparison.labels]
     blocks = [Block("", rows)] if rows else []
     return TextTable("controllers", caption, ["measure", *laws], blocks, _plain(notes, write))
+
+
+def _notes_on(levels: Sequence[Level], titles: Mapping[str, str]) -> Iterator[str]:
+    """Note what the means of a number leave out, and their error by the distance of samples."""
+    measured = levels[0].measured
+    name, end = measured.quantity.described, f"{measured.window.stop:g} s"
+    if censored := _counted({level.controller: level.censored for level in levels}, titles):
+        yield (
+            f"{name}: runs still unsettled at {end} count as {end} ({censored}), so this is "
+            "the mean time restricted to the horizon."
+        )
+    least = min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels)
+    yield from measured.sampling_note(least, Plain().unit(measured.unit))
+    if undefined := _counted({level.controller: level.undefined for level in levels}, titles):
+        yield f"{name}: good runs without a value: {undefined}."
+
+
+def _counted(runs: Mapping[str, int], titles: Mapping[str, str]) -> str:
+    return ", ".join(f"{titles[label]} {count}" for label, count in runs.items() if count)
 
 
 def _with_laws_as_rows(table: TextTable) -> TextTable:
@@ -207,15 +207,17 @@ def _values(levels: Sequence[Level], write: Plain) -> Iterator[str]:
         yield write.best(cell) if ranked and len(levels) > 1 else cell
 
 
-def _functions(comparison: Comparison) -> list[str]:
+def _functions(comparison: Comparison) -> Iterator[str]:
     """Note the functions L of the laws if they differ."""
-    if not comparison.lyapunov_functions:
-        return []
-    by_function: dict[str, list[str]] = {}
+    laws: dict[str, list[str]] = {}
     for label, function in comparison.lyapunov_functions.items():
-        by_function.setdefault(function, []).append(comparison.titles[label])
-    listed = "; ".join(f"{function} of {', '.join(of)}" for function, of in by_function.items())
-    return [f"L is each law's own function: {listed}. Different functions are not compared by it."]
+        laws.setdefault(function, []).append(comparison.titles[label])
+    if laws:
+        functions = [f"{function} of {', '.join(names)}" for function, names in laws.items()]
+        yield (
+            f"L is each law's own function: {'; '.join(functions)}. Different functions are not "
+            "compared by it."
+        )
 
 
 def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: str) -> TextTable:

@@ -12,10 +12,9 @@ from typing import Literal
 import numpy as np
 
 from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
-from eqt_cli.analysis.intervals import FEWEST, SHARE, Level, Pair, Word, holm, sign_test
+from eqt_cli.analysis.intervals import FEWEST, SHARE, Pair, Word, holm, sign_test
 from eqt_cli.base.reporting import count_of, listed, percent, significant
 from eqt_cli.results.quantity import LAST_RESORT, Plain
-from eqt_cli.results.result import PerRun
 
 MOST_NAMES = 6
 """Most undecided numbers of a law that are named."""
@@ -60,20 +59,20 @@ def answers(comparison: Comparison, against: str = "") -> list[Answer]:
         for pair in comparison.against(base)
         if pair.second == bases.get(pair.first) and pair.measured.quantity.better != "neither"
     ]
-    p_values = holm(np.array([_p_value(pair) for pair in pairs]))
+    p_values = np.full(len(pairs), math.nan)
+    for k, pair in enumerate(pairs):
+        if pair.p_value is not None:
+            p_values[k] = pair.p_value
+        elif pair.pairs:
+            p_values[k] = sign_test(*pair.better_in)
     conclusions = []
-    for pair, p in zip(pairs, p_values, strict=True):
-        said, (first, second) = pair.word(comparison.negligible), pair.better_in
-        leads = first > second if said is Word.BETTER else second > first
-        sure = said in (Word.BETTER, Word.WORSE) and leads and p <= 1 - comparison.confidence
-        conclusions.append(Answer(pair, said, float(p), bool(sure or said is Word.ALIKE)))
+    for pair, p_value in zip(pairs, holm(p_values).tolist(), strict=True):
+        word, (first, second) = pair.word(comparison.negligible), pair.better_in
+        decided = word is Word.ALIKE
+        if word in (Word.BETTER, Word.WORSE) and p_value <= 1 - comparison.confidence:
+            decided = first > second if word is Word.BETTER else second > first
+        conclusions.append(Answer(pair, word, p_value, decided))
     return conclusions
-
-
-def _p_value(pair: Pair) -> float:
-    if pair.p_value is not None:
-        return pair.p_value
-    return sign_test(*pair.better_in) if pair.pairs else math.nan
 
 
 # The answer in words ------------------------------------------------------------------------------
@@ -91,43 +90,60 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     claims
         Whether to say how the claims of papers come out.
     """
-    conclusions, titles = answers(comparison, against), comparison.titles
-    made, undecided = list[str](), list[str]()
+    conclusions, titles, runs = answers(comparison, against), comparison.titles, comparison.runs
+    sentences, undecided = [*comparison.between], list[str]()
     for label in comparison.labels:
-        of_law = [each for each in conclusions if each.pair.first == label]
-        first = [*_first(of_law, "error"), *_first(of_law, "cost")] or of_law[:1]
-        others = [each for each in of_law if each not in first]
-        if of_law:
-            made.append(f"{titles[label]} against {titles[of_law[0].pair.second]}")
-        made += [f"  {_in_full(each, comparison)}" for each in first]
-        for said in (Word.BETTER, Word.WORSE, Word.ALIKE):
-            of_word = [each for each in others if each.decided and each.word is said]
-            made += [f"  also {said}: {_names(of_word, comparison.horizon)}"] * bool(of_word)
-        left = [x for x in others if not x.decided and x.pair.ties < x.pair.pairs]
-        if left and comparison.runs >= FEWEST:
-            names = _names(left, comparison.horizon, MOST_NAMES)
-            names = names if len(left) < len(others) else "all else"
+        of_law = [answer for answer in conclusions if answer.pair.first == label]
+        if not of_law:
+            continue
+        sentences.append(f"{titles[label]} against {titles[of_law[0].pair.second]}")
+        headline = [*_headline(of_law, "error"), *_headline(of_law, "cost")] or of_law[:1]
+        sentences += [f"  {_in_full(answer, comparison)}" for answer in headline]
+        others = [answer for answer in of_law if answer not in headline]
+        for word in (Word.BETTER, Word.WORSE, Word.ALIKE):
+            decided = [answer for answer in others if answer.decided and answer.word is word]
+            if decided:
+                sentences.append(f"  also {word}: {', '.join(_names(decided, comparison))}")
+        if runs >= FEWEST and (names := _undecided(others, comparison)):
             undecided.append(f"{titles[label]}: {names}")
     if alone := ", ".join(titles[label] for label in comparison.not_matched):
-        made.append(f"gains are not tuned alike: {alone}; `eqt tune CONFIG` tunes all laws alike")
-    made += [f"undecided: {'; '.join(undecided)}"] * bool(undecided)
-    made += _troubles(comparison)
-    made += _claimed(comparison) if claims else ()
-    tested = sum(each.p_value >= 0 for each in conclusions)
-    return [*comparison.between, *made, *_meaning(comparison, tested)]
+        tuning = "`eqt tune CONFIG` tunes all laws alike"
+        sentences.append(f"gains are not tuned alike: {alone}; {tuning}")
+    if undecided:
+        sentences.append(f"undecided: {'; '.join(undecided)}")
+    failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
+    if failed:
+        sentences.append(f"failed runs, left out: {', '.join(failed)}")
+    sentences += unsettled(comparison)
+    if claims and comparison.judgements and not comparison.departures:
+        counts = Counter(finding.verdict for finding in findings(comparison))
+        verdicts = "; ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        sentences.append(f"claims of {sources(comparison)}: {verdicts}")
+    tested = sum(answer.p_value >= 0 for answer in conclusions)
+    return [*sentences, *(_meaning(comparison, tested) if tested else ())]
 
 
-def _first(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:
+def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:
     """Return the answers about the errors, or the costs, by which laws are compared first."""
 
     def rank(answer: Answer) -> int:
         return answer.pair.measured.quantity.rank
 
-    of_role = [each for each in conclusions if each.pair.measured.quantity.role == role]
+    of_role = [x for x in conclusions if x.pair.measured.quantity.role == role]
     ranked = sorted(of_role, key=rank)
-    ranked = [each for each in ranked if rank(each) < LAST_RESORT] or ranked
-    window = {each.pair.measured.window for each in ranked[:1]}
-    return [each for each in ranked if each.pair.measured.window in window]
+    ranked = [x for x in ranked if rank(x) < LAST_RESORT] or ranked
+    return [x for x in ranked if x.pair.measured.window == ranked[0].pair.measured.window]
+
+
+def _undecided(conclusions: Sequence[Answer], comparison: Comparison) -> str:
+    """Return the names of the undecided numbers, the first `MOST_NAMES` of them."""
+    undecided = [x for x in conclusions if not x.decided and x.pair.ties < x.pair.pairs]
+    if undecided and len(undecided) == len(conclusions):
+        return "all else"
+    names = _names(undecided, comparison)
+    if len(names) > MOST_NAMES:
+        names[MOST_NAMES:] = [f"{len(names) - MOST_NAMES} more"]
+    return ", ".join(names)
 
 
 def _in_full(answer: Answer, comparison: Comparison) -> str:
@@ -135,52 +151,32 @@ def _in_full(answer: Answer, comparison: Comparison) -> str:
 
     Without an interval, ``mean attitude error +38 % (4.437 against 3.216 deg)``.
     """
-    pair, (first, second) = answer.pair, answer.pair.better_in
-    said = answer.word if answer.decided else Word.UNDECIDED
+    pair, word = answer.pair, answer.word if answer.decided else Word.UNDECIDED
+    what = f"{pair.measured.quantity.plain} {pair.percent}"
     if not math.isfinite(pair.low):
         means = {x.controller: x.mean for x in comparison.levels if x.measured is pair.measured}
         both = " against ".join(significant(means[law]) for law in (pair.first, pair.second))
-        unit = Plain().unit(pair.measured.unit)
-        return f"{pair.measured.quantity.plain} {pair.percent} ({both} {unit}".rstrip() + ")"
-    what = f"{said}: {pair.measured.quantity.plain} {pair.percent}"
-    if said is Word.ALIKE:
-        return what
-    ahead = max(first, second) if said is Word.UNDECIDED else (first, second)[said is Word.WORSE]
-    p = "p < 1e-20" if answer.p_value < 1e-20 else f"p = {answer.p_value:.1g}"
-    return f"{what}, in {ahead} of {pair.pairs} runs, {p}"
+        return f"{what} ({both} {Plain().unit(pair.measured.unit)}".rstrip() + ")"
+    if word is Word.ALIKE:
+        return f"{word}: {what}"
+    first, second = pair.better_in
+    ahead = {Word.BETTER: first, Word.WORSE: second}.get(word, max(first, second))
+    p_value = "p < 1e-20" if answer.p_value < 1e-20 else f"p = {answer.p_value:.1g}"
+    return f"{word}: {what}, in {ahead} of {pair.pairs} runs, {p_value}"
 
 
-def _names(conclusions: Sequence[Answer], horizon: float, most: int | None = None) -> str:
-    def name(pair: Pair) -> str:
-        window = pair.measured.seen
-        whole = math.isclose(window.stop - window.start, horizon)
-        return pair.measured.quantity.plain + ("" if whole else f" {Plain().window(window)}")
-
-    more = [] if most is None or len(conclusions) <= most else [f"{len(conclusions) - most} more"]
-    return ", ".join([*(name(each.pair) for each in conclusions[:most]), *more])
-
-
-def _troubles(comparison: Comparison) -> Iterator[str]:
-    """Say which laws failed, and which did not settle, in how many runs."""
-    titles, runs = comparison.titles, comparison.runs
-    failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
-    if failed:
-        yield f"failed runs, left out: {', '.join(failed)}"
-    yield from unsettled(comparison)
-
-
-def _claimed(comparison: Comparison) -> Iterator[str]:
-    """Say how many claims have which verdict."""
-    if comparison.judgements and not comparison.departures:
-        counts = Counter(each.verdict for each in findings(comparison))
-        verdicts = "; ".join(f"{count} {each}" for each, count in counts.items())
-        yield f"claims of {sources(comparison)}: {verdicts}"
+def _names(conclusions: Sequence[Answer], comparison: Comparison) -> list[str]:
+    """Return the numbers, each with its window unless that is the whole run."""
+    names = []
+    for measured in (answer.pair.measured for answer in conclusions):
+        window, name = measured.seen, measured.quantity.plain
+        whole = math.isclose(window.stop - window.start, comparison.horizon)
+        names.append(name if whole else f"{name} {Plain().window(window)}")
+    return names
 
 
 def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     """Say of how many runs, and what the words mean."""
-    if not count:
-        return
     if comparison.runs < FEWEST:
         yield too_few(comparison)
         return
@@ -226,8 +222,6 @@ def unsettled(comparison: Comparison) -> Iterator[str]:
 PARTLY = "partly"
 """Prefix of a verdict that only some rows of a claim have."""
 
-_WRITE = Plain()
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -266,20 +260,17 @@ def sources(comparison: Comparison) -> str:
 
 
 def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> Finding:
-    verdict, titles = _together({row.verdict for row in rows}), comparison.titles
+    titles, verdicts = comparison.titles, {row.verdict for row in rows}
+    verdict = str(ClaimVerdict.NOT_SUPPORTED)
+    if len(verdicts) == 1:
+        verdict = str(*verdicts)
+    elif ClaimVerdict.SUPPORTED in verdicts:
+        verdict = f"{PARTLY} {ClaimVerdict.SUPPORTED}"
     in_every_run = [row for row in rows if row.pair is None]
     compared = [row for row in rows if row.pair is not None]
     words = [*_in_every_run(comparison, in_every_run), *_compared(compared, titles)]
     absent = [titles.get(kind, kind) for kind in rows[0].absent]
     return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
-
-
-def _together(verdicts: set[ClaimVerdict]) -> str:
-    """Combine the verdicts of the rows of a claim."""
-    if len(verdicts) == 1:
-        return str(*verdicts)
-    supported = ClaimVerdict.SUPPORTED
-    return f"{PARTLY} {supported}" if supported in verdicts else str(ClaimVerdict.NOT_SUPPORTED)
 
 
 def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
@@ -316,22 +307,14 @@ def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[
 
 def _difference_in_words(pair: Pair, titles: Mapping[str, str]) -> str:
     """``EqT has 13.5 % less mean ‖τ‖ over 0–5 s than GT (−0.283 [−0.346, −0.219] N m)``."""
-    first, second = titles[pair.first], titles[pair.second]
-    what = _measure_in_words(pair.measured)
-    number = _number(pair, pair.difference)
-    word = pair.word()
+    write, measured = Plain(), pair.measured
+    what = f"{write.name(measured.quantity)} over {write.window(measured.seen)}"
+    if measured.quantity.counts:
+        what = f"share of runs {what}"
+    number = f"{write.interval(pair.difference, pair.low, pair.high)} {write.unit(measured.unit)}"
+    first, second, word = titles[pair.first], titles[pair.second], pair.word()
     if word in (Word.ALIKE, Word.UNDECIDED) and math.isfinite(pair.low):
-        return f"{word} between {first} and {second}: {what} ({number})"
+        return f"{word} between {first} and {second}: {what} ({number.rstrip()})"
     share = f"{percent(abs(pair.relative))} " if math.isfinite(pair.relative) else ""
     more = "more" if pair.difference > 0 else "less"
-    return f"{first} has {share}{more} {what} than {second} ({number})"
-
-
-def _measure_in_words(measured: PerRun) -> str:
-    of = "share of runs " if measured.quantity.counts else ""
-    return f"{of}{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.seen)}"
-
-
-def _number(row: Pair | Level, value: float) -> str:
-    unit = _WRITE.unit(row.measured.unit)
-    return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
+    return f"{first} has {share}{more} {what} than {second} ({number.rstrip()})"

@@ -182,17 +182,18 @@ def _shares(result: Result) -> Iterator[str]:
 
 def _cut(result: Result) -> Iterator[str]:
     """Yield the directions in which limits change the commands, and their shares of the time."""
-    of, words = "cut_share_", []
-    for c, label in enumerate(result.labels):
-        good, metrics = result.good[..., c, :], [n for n in result.metrics if n.startswith(of)]
-        means = {name: result.metric(name, c)[good].sum() / max(1, good.sum()) for name in metrics}
-        cut = {
-            name.removeprefix(of).replace("_", " "): mean for name, mean in means.items() if mean
-        }
-        shares = [f"{direction} {mean:.2%}" for direction, mean in cut.items()]
-        words += [f"{result.title_of[label]} {listed(shares)}"] if shares else []
-    if words:
-        yield f"commands cut by limits: {'; '.join(words)}"
+    laws = []
+    for c, title in enumerate(result.titles):
+        good, shares = result.good[..., c, :], []
+        for name in result.metrics:
+            if name.startswith("cut_share_"):
+                direction = name.removeprefix("cut_share_").replace("_", " ")
+                share = result.metric(name, c)[good].sum() / max(1, good.sum())
+                shares += [f"{direction} {share:.2%}"] if share else []
+        if shares:
+            laws.append(f"{title} {listed(shares)}")
+    if laws:
+        yield f"commands cut by limits: {'; '.join(laws)}"
 
 
 def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:

@@ -620,11 +620,13 @@ class Result(StoredRuns):
         else it is the mean and the largest one. Settling is there where a rate decides on it.
         """
         without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}
-        without |= {"final_pose_error"} if self.has("final_attitude_error") else set()
+        if self.has("final_attitude_error"):
+            without.add("final_pose_error")
         if self.has("final_pointing_error"):
             without |= {"mean_pose_error", "final_pose_error"}
-        known = self.attributes_of("settling_time") if self.has("settling_time") else {}
-        without |= set() if "threshold_rate" in known else {"settling_time"}
+        settling = self.attributes_of("settling_time") if self.has("settling_time") else {}
+        if "threshold_rate" not in settling:
+            without.add("settling_time")
         listed = (*self.own_metrics, *(row.name for row in SUMMARY if row.name not in without))
         names = [part for name in listed for part in self.in_parts(name)]
         return [name for name in names if name in self.metrics]
@@ -637,14 +639,13 @@ class Result(StoredRuns):
         """
         errors = [row.name for row in RANKED if row.role == "error" and self.has(row.name)]
         parts = () if self.group is None or len(self.group.parts) == 1 else self.group.parts
-        if "position_rms" not in errors:
+        if "position_rms" not in errors and (parts or not errors):
             turns = [f"mean_pose_error_{part.name}" for part in parts if part.turns]
-            others = [name for name in self.in_parts("mean_pose_error") if name not in turns]
-            errors += others if parts or not errors else []
+            errors += [name for name in self.in_parts("mean_pose_error") if name not in turns]
         torque = "early_torque" if self._flies_papers_loop else "mean_torque"
         own_metrics = [x for x in self.own_metrics if self.quantity(x).better != "neither"]
-        listed = (*errors, *self.in_parts(torque), *own_metrics)
-        return [each for each in listed if each in self.metrics]
+        names = (*errors, *self.in_parts(torque), *own_metrics)
+        return [name for name in names if name in self.metrics]
 
     @property
     def _flies_papers_loop(self) -> bool:

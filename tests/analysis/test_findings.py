@@ -58,7 +58,9 @@ def test_a_claim_of_which_some_rows_are_supported(found):
     torque, pose = [LOW, HIGH, HIGH], [HIGH, LOW, [3.5] * 6]
     claims = found(["eqt", "nog", "asym"], torque, pose)
     assert claims["The EqT and "].verdict == "partly supported"
-    assert claims["The EqT and "].words.startswith("3 of 4 comparisons agree with it; EqT has")
+    assert claims["The EqT and "].words.startswith(
+        "3 of 4 comparisons agree with it; EqT has 100.0 % more mean ‖I − Q_E‖"
+    )
 
 
 def test_a_claim_that_the_runs_refute(found):
@@ -73,14 +75,6 @@ def test_a_difference_that_the_runs_do_not_tell(found):
     first = found(["eqt", "gt"], [LOW, LOW[::-1]], [HIGH, LOW])["the EqT cont"]
     assert first.verdict == "undecided"
     assert first.words.startswith("undecided between EqT and GT: mean ‖τ‖ over 0–5 s (")
-
-
-def test_of_several_comparisons_those_that_do_not_support_are_named(found):
-    last = found(["eqt", "nog", "asym"], [LOW, HIGH, HIGH], [HIGH, LOW, [3.5] * 6])["The EqT and "]
-    assert last.verdict == "partly supported"
-    assert last.words.startswith(
-        "3 of 4 comparisons agree with it; EqT has 100.0 % more mean ‖I − Q_E‖"
-    )
 
 
 def test_nothing_that_supports_a_claim_is_no_partial_support(found):
