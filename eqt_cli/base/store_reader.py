@@ -87,6 +87,8 @@ class CheckedStream(io.BufferedReader):
     def readinto(self, buffer: Any) -> int:
         """Fill the buffer from the present position on, where a heap would start."""
         start, count = self.tell(), super().readinto(buffer)
+        if count < len(buffer):
+            raise EOFError("the file became shorter")
         if bytes(buffer[:5]) == b"GCOL\x01":
             self.seek(start)
             size_of_file = os.fstat(self.fileno()).st_size

@@ -341,6 +341,16 @@ def test_spoiled_compressed_data(tmp_path, table):
     assert str(caught.value) == f"{path}: 'torque' is damaged; {AGAIN}"
 
 
+def test_a_file_that_becomes_shorter_while_it_is_open(path):
+    with h5py.File(path) as file:
+        offset = file["torque"].id.get_offset()
+    with open_results(path) as results:
+        os.truncate(path, offset + 8)
+        with pytest.raises(ResultError) as caught:
+            results["torque"]
+    assert str(caught.value) == f"{path}: 'torque' is damaged; {AGAIN}"
+
+
 def test_more_than_the_memory_holds(path, monkeypatch):
     def fail(*_):
         raise MemoryError
