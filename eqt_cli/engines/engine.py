@@ -191,7 +191,9 @@ class Problem:
             for problem in problems
             for runs in [problem.runs]
         ]
-        varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
+        rows = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
+        shared = leaves(first.loop)
+        varying = {name: each for name, each in rows.items() if (each != shared[name]).any()}
         states = np.concatenate([problem.states for problem in problems])
         known = [drawn for each in problems if (drawn := each.drawn()) is not None]
         errors = Errors(*map(np.concatenate, zip(*known, strict=True))) if known else None

@@ -1,4 +1,4 @@
-"""Functions of numbers as straight-line programs: traced by symbols, joined, and written in C.
+"""Functions of numbers as straight-line programs: traced, joined, evaluated and written in C.
 
 It knows no group, no law and no engine.
 """
@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -525,6 +526,63 @@ def _chosen(program: Program) -> dict[int, _Fused]:
             elif first in products:
                 chosen[place] = _Fused(first, second, False, minus)
     return chosen
+
+
+# Evaluates a program by NumPy, on the numbers of many runs at a time ------------------------------
+
+
+class ArrayProgram:
+    """A program as NumPy calls: an operation for all runs each, in arrays that stay.
+
+    Attributes
+    ----------
+    inputs : (length, runs) each
+        Each group of inputs, by its name, to be written to.
+    """
+
+    def __init__(self, program: Program, runs: int) -> None:
+        lengths = dict(program.inputs)
+        self._arrays = np.empty((sum(lengths.values()) + len(program.values), runs))
+        *groups, _ = np.split(self._arrays, np.cumsum([*lengths.values()]))
+        self.inputs = dict(zip(lengths, groups, strict=True))
+        starts = dict(zip(lengths, accumulate(lengths.values(), initial=0), strict=False))
+        self._calls: list[tuple[Callable[..., Any], list[Array]]] = []
+        places: list[int] = []
+        rows: list[Array] = []
+        for place, value in enumerate(program.values, start=sum(lengths.values())):
+            if isinstance(value, Input):
+                place = starts[value.group] + value.number
+            row = self._arrays[place]
+            if isinstance(value, Constant):
+                row.fill(value.number)
+            elif isinstance(value, Operation):
+                if value.name in COMPARISONS:
+                    row = np.empty(runs, dtype=bool)
+                arguments = [*(rows[operand] for operand in value.operands), row]
+                self._calls.append((_NUMPY.get(value.name) or getattr(np, value.name), arguments))
+            places.append(place)
+            rows.append(row)
+        self._outputs = {
+            output.name: (output.shape, [places[entry] for entry in output.entries])
+            for output in program.outputs
+        }
+
+    def __call__(self) -> dict[str, Array]:
+        """Return the outputs for the numbers written to the inputs, ``(…, runs)`` each."""
+        for function, arguments in self._calls:
+            function(*arguments)
+        return {
+            name: self._arrays[places].reshape(*shape, -1)
+            for name, (shape, places) in self._outputs.items()
+        }
+
+
+def _select(condition: Array, a: Array, b: Array, out: Array) -> None:
+    np.copyto(out, b)
+    np.putmask(out, condition, a)
+
+
+_NUMPY: dict[str, Callable[..., Any]] = {**dict.fromkeys(COMPARISONS, np.less), "select": _select}
 
 
 # Names that are valid in C: ASCII letters, digits and underscores, and no keywords ----------------

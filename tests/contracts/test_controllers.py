@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.errors import Problems
-from eqt_cli.engines.solve_ivp import RecordedCalls
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 # Tens of last places of torques up to a hundred.
@@ -104,14 +103,6 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
     # Symbols are added in another order than NumPy's products.
     found = back(traced.vector_field(to(0.3), to(y)))
     np.testing.assert_allclose(found, loop.vector_field(0.3, y), rtol=0, atol=ROUNDING)
-
-
-def test_a_recording_gives_the_same_as_the_law(loop, states):
-    y, other = states(loop, (3,)), states(loop, (3,), seed=4)
-    loop = loop.holding(0.3)
-    found = RecordedCalls(loop.vector_field, 0.3, y).repeat(0.31, other)
-    # NumPy adds in another order.
-    np.testing.assert_allclose(found, loop.vector_field(0.31, other), rtol=0, atol=ROUNDING)
 
 
 def test_structure_is_hashable_and_leaves_are_arrays(loop):

@@ -7,7 +7,6 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.motions import PlantModel
-from eqt_cli.engines.solve_ivp import RecordedCalls
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 # Tens of last places of torques up to ten.
@@ -58,20 +57,6 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
     found = back(traced.tracking(to(0.3), to(y)).tau_d)
     expected = loop.tracking(0.3, y).tau_d
     np.testing.assert_allclose(*np.broadcast_arrays(found, expected), rtol=0, atol=ROUNDING)
-
-
-def test_a_recording_gives_the_same_as_the_reference(loop, states):
-    y, other = states(loop, (3,)), states(loop, (3,), seed=4)
-    held, later = loop.holding(0.3).held_leaves, loop.holding(1.3)
-
-    def field(t, y, *numbers):
-        return with_leaves(later, dict(zip(held, numbers, strict=True))).vector_field(t, y)
-
-    found = RecordedCalls(field, 0.3, y, *held.values()).repeat(
-        1.31, other, *later.held_leaves.values()
-    )
-    expected = later.vector_field(1.31, other)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=10 * ROUNDING)
 
 
 def test_a_reference_says_whether_it_keeps_its_velocity(loop, states):

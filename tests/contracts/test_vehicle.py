@@ -10,7 +10,6 @@ from eqt_cli.components.sensors import Errors, Noise
 from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
-from eqt_cli.engines.solve_ivp import RecordedCalls
 from eqt_cli.numbers.leaves import leaves, with_leaves
 
 G = group_named("SE3")
@@ -45,33 +44,6 @@ def test_a_force_takes_runs_together_and_symbols(force_class, make, symbols, not
     symbolic = changed(force, lambda number: to(number[None]))
     traced = symbolic.in_body(G, to(0.3), to(Q[:1]), to(V[:1])) + to(0 * V[:1])
     np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
-
-
-def test_a_recording_gives_the_same_as_the_force(force_class, make):
-    force, (Q, V) = of_run(make(force_class, 6)), states()
-
-    def field(t, y):
-        return force.in_body(G, t, G.unpack(y[:, 6:]), y[:, :6]) + 0 * y[:, :6]
-
-    y, other = (np.concatenate([V, G.pack(Q)], axis=-1) for Q, V in ((Q, V), states(seed=3)))
-    found = RecordedCalls(
-        lambda t, y: 1.0 * y + np.concatenate([field(t, y), 0 * y[:, 6:]], axis=-1), 0.3, y
-    )
-    expected = other[:, :6] + field(0.31, other)
-    np.testing.assert_allclose(found.repeat(0.31, other)[:, :6], expected, rtol=0, atol=ROUNDING)
-
-
-def test_a_recording_gives_the_same_as_the_actuator(actuator_class, make):
-    actuator, (_, command) = of_run(make(actuator_class, 6)), states()
-    n = actuator.states(G)
-
-    def field(t, y):
-        rates = actuator.state_rate(G, y[:, :6], y[:, 6:]) if n else y[:, 6:]
-        return np.concatenate([actuator.output(G, y[:, :6], y[:, 6:]), rates], axis=-1)
-
-    y = np.concatenate([command, np.full((2, n), 0.3)], axis=-1)
-    found = RecordedCalls(field, 0.3, y).repeat(0.31, 0.9 * y)
-    np.testing.assert_allclose(found, field(0.31, 0.9 * y), rtol=0, atol=ROUNDING)
 
 
 def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbols, noted):

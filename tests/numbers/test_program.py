@@ -10,9 +10,9 @@ from eqt_cli.base.arrays import FUNCTIONS, less, smooth_less, where
 from eqt_cli.base.expressions import parse
 from eqt_cli.numbers.jets import Jet, series
 from eqt_cli.numbers.program import (
-    COMPARISONS,
+    _NUMPY,
+    ArrayProgram,
     Chain,
-    Constant,
     Input,
     Operation,
     c_function,
@@ -22,30 +22,13 @@ from eqt_cli.numbers.program import (
     traced,
 )
 
-NUMPY = {
-    "fma": lambda a, b, c: a * b + c,
-    "negative": np.negative,
-    "pow": np.power,
-    "select": lambda holds, a, b: a if holds else b,
-    **dict.fromkeys(COMPARISONS, np.less),
-    **{name: getattr(np, name) for name in ("add", "subtract", "multiply", "divide", *FUNCTIONS)},
-}
-
 
 def evaluated(program, **inputs):
-    """What a program returns, by NumPy."""
-    values = []
-    for value in program.values:
-        if isinstance(value, Input):
-            values.append(inputs[value.group][value.number])
-        elif isinstance(value, Constant):
-            values.append(np.float64(value.number))
-        else:
-            values.append(NUMPY[value.name](*(values[operand] for operand in value.operands)))
-    return {
-        output.name: np.array([values[place] for place in output.entries]).reshape(output.shape)
-        for output in program.outputs
-    }
+    """What a program returns, for one run."""
+    by_numpy = ArrayProgram(program, 1)
+    for group, numbers in inputs.items():
+        by_numpy.inputs[group][:, 0] = numbers
+    return {name: values[..., 0] for name, values in by_numpy().items()}
 
 
 def program_of(function, length=4):
@@ -195,6 +178,19 @@ def test_arrays_that_a_program_returns_keep_their_shapes():
     assert program.inputs == (("x", 2), ("unused", 1), ("z", 3))
 
 
+def test_runs_are_evaluated_side_by_side_and_again():
+    """Where inputs are outputs, too, and results stay when other numbers follow."""
+    x = np.random.default_rng(5).uniform(0.05, 0.95, (4, 7))
+    program = traced(lambda given: {"y": everything(given["x"]), "x": given["x"]}, {"x": 4})
+    by_numpy = ArrayProgram(program, 7)
+    by_numpy.inputs["x"][...] = x
+    first = by_numpy()
+    by_numpy.inputs["x"][...] = x[:, ::-1]
+    for found, runs in ((first, x), (by_numpy(), x[:, ::-1])):
+        np.testing.assert_array_equal(found["x"], runs)
+        np.testing.assert_allclose(found["y"].T, [everything(run) for run in runs.T], rtol=1e-15)
+
+
 def test_derivatives_of_expressions_are_programs():
     expression = parse("sin(t)**2 + t**3/(1 + t*t) + exp(-t) + sqrt(t) + 2**t")
 
@@ -298,7 +294,8 @@ def test_zeros_of_either_sign_are_two_numbers_and_nan_is_one():
         "a sum of sums": (lambda x: x[0] * x[1] + x[2] * x[3] + x[0], "multiply fma add"),
     }.values(),
 )  # fmt: skip
-def test_products_are_fused_with_sums(function, expected):
+def test_products_are_fused_with_sums(monkeypatch, function, expected):
+    monkeypatch.setitem(_NUMPY, "fma", lambda a, b, c, out: np.add(a * b, c, out))
     program = program_of(function)
     found = fused(program)
     assert sorted(names(found)) == sorted(expected.split())
