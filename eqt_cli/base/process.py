@@ -1,5 +1,7 @@
 """What a process owes the system: signals, the standard streams, the current folder."""
 
+from __future__ import annotations
+
 import io
 import os
 import signal
@@ -11,13 +13,9 @@ from collections.abc import Callable, Iterator
 from contextlib import chdir, contextmanager, nullcontext, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Any, TextIO
+from typing import Any
 
 # Turns requests to stop into exceptions: Ctrl-C, and the signals of clusters and terminals --------
-#
-# A signal is deferred while a library is loaded, a process is started, pydantic checks a value or
-# HDF5 reads a file: the first two must not remain half done, and the others make an error of the
-# value, or damage of the file, of any exception.
 
 
 STOP_SIGNALS = tuple(
@@ -26,7 +24,7 @@ STOP_SIGNALS = tuple(
 """Signals of Ctrl-C, of the end of a job's time, and of a closed terminal."""
 
 AGAIN_AFTER = 0.05
-"""Delay before a deferred signal is raised again, s."""
+"""Delay before a swallowed signal is raised again, s."""
 
 ONE_MOMENT = 0.5
 """Time in which two signals are one request, s: `timeout` signals a process and its group."""
@@ -53,7 +51,7 @@ class Interrupted(BaseException):
 
 
 @contextmanager
-def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
+def as_exceptions(at_once: Callable[[], None]) -> Iterator[Requests]:
     """Raise `Interrupted` on the first signal; on a much later one, end the process immediately.
 
     Until then, the current work can end in order. A second request restores the system's default
@@ -68,77 +66,71 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
     at_once
         Called before a later signal ends the process.
     """
-    handler = _Handler(at_once)
+    requests, print_ignored = Requests(at_once), sys.unraisablehook
+
+    def print_others(ignored: Any) -> None:
+        # Python would print one that a finaliser ignores; it is raised again.
+        if not isinstance(ignored.exc_value, Interrupted):
+            print_ignored(ignored)
+
     earlier: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():  # only it may set handlers
         for number in STOP_SIGNALS:
             if signal.getsignal(number) != signal.SIG_IGN:
-                earlier[number] = signal.signal(number, handler.handle)
+                earlier[number] = signal.signal(number, requests.handle)
+    sys.unraisablehook = print_others
     try:
-        with _not_printed_where_ignored():
-            yield
+        yield requests
     finally:
-        handler.end()
+        sys.unraisablehook = print_ignored
+        requests.end()
         for number, before in earlier.items():
             # After an interruption, the rest of the work must not be interrupted again.
-            signal.signal(number, before if handler.requested_at is None else signal.SIG_IGN)
+            signal.signal(number, before if requests.requested_at is None else signal.SIG_IGN)
 
 
-class _Handler:
+class Requests:
     """Handles signals, and raises a swallowed interruption again.
 
     Attributes
     ----------
     requested_at
         Time of the request to stop, s; None without one, or if its exception was swallowed.
+    number
+        The signal of the last request; None without one.
     """
 
     def __init__(self, at_once: Callable[[], None]) -> None:
         self.requested_at: float | None = None
+        self.number: int | None = None
         self._at_once = at_once
         self._loss: weakref.finalize[Any, Interrupted] | None = None
         self._again: threading.Timer | None = None
-        self._first_at: float | None = None
-        self._sends_again = False
 
     def handle(self, number: int, frame: FrameType | None) -> None:
-        again, self._sends_again, now = self._sends_again, False, time.monotonic()
-        deferred = _must_not_interrupt(frame)
-        self._first_at = self._first_at or now
-        if deferred and (again or now <= self._first_at + PATIENCE):
-            self._raise_again(number)
-        elif self.requested_at is None and not deferred:
-            self.requested_at = now
+        now = time.monotonic()
+        if self.requested_at is None:
+            self.requested_at, self.number = now, number
             raise self._interruption(number)
-        elif now > (self.requested_at or self._first_at) + PATIENCE:
+        if now > self.requested_at + PATIENCE:
             self._at_once()
             _end_now(number)
-        elif now > (self.requested_at or now) + ONE_MOMENT:
-            for each in STOP_SIGNALS:
-                if signal.getsignal(each) == self.handle:
-                    signal.signal(each, signal.SIG_DFL)
+        elif now > self.requested_at + ONE_MOMENT:
+            for stop_signal in STOP_SIGNALS:
+                if signal.getsignal(stop_signal) == self.handle:
+                    signal.signal(stop_signal, signal.SIG_DFL)
 
     def _interruption(self, number: int) -> Interrupted:
         """Return the exception; if it is released before `end`, it was swallowed."""
         error = Interrupted(number)
-        self._loss = weakref.finalize(error, self._lost, number)
+        self._loss = weakref.finalize(error, self._raise_again, number)
         return error
 
-    def _lost(self, number: int) -> None:
-        self.requested_at = None
-        self._raise_again(number)
-
     def _raise_again(self, number: int) -> None:
-        """Send the signal again after a delay."""
-        if self._again:
-            self._again.cancel()
-        self._again = threading.Timer(AGAIN_AFTER, self._send, [number])
+        self.requested_at = None
+        self._again = threading.Timer(AGAIN_AFTER, _signal_main_thread, [number])
         self._again.daemon = True
         self._again.start()
-
-    def _send(self, number: int) -> None:
-        self._sends_again = True
-        _signal_main_thread(number)
 
     def end(self) -> None:
         """Raise nothing again from now on."""
@@ -146,22 +138,6 @@ class _Handler:
             self._loss.detach()
         if self._again:
             self._again.cancel()
-
-
-@contextmanager
-def _not_printed_where_ignored() -> Iterator[None]:
-    """Do not let Python print an ignored `Interrupted`, as in a finaliser: it is raised again."""
-    earlier = sys.unraisablehook
-
-    def hook(ignored: Any) -> None:
-        if not isinstance(ignored.exc_value, Interrupted):
-            earlier(ignored)
-
-    sys.unraisablehook = hook
-    try:
-        yield
-    finally:
-        sys.unraisablehook = earlier
 
 
 def _end_now(number: int) -> None:
@@ -179,25 +155,6 @@ def _signal_main_thread(number: int) -> None:
         signal.pthread_kill(main_thread, number)
     else:  # on Windows
         signal.raise_signal(number)
-
-
-def _must_not_interrupt(frame: FrameType | None) -> bool:
-    """Whether a module is imported, a process started, a value checked or a result read."""
-    while frame is not None:
-        file, function = frame.f_code.co_filename, frame.f_code.co_name
-        module = str(frame.f_globals.get("__name__"))
-        library = module.partition(".")[0]
-        if file.startswith("<frozen importlib") or {library, module} & _SWALLOWING:
-            return True
-        if function == "start" and file.endswith(_PROCESSES):
-            return True
-        frame = frame.f_back
-    return False
-
-
-_PROCESSES = str(Path("multiprocessing", "process.py"))
-_SWALLOWING = {"pydantic", "h5py", "eqt_cli.base.store_reader"}
-"""Modules that take an exception for an error of the value or the file at hand."""
 
 
 @contextmanager
@@ -289,20 +246,21 @@ def has_current_folder() -> bool:
 # Documents on stdout are: a full disk is an error there.
 
 
-_NAMES = ("stdin", "stdout", "stderr")
-"""Names of the standard streams, by file descriptor."""
-
-
 def make_safe() -> None:
     """Make the streams that this process was started with safe to write to."""
-    for descriptor, name in enumerate(_NAMES):
+    for name in ("stdin", "stdout", "stderr"):
         if getattr(sys, name) is None:
-            _open_null(descriptor, name)
+            # The null device takes the first free descriptor, that of the closed stream. Else the
+            # next file opened would take it, and receive what libraries write there.
+            null = os.open(os.devnull, os.O_RDWR)
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, os.fdopen(null, mode, encoding="utf-8", closefd=False))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
             stream.reconfigure(errors="replace")
-    if sys.stderr is sys.__stderr__ and sys.stderr is not None:
-        sys.stderr = _forgiving(sys.stderr)
+    if sys.stderr is sys.__stderr__ and type(sys.stderr) is io.TextIOWrapper:
+        stderr = sys.stderr
+        sys.stderr = _Forgiving(stderr.buffer, stderr.encoding, stderr.errors, write_through=True)
 
 
 def drop_stdout() -> None:
@@ -312,44 +270,15 @@ def drop_stdout() -> None:
     os.close(null)
 
 
-def _open_null(descriptor: int, name: str) -> None:
-    """Open a closed stream on the null device.
+class _Forgiving(io.TextIOWrapper):
+    """A stream that drops text that the system does not accept."""
 
-    Else the next file opened would take its descriptor, and receive what libraries write there.
-    """
-    null = os.open(os.devnull, os.O_RDWR)
-    if null != descriptor:
-        try:
-            os.fstat(descriptor)
-        except OSError:
-            os.dup2(null, descriptor)
-            os.close(null)
-            null = descriptor
-    mode = "r" if name == "stdin" else "w"
-    setattr(sys, name, os.fdopen(null, mode, encoding="utf-8", closefd=False))
-
-
-class _Forgiving(io.FileIO):
-    """A stream that drops data that the system does not accept."""
-
-    def write(self, data: Any) -> int:
+    def write(self, text: str) -> int:
         with suppress(OSError):
-            return super().write(data) or 0
-        return len(data)
+            super().write(text)
+            super().flush()
+        return len(text)
 
-
-def _forgiving(stream: Any) -> TextIO:
-    """Wrap a file stream so that it drops data not accepted; return others unchanged."""
-    buffer = getattr(stream, "buffer", None)
-    raw = getattr(buffer, "raw", buffer)  # no buffer with PYTHONUNBUFFERED
-    if type(raw) is not io.FileIO:  # in tests, or a Windows console
-        return stream
-    with suppress(OSError):
-        stream.flush()
-    return io.TextIOWrapper(
-        io.BufferedWriter(_Forgiving(raw.fileno(), "w", closefd=False)),
-        encoding=stream.encoding,
-        errors=stream.errors,
-        line_buffering=True,
-        write_through=True,
-    )
+    def flush(self) -> None:
+        with suppress(OSError):
+            super().flush()

@@ -34,9 +34,10 @@ def main() -> None:
     # Else Python searches all objects once more at the end of the process, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
     warning_state = warnings.catch_warnings()
-    with process.as_exceptions(_interrupted_again), without_current_folder(), warning_state:
+    requests = process.as_exceptions(_interrupted_again)
+    with requests as stop, without_current_folder(), warning_state:
         warnings.showwarning = _show
-        _run()
+        _run(stop)
 
 
 def _show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
@@ -47,19 +48,27 @@ def _show(message: Warning | str, category: type[Warning], *place: Any, **more: 
         say(f"{category.__name__}: {message}")
 
 
-def _run() -> None:
-    from eqt_cli.cli.output import be_quiet
-
-    be_quiet(False)
+def _app(stop: process.Requests) -> None:
     try:
-        from eqt_cli.cli.app import app
-        from eqt_cli.cli.output import meter
+        from eqt_cli.cli.output import be_quiet, meter
 
-        try:
-            with reporting(meter()):
-                app()
-        finally:
-            sys.stdout.flush()
+        be_quiet(False)
+        from eqt_cli.cli.app import app
+
+        with reporting(meter()):
+            app()
+    except Exception as error:
+        # Python and HDF5 may make an error of their own of an interruption.
+        if stop.number is None or isinstance(error, InterruptedRun):
+            raise
+        raise process.Interrupted(stop.number) from error
+    finally:
+        sys.stdout.flush()
+
+
+def _run(stop: process.Requests) -> None:
+    try:
+        _app(stop)
     except (EqtError, process.Interrupted) as error:
         if isinstance(error, process.Interrupted):  # what is kept is not known here
             error = InterruptedRun(INTERRUPTED, error.exit_code)

@@ -1,6 +1,5 @@
 """Signals become exceptions where they can be raised, and are never lost."""
 
-import importlib
 import os
 import signal
 import subprocess
@@ -8,13 +7,14 @@ import sys
 import time
 from typing import Annotated
 
-import h5py
 import pytest
-from pydantic import BaseModel, BeforeValidator, Discriminator, Tag, TypeAdapter
+from pydantic import BaseModel, Discriminator, Tag
 
-from eqt_cli.base import process, store_reader
+from eqt_cli import cli
+from eqt_cli.base import process
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
+from eqt_cli.cli import app
 
 
 @pytest.fixture(autouse=True)
@@ -81,94 +81,33 @@ def test_a_signal_that_a_library_swallows_is_raised_again(capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_a_signal_during_an_import_ends_the_wait_after_it(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(tmp_path)
-    name, waited = f"told_{tmp_path.name}", []
-    (tmp_path / f"{name}.py").write_text("import signal; signal.raise_signal(signal.SIGTERM)")
+def test_an_error_that_a_library_makes_of_a_signal_is_an_interruption(monkeypatch):
+    """As HDF5 where it calls back, and Python where a class is made."""
 
-    def load_and_wait():
-        with as_exceptions(lambda: None):
-            importlib.import_module(name)
-            time.sleep(10)
-            waited.append("to the end")
-
-    with pytest.raises(Interrupted):
-        load_and_wait()
-    assert waited == []
-    assert name in sys.modules
-
-
-def test_a_signal_while_a_file_is_read_is_no_damage_of_it(tmp_path, monkeypatch):
-    """HDF5 makes an error of its own of what is raised where it calls back."""
-    path, waited = tmp_path / "small.h5", []
-    h5py.File(path, "w").close()
-
-    def told(file):
+    def read():
         try:
             signal.raise_signal(signal.SIGTERM)
             time.sleep(0)
         except BaseException:
-            raise OSError("cannot read") from None
+            raise ResultError("out/results.h5: is damaged") from None
 
-    monkeypatch.setattr(store_reader, "format_of", told)
-
-    def open_and_wait():
-        with as_exceptions(lambda: None):
-            with pytest.raises(ResultError, match="is an HDF5 file, but not one of eqt's"):
-                store_reader.ResultFile(path)
-            time.sleep(10)
-            waited.append("to the end")
-
-    with pytest.raises(Interrupted) as raised:
-        open_and_wait()
-    assert (raised.value.exit_code, waited) == (143, [])
+    monkeypatch.setattr(app, "app", read)
+    with pytest.raises(Interrupted) as raised, as_exceptions(lambda: None) as stop:
+        cli._app(stop)
+    assert raised.value.exit_code == 143
 
 
-def test_a_second_signal_long_after_a_deferred_one_ends_at_once(tmp_path, monkeypatch):
-    """What is sent again by itself does not count; a file may keep Python busy for minutes."""
-    path, ended = tmp_path / "small.h5", []
-    h5py.File(path, "w").close()
+def test_a_much_later_signal_ends_at_once(monkeypatch):
+    ended = []
     monkeypatch.setattr(process, "PATIENCE", 0.1)
     monkeypatch.setattr(process, "_end_now", ended.append)
-
-    def told(file):
-        signal.raise_signal(signal.SIGTERM)
-        time.sleep(0.3)
-        assert ended == []
-        signal.raise_signal(signal.SIGTERM)
-        assert ended == [signal.SIGTERM]
-        raise ValueError("read")
-
-    monkeypatch.setattr(store_reader, "format_of", told)
-    with as_exceptions(lambda: None), pytest.raises(ResultError):
-        store_reader.ResultFile(path)
-    assert ended == [signal.SIGTERM]
-
-
-def told(value):
-    signal.raise_signal(signal.SIGTERM)
-    time.sleep(0)
-    return value
-
-
-def test_a_signal_while_a_value_is_checked_is_no_error_of_the_value():
-    checked = []
-
-    def check_and_wait():
-        with as_exceptions(lambda: None):
-            checked.append(TypeAdapter(Annotated[str, BeforeValidator(told)]).validate_json('"a"'))
-            time.sleep(10)
-            checked.append("to the end")
-
-    with pytest.raises(Interrupted):
-        check_and_wait()
-    assert checked == ["a"]
-
-
-def test_a_folder_called_pydantic_is_not_pydantic():
-    code = compile("signal.raise_signal(signal.SIGTERM)", "/home/me/pydantic/mine.py", "exec")
-    with pytest.raises(Interrupted), as_exceptions(lambda: None):
-        exec(code, {"signal": signal, "__name__": "mine"})
+    with as_exceptions(lambda: ended.append("told")):
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except Interrupted:
+            time.sleep(0.2)
+            signal.raise_signal(signal.SIGINT)
+    assert ended == ["told", signal.SIGINT]
 
 
 def test_other_ignored_exceptions_are_told_as_before():
