@@ -198,13 +198,6 @@ class Actuator(VehiclePart):
         """B⁺, ``(k, m)``, and the limits behind it; None for any other allocation, or none."""
         return None
 
-    def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """Return the least and the largest torque along each axis, ``(m,)``, in a run.
-
-        None if it does not limit axes one by one.
-        """
-        return None
-
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return how much of the `limited` quantity a torque needs, with the limits, ``(n, k)``.
 
@@ -261,14 +254,16 @@ def limited_parts(
     kind: AntiWindup, G: MatrixLieGroup, plant: Any, problems: Problems
 ) -> tuple[Any, ...]:
     """Return the actuators of a `PlantModel` whose limits an anti-windup reads; note if none."""
-    known = () if any(part.changes for part in plant.actuators) else plant.actuators
-    parts = [part for part in known if part.allowed(G, np.zeros(G.dimension)) is not None]
-    if kind != "none" and not parts:
+    if kind == "none":
+        return ()
+    steady = () if any(part.changes for part in plant.actuators) else plant.actuators
+    parts = [part for part in steady if part.allowed(G, np.zeros(G.dimension)) is not None]
+    if not parts:
         problems.at("anti_windup").add(
             "needs limits that follow from the command alone: of limit, of the torque of wheels, "
             "or of thrusters without allocation: bounded; give some, or remove this key"
         )
-    return tuple(parts) if kind != "none" else ()
+    return tuple(parts)
 
 
 def excess(G: MatrixLieGroup, parts: Iterable[Actuator], command: Array) -> Array:
@@ -584,13 +579,10 @@ class Limit(Actuator):
             return outside(norm(command / self.limit)[..., None], 0.0, 1.0)
         return outside(command, self.low, self.high)
 
-    def torque_range(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """Return the limits along the axes; None for a limit of the norm."""
-        if self.norm:
-            return None
-        ends: Any = (self.low, self.high)
-        low, high = (np.broadcast_to(end, G.dimension) for end in ends)
-        return low, high
+    @property
+    def torque_range(self) -> tuple[Any, Any] | None:
+        """Least and largest torque along each axis in a run, ``(m,)``; None for a norm."""
+        return None if self.norm else (self.low, self.high)
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the torque, or its norm times the largest limit, with the limits."""

@@ -17,7 +17,7 @@ from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import Channel, Errors, Sensor, channels
-from eqt_cli.components.vehicle_parts import Clock, PlantInertia, Sampling, TrueInertia
+from eqt_cli.components.vehicle_parts import Clock, Sampling, TrueInertia
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 INERTIA = "plant.inertia"
@@ -85,7 +85,7 @@ class Vehicle:
         Measurement errors of the magnetic field, which add up.
     """
 
-    inertia: TrueInertia | PlantInertia | None = None
+    inertia: TrueInertia | None = None
     forces: tuple[Force, ...] = ()
     actuators: tuple[Actuator, ...] = ()
     control: Sampling | None = field(default=None, metadata=STRUCTURE)
@@ -104,10 +104,11 @@ class Vehicle:
         """All parts by their places in a configuration."""
         lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces, ACTUATORS: self.actuators}
         lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors, FLUX: self.flux_sensors}
-        listed = {f"{name}[{k}]": one for name, each in lists.items() for k, one in enumerate(each)}
-        alone = {ESTIMATOR: self.estimator, CONTROL: self.control}
-        by_place = {INERTIA: self.inertia, **listed, **alone}
-        return {place: part for place, part in by_place.items() if part is not None}
+        parts: dict[str, Any] = {INERTIA: self.inertia}
+        for name, listed in lists.items():
+            parts |= {f"{name}[{k}]": part for k, part in enumerate(listed)}
+        parts |= {ESTIMATOR: self.estimator, CONTROL: self.control}
+        return {place: part for place, part in parts.items() if part is not None}
 
     @cached_property
     def known(self) -> dict[tuple[str, str], Any]:
@@ -301,11 +302,10 @@ class Vehicle:
             white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
             if white is not None:
                 squares[place.partition("[")[0]][axes] += white[columns] ** 2
-            known = sensor.bias_deviation(G)
-            if known is not None and place.startswith(VELOCITY):
-                bias[:, axes] += np.array(known)[:, columns] ** 2
-        deviations = [np.sqrt(squares[name]) for name in (POSE, VELOCITY)]
-        return Deviations(*deviations, *np.sqrt(bias))
+            drift = sensor.bias_deviation(G)
+            if drift is not None and place.startswith(VELOCITY):
+                bias[:, axes] += np.array(drift)[:, columns] ** 2
+        return Deviations(np.sqrt(squares[POSE]), np.sqrt(squares[VELOCITY]), *np.sqrt(bias))
 
     def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
         """Return Q̂ and V̂."""
@@ -332,10 +332,10 @@ class Vehicle:
     @property
     def is_direct(self) -> bool:
         """Whether forces are all that acts beside the command: it arrives, of the true state."""
+        if self.inertia or self.control or self.measures or self.estimator:
+            return False
         bare = (not (a.limits or a.moves or a.changes) for a in self.actuators)
-        arrives = all(bare) and all(a.thruster_names for a in self.actuators)
-        other = self.inertia or self.control or self.measures or self.estimator
-        return arrives and not other
+        return all(bare) and all(a.thruster_names for a in self.actuators)
 
     @property
     def departures(self) -> str:
@@ -425,9 +425,11 @@ class Vehicle:
         limited = (p for p in parts if p.thruster_names and p.limits and p.jets is None)
         return next(((part.low, part.high) for part in limited), None)
 
-    def torque_limits(self, G: MatrixLieGroup) -> tuple[Array, Array] | None:
-        """Return the least and the largest torque along each axis; None without such limits."""
-        ranges = [limits for part in self.actuators if (limits := part.torque_range(G)) is not None]
+    @property
+    def torque_limits(self) -> tuple[Array, Array] | None:
+        """Least and largest torque along each axis; None without such limits."""
+        ranges = [getattr(part, "torque_range", None) for part in self.actuators]
+        ranges = [limits for limits in ranges if limits is not None]
         if not ranges:
             return None
         lows, highs = zip(*ranges, strict=True)
@@ -450,10 +452,6 @@ class Vehicle:
     def moving(self) -> tuple[Actuator, ...]:
         """The actuators from the first that `moves` or `changes`; only these may between ticks."""
         return self.actuators[self._at_instants :]
-
-    def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
-        """Return the held command, as it leaves the actuators that act at instants."""
-        return states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
 
     def states(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of each part besides the plant, by name."""
@@ -527,11 +525,6 @@ class Vehicle:
         due = self.acts(states, place)
         return new if due is None else where(due, new, old)
 
-    def _next_ticks(self, left: Array) -> Array:
-        """Return the ticks that are left a tick later."""
-        every = np.array([float(clock.every) for clock in self.clocks.values()])
-        return where(less(left, 0.5), every + 0.0 * left, left) - 1.0
-
     def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of the estimator, which come last and are held, by name."""
         if self.estimator is None or self.control is None:
@@ -557,8 +550,10 @@ class Vehicle:
             Time derivatives of all states; 0 for those that are held.
         """
         rates, law_command = {place: 0.0 * values for place, values in states.items()}, command
-        if self.control is not None:
-            command = self._held(G, states)
+        if self._at_instants:
+            command = states[HELD]
+        elif self.control is not None:
+            command = states[COMMANDS][..., : G.dimension]
         elif self.limits:
             command = command - (command - command)  # NaN where it is infinite: no limit hides it
         for place, actuator in self._chain(self._at_instants):
@@ -595,7 +590,8 @@ class Vehicle:
         queue = np.concatenate([before[..., G.dimension :], torque], axis=-1)
         changed, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
         if self.clocks:
-            changed[CLOCKS] = self._next_ticks(states[CLOCKS])
+            left, every = states[CLOCKS], np.array([c.every for c in self.clocks.values()], float)
+            changed[CLOCKS] = where(less(left, 0.5), every + 0.0 * left, left) - 1.0
         # The first actuator that moves may also act at ticks.
         for index, (place, actuator) in enumerate(self._chain()):
             if index > self._at_instants:
@@ -645,8 +641,8 @@ class Vehicle:
         """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
         beyond = np.zeros(command.shape[:-1])
         for actuator, u, x in self._inputs(G, command, states):
-            here = actuator.at_limit(G, u, x)
-            beyond = beyond if here is None else where(less(0.5, here), 1.0, beyond)
+            if (flags := actuator.at_limit(G, u, x)) is not None:
+                beyond = where(less(0.5, flags), 1.0, beyond)
         return beyond
 
     def cut(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
@@ -679,7 +675,6 @@ class Vehicle:
         """Return the true inertia tensor in a run."""
         if self.inertia is None:
             return s.inertia
-        assert isinstance(self.inertia, PlantInertia)
         return self.inertia.at(s.inertia, s.t)
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -71,10 +71,9 @@ class Uniform(Distribution):
 
     def check(self, problems: Problems, positive: bool) -> None:
         """Note anything but two numbers in order."""
-        problems = problems.at("uniform")
-        if len(self.uniform) != 2:
-            got = f"got {len(self.uniform)}"
-            problems.add(f"expected two numbers, the lowest and the highest, {got}")
+        problems, count = problems.at("uniform"), len(self.uniform)
+        if count != 2:
+            problems.add(f"expected two numbers, the lowest and the highest, got {count}")
         elif self.uniform[0] > self.uniform[1]:
             low, high = self.uniform
             problems.add(f"expected the smaller number first, got [{low:g}, {high:g}]")
@@ -110,10 +109,9 @@ class Normal(Distribution):
 
     def check(self, problems: Problems, positive: bool) -> None:
         """Note anything but a mean and a standard deviation that is not negative."""
-        problems = problems.at("normal")
-        if len(self.normal) != 2:
-            got = f"got {len(self.normal)}"
-            problems.add(f"expected two numbers, the mean and the standard deviation, {got}")
+        problems, count = problems.at("normal"), len(self.normal)
+        if count != 2:
+            problems.add(f"expected two numbers, the mean and the standard deviation, got {count}")
         elif self.normal[1] < 0:
             problems.add(f"expected a standard deviation of at least 0, got {self.normal[1]:g}")
         elif positive:
@@ -121,8 +119,8 @@ class Normal(Distribution):
 
 
 def _kind(value: Any) -> str | None:
-    if isinstance(value, dict | Distribution):
-        keys = value if isinstance(value, dict) else vars(value)
+    keys = vars(value) if isinstance(value, Distribution) else value
+    if isinstance(keys, dict):
         return next((name for name in ("uniform", "normal") if name in keys), None)
     return None if isinstance(value, bool | list) else "number"
 
@@ -282,9 +280,9 @@ class VehiclePart(Component):
 
     def drawn(self, random: np.random.Generator | None) -> Self:
         """Return the part with a number for each distribution; without a generator, its mean."""
+        names = [field.name for field in dataclasses.fields(self)]
         options = {
-            field.name: drawn(getattr(self, field.name), random, field.name in self.positive)
-            for field in dataclasses.fields(self)
+            name: drawn(getattr(self, name), random, name in self.positive) for name in names
         }
         return with_fields(self, **options)
 
@@ -309,11 +307,10 @@ class VehiclePart(Component):
             return vector(value, G.dimension, G)
         if name in self.matrices:
             return square(value, G.dimension, G)
-        entries = value if isinstance(value, list) else [value]
-        kinds = (int, float) if isinstance(value, list) else float
-        if entries and all(isinstance(each, kinds) for each in entries):
-            return np.array(entries, dtype=float)
-        return value
+        if isinstance(value, float):
+            return np.array([value])
+        is_numbers = isinstance(value, list) and all(isinstance(x, int | float) for x in value)
+        return np.array(value, dtype=float) if is_numbers and value else value
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times, s, at which it switches to another expression, in order."""
@@ -321,16 +318,13 @@ class VehiclePart(Component):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid numbers, and a number of entries that does not fit the coordinates."""
-        m = G.dimension
-        for names, shaped in ((self.vectors, vector), (self.matrices, square)):
-            for name in names:
-                here, value = problems.at(name), getattr(self, name)
-                if value is None:
-                    continue
+        for name in (*self.vectors, *self.matrices):
+            here, value = problems.at(name), getattr(self, name)
+            if value is not None:
                 check_numbers(value, here, name in self.positive)
                 if not here:
                     with here.catching():
-                        shaped(drawn(value, None), m, G)
+                        self._as_array(name, drawn(value, None), G)
 
 
 def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
@@ -354,46 +348,13 @@ def check_count(value: Numbers, count: int, of: str, problems: Problems, deviati
 # The true inertia of the plant, where it differs from the model of the law ------------------------
 
 
-class PlantInertia(ABC):
-    """The inertia tensor of the plant in a run, with arrays for numbers."""
+class TrueInertia(ABC):
+    """The inertia tensor of the plant, where numbers may differ from run to run.
+
+    A simulation uses the inertia that `of_run` returns, in which every number is an array.
+    """
 
     departs: ClassVar[str] = "inertia not as believed"
-
-    @abstractmethod
-    def at(self, model: Inertia, t: Any) -> Inertia:
-        """Return the true tensor at time t, where `model` is the tensor of the law."""
-
-
-@dataclass(frozen=True)
-class ScaledInertia(PlantInertia):
-    """The inertia (1 + r) 𝕀, with the 𝕀 of the law."""
-
-    relative: Array
-
-    def at(self, model: Inertia, t: Any) -> Inertia:
-        """Return the model times 1 + r."""
-        factor = 1.0 + self.relative[..., None]
-        change = None if model.change is None else model.change * factor
-        added = None if model.added is None else model.added * factor
-        return Inertia(model.matrix * factor, model.inverse / factor, change, added=added)
-
-
-@dataclass(frozen=True)
-class FixedInertia(PlantInertia):
-    """A constant tensor with its inverse."""
-
-    matrix: Array
-    inverse: Array
-
-    def at(self, model: Inertia, t: Any) -> Inertia:
-        """Return the constant tensor."""
-        return Inertia(self.matrix, self.inverse)
-
-
-class TrueInertia(ABC):
-    """The inertia tensor of the plant as configured, with numbers that may differ between runs."""
-
-    departs: ClassVar[str] = PlantInertia.departs
 
     @property
     def varies(self) -> bool:
@@ -401,8 +362,12 @@ class TrueInertia(ABC):
         return any(map(is_drawn, vars(self).values()))
 
     @abstractmethod
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> PlantInertia:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia of one run; without a generator, with the means."""
+
+    @abstractmethod
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the true tensor at time t, where `model` is the tensor of the law."""
 
 
 @dataclass(frozen=True)
@@ -415,14 +380,21 @@ class RelativeInertia(TrueInertia):
         r.
     """
 
-    relative: float | Distribution
+    relative: Number
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> ScaledInertia:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia with an r for which 1 + r is greater than 0."""
         relative = drawn(self.relative, random)
         while 1.0 + relative <= 0:
             relative = drawn(self.relative, random)
-        return ScaledInertia(np.array([relative]))
+        return with_fields(self, relative=np.array([relative]))
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the model times 1 + r."""
+        factor = 1.0 + self.relative[..., None]
+        change = None if model.change is None else model.change * factor
+        added = None if model.added is None else model.added * factor
+        return Inertia(model.matrix * factor, model.inverse / factor, change, added=added)
 
 
 @dataclass(frozen=True)
@@ -435,18 +407,23 @@ class ConstantInertia(TrueInertia):
         A number, a list (the diagonal) or a list of rows.
     """
 
-    matrix: float | Distribution | list[Any]
+    matrix: Matrix
+    inverse: Any = field(default=None, init=False, repr=False)
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> FixedInertia:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia with matrix and inverse; draws that are not definite are repeated."""
         matrix = square(drawn(self.matrix, random), G.dimension, G)
         while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
-        return FixedInertia(matrix, np.linalg.inv(matrix))
+        return with_fields(self, matrix=matrix, inverse=np.linalg.inv(matrix))
+
+    def at(self, model: Inertia, t: Any) -> Inertia:
+        """Return the constant tensor."""
+        return Inertia(self.matrix, self.inverse)
 
 
 @dataclass(frozen=True)
-class VaryingInertia(TrueInertia, PlantInertia):
+class VaryingInertia(TrueInertia):
     """An inertia tensor that is a function of time, or that has an added part.
 
     Attributes
@@ -457,7 +434,7 @@ class VaryingInertia(TrueInertia, PlantInertia):
 
     law: InertiaLaw
 
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> PlantInertia:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the inertia itself: nothing of it is drawn."""
         return self
 

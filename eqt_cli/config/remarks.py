@@ -17,7 +17,6 @@ from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
 from eqt_cli.components.vehicle import ACTUATORS
-from eqt_cli.components.vehicle_parts import PlantInertia
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.horizon import Horizon
@@ -73,7 +72,7 @@ def _component_remarks(experiment: Experiment) -> Placed:
         for text in actuator.remarks(G, wanted):
             yield (ACTUATORS, index), f"{actuator.name} {text}"
     now, true, plant = loop.inertia.at(0.0), loop.vehicle.inertia, experiment.config.plant
-    now = true.at(now, 0.0) if isinstance(true, PlantInertia) else now
+    now = now if true is None else true.at(now, 0.0)
     section = "plant" if plant and plant.forces else "model"
     model = experiment.config.model and experiment.config.model.forces
     if section == "plant" and model and model != "plant":  # what laws know need not be what acts

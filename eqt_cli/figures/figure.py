@@ -313,7 +313,7 @@ class ShownRuns(ShownControllers):
         random_of = partial(generator_at, result.described.seed, Stream.VEHICLE, run)
         flying = loop.vehicle.of_run(loop.group, random_of)
         known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
-        limits = known[signal] if signal in known else flying.torque_limits(loop.group)
+        limits = known.get(signal, flying.torque_limits)
         factor = ensemble.results.factor(signal)
         return limits and (limits[0] * factor, limits[1] * factor)
 

@@ -16,7 +16,7 @@ from eqt_cli.analysis.run_checks import (
 from eqt_cli.analysis.verification import TIGHTER
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.components.vehicle_parts import ScaledInertia
+from eqt_cli.components.vehicle_parts import RelativeInertia
 from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
@@ -116,11 +116,11 @@ def with_forces_of_the_other_sign(vehicle, s, torque, exact=Vehicle.acting):
     return exact(vehicle, s, torque)
 
 
-def with_the_inverse_of_the_model(part, model, t, exact=ScaledInertia.at):
+def with_the_inverse_of_the_model(part, model, t, exact=RelativeInertia.at):
     return replace(exact(part, model, t), inverse=model.inverse)
 
 
-def with_the_rate_of_the_model(part, model, t, exact=ScaledInertia.at):
+def with_the_rate_of_the_model(part, model, t, exact=RelativeInertia.at):
     return replace(exact(part, model, t), change=model.change)
 
 
@@ -130,8 +130,8 @@ def with_the_rate_of_the_model(part, model, t, exact=ScaledInertia.at):
         (Vehicle, "acting", without_the_rate_of_the_inertia),
         pytest.param(Vehicle, "acting", with_the_momentum_of_the_model, marks=OF_MANY),
         pytest.param(Vehicle, "acting", with_forces_of_the_other_sign, marks=OF_MANY),
-        pytest.param(ScaledInertia, "at", with_the_inverse_of_the_model, marks=OF_MANY),
-        (ScaledInertia, "at", with_the_rate_of_the_model),
+        pytest.param(RelativeInertia, "at", with_the_inverse_of_the_model, marks=OF_MANY),
+        (RelativeInertia, "at", with_the_rate_of_the_model),
     ],
     ids=lambda value: getattr(value, "__name__", value),
 )
