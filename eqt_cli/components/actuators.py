@@ -338,9 +338,9 @@ class Scaled(Actuator):
         super().check(G, problems)
         if problems:  # a distribution without its two numbers has no mean
             return
-        shares = self.curve if isinstance(self.curve, list) else [self.curve]
-        for share in (drawn(each, None) for each in shares if each is not None):
-            if not 0 <= share <= 1:
+        shares = drawn(self.curve, None)
+        for share in shares if isinstance(shares, list) else [shares]:
+            if share is not None and not 0 <= share <= 1:
                 problems.at("curve").add(f"expected a share from 0 to 1, got {share:g}")
 
 
@@ -521,9 +521,8 @@ class RateLoop(Actuator):
             if isinstance(value, list) and len(value) != 3:
                 here.add(f"expected a number, or 3 of them, got {len(value)}")
             elif name in terms and value not in (None, 0.0) and not self.moves:
-                here.add(
-                    "needs cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz"
-                )
+                wanted = "cutoff, the cutoff frequency of the gyro; for example cutoff: 30 Hz"
+                here.add(f"needs {wanted}")
             entries = value if isinstance(value, list) else [value or 0.0]
             if name in terms and not here and (least := min(map(lowest, entries))) < 0:
                 here.add(f"expected a number of at least 0, got {least:g}")
@@ -650,8 +649,7 @@ class MomentumLimit(Actuator):
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the integral from the first time on, with its limits, by axis."""
         pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
-        momentum: Any = self.momentum
-        return np.cumsum(pieces, axis=0), -momentum, momentum
+        return np.cumsum(pieces, axis=0), -self.momentum, self.momentum
 
 
 SHIFT = 1.5 * 2.0**52
@@ -722,5 +720,4 @@ class RateLimit(Actuator):
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the rate in the step before each time, with its limits, by axis."""
-        rate: Any = self.rate
-        return np.diff(torque, axis=0) / np.diff(times)[:, None], -rate, rate
+        return np.diff(torque, axis=0) / np.diff(times)[:, None], -self.rate, self.rate

@@ -113,14 +113,12 @@ class PositionGains(Keys):
     def check(self, space: int, problems: Problems) -> None:
         """Note gains that are missing, twice there, or not for each axis; c1 without integral."""
         for name, of_force in OF_FORCE.items():
-            there = [each for each in (name, of_force) if getattr(self, each) is not None]
-            if len(there) != 1:
-                got = "both" if there else "neither"
+            given = [key for key in (name, of_force) if getattr(self, key) is not None]
+            if len(given) != 1:
+                got = "both" if given else "neither"
                 problems.at(name).add(f"expected {name}, or {of_force} of the force, got {got}")
-            for each in there:
-                if np.ndim(gain := getattr(self, each)) and np.size(gain) != space:
-                    expected = f"expected a number, or {space} of them, got {np.size(gain)}"
-                    problems.at(each).add(expected)
+            for key in given:
+                check_each_axis(getattr(self, key), space, problems.at(key))
         if self.ki is not None and self.ki < 0:
             problems.at("ki").add(
                 f"expected at least 0, got {self.ki:g}; an integral of the wrong sign makes any "
@@ -133,9 +131,9 @@ class PositionGains(Keys):
 
     def of_mass(self, mass: float) -> PositionGains:
         """Return the gains with those of the force divided by the mass."""
-        pairs = [(name, getattr(self, of_force)) for name, of_force in OF_FORCE.items()]
-        known = {name: gain / mass for name, gain in pairs if gain is not None}
-        return with_fields(self, k_x=None, k_v=None, **known)
+        of_force = {name: getattr(self, key) for name, key in OF_FORCE.items()}
+        per_mass = {name: gain / mass for name, gain in of_force.items() if gain is not None}
+        return with_fields(self, k_x=None, k_v=None, **per_mass)
 
     def bounded(self, u: Any) -> Any:
         """Return sat(u), of an array or a series."""
@@ -143,6 +141,12 @@ class PositionGains(Keys):
             return u
         share = u / self.limit
         return u / sqrt(1.0 + dot(share, share))[..., None]
+
+
+def check_each_axis(gain: EachAxis, axes: int, problems: Problems) -> None:
+    """Note a list of gains that has not one for each axis."""
+    if np.ndim(gain) and np.size(gain) != axes:
+        problems.add(f"expected a number, or {axes} of them, got {np.size(gain)}")
 
 
 class Inside(NamedTuple):
@@ -226,10 +230,8 @@ class Cascade(Controller):
                 f"got {G.name}"
             )
             return
-        from eqt_cli.components.laws import controllers  # the registry imports this file
-
         attitude_group = self.gains_group(G)
-        law = Kind(controllers).checked(self.attitude, problems.at("attitude"), attitude_group)
+        law = self._attitude_law(G, problems.at("attitude"))
         tracks = law is None or "track" in law.tasks or law.commands == "rates"
         if law is not None and (not tracks or law.pieces):
             problems.at("attitude").add(
@@ -247,12 +249,14 @@ class Cascade(Controller):
         self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Cascade, dict[str, str]]:
         """Return the law with its attitude law."""
-        from eqt_cli.components.laws import controllers  # the registry imports this file
-
         if not rigid_motions(G):
             return self, {}
-        law = Kind(controllers).checked(self.attitude, Problems(), self.gains_group(G))
-        return with_fields(self, inner=law), {}
+        return with_fields(self, inner=self._attitude_law(G, Problems())), {}
+
+    def _attitude_law(self, G: MatrixLieGroup, problems: Problems) -> Any:
+        from eqt_cli.components.laws import controllers  # the registry imports this file
+
+        return Kind(controllers).checked(self.attitude, problems, self.gains_group(G))
 
     @property
     def inside_reads_gains(self) -> bool:  # type: ignore[override]  # a constant of most laws
@@ -306,10 +310,13 @@ class Cascade(Controller):
         acting = [limited_parts(k, G, plant, problems.at(at)) for at, k in kinds.items()]
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
         parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
-        forces: Any = [tuple(each for each in pair if each) for pair in zip(*parts, strict=True)]
-        known = dict(zip(("known", "across"), forces, strict=False))
-        known |= {"position": self.position.of_mass(mass), "acting": max(acting, key=len)}
-        return with_fields(self, **known, direction=b, exact=plant.exact)
+        forces = {
+            "known": tuple(free for free, _ in parts),
+            "across": tuple(drag for _, drag in parts if drag),
+            "acting": max(acting, key=len),
+        }
+        position = self.position.of_mass(mass)
+        return with_fields(self, position=position, **forces, direction=b, exact=plant.exact)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return no time that is left at the first instant, and some at the others."""
@@ -427,9 +434,8 @@ class Cascade(Controller):
         elif self.rates == "heading":
             assert s.flat.heading is not None
             axis, psi = third_axis(self.direction), s.flat.heading[..., None]
-            desired = desired._replace(
-                velocity=psi[..., 1, :] * axis, acceleration=psi[..., 2, :] * axis
-            )
+            Omega, Omega_dot = psi[..., 1, :] * axis, psi[..., 2, :] * axis
+            desired = desired._replace(velocity=Omega, acceleration=Omega_dot)
         inputs = LawInput(s.t, R, turning, *desired)
         n = len(ATTITUDE)
         memory = {name[n:]: z for name, z in s.memory.items() if name.startswith(ATTITUDE)}
@@ -470,9 +476,8 @@ class Cascade(Controller):
     def velocity_error(self, s: Tracking) -> Array:
         """Return that of the attitude law, and 0 for the translation."""
         inside = self.commanded(s)
-        return np.concatenate(
-            [self.inner.velocity_error(inside.tracking), 0.0 * inside.acceleration], axis=-1
-        )
+        turning = self.inner.velocity_error(inside.tracking)
+        return np.concatenate([turning, 0.0 * inside.acceleration], axis=-1)
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return that of the attitude law; None where R_c turns otherwise than by the model."""
@@ -604,8 +609,7 @@ class Rate(Controller):
         """Note groups other than SO3, and gains that are not for each axis."""
         if not (G.compact and G.dimension == G.size == 3):
             problems.add(f"rate is a law for SO3, got {G.name}; on SE3, use it inside a cascade")
-        if np.ndim(self.kp) and np.size(self.kp) != 3:
-            problems.at("kp").add(f"expected a number, or 3 of them, got {np.size(self.kp)}")
+        check_each_axis(self.kp, 3, problems.at("kp"))
 
     def torque(self, s: Tracking) -> Array:
         """ω_c, body frame."""

@@ -369,10 +369,8 @@ class _Past:
         rings = {"velocity": self._velocities, "live": self._live, "fresh": self._fresh}
         for channel, values in zip(self._schedule.fixes, self._values, strict=True):
             rings[f"fix_{channel.part.name}"] = values
-        by_name = {
-            name: np.concatenate(ring[1:], axis=-1) for name, ring in rings.items() if ring[1:]
-        }
-        return {f"past_{name}": ring for name, ring in by_name.items()}
+        kept = {f"past_{name}": ring[1:] for name, ring in rings.items() if ring[1:]}
+        return {name: np.concatenate(ring, axis=-1) for name, ring in kept.items()}
 
     def weighed(self, step: int, here: Estimate) -> Estimate:
         """Return the estimate before a step, with the weight of the velocity at its end."""
@@ -434,11 +432,8 @@ def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> 
     last, sums = states["last_innovation"], states["innovations"]
     counted = innovations * arrived
     new = [arrived.sum(axis=-1), (counted * counted).sum(axis=-1), (counted * last).sum(axis=-1)]
-    added = np.concatenate([number[..., None] for number in map(np.asarray, new)], axis=-1)
-    return {
-        "innovations": sums + added,
-        "last_innovation": where(less(0.5, arrived), innovations, last),
-    }
+    sums = sums + np.concatenate([np.asarray(number)[..., None] for number in new], axis=-1)
+    return {"innovations": sums, "last_innovation": where(less(0.5, arrived), innovations, last)}
 
 
 def symmetric(upper: Array, n: int) -> Array:
@@ -510,7 +505,7 @@ class Complementary(Estimator):
     def check_sensors(self, schedule: Schedule, known: Deviations, problems: Problems) -> None:
         """Note gains with which the estimate cannot settle, for the time between two fixes."""
         G = schedule.G
-        kp, ki = (vector(drawn(value, None), G.dimension, G) for value in (self.kp, self.ki))
+        kp, ki = (vector(drawn(gain, None), G.dimension, G) for gain in (self.kp, self.ki))
         for channel in schedule.fixes:
             T = channel.every * schedule.period
             for axis in schedule.axes_of(channel):
@@ -621,14 +616,10 @@ class ErrorStateFilter(Estimator):
 
     def completed(self, G: MatrixLieGroup, known: Deviations) -> Self:
         """Return the filter with the deviations of the sensors where none are given."""
-        said = {
-            "pose_std": known.pose,
-            "velocity_std": known.velocity,
-            "bias_walk": known.walk,
-            "initial_bias_std": known.bias,
-        }
-        left_out = [name for name in said if getattr(self, name) is None]
-        return with_fields(self, **{name: said[name].tolist() for name in left_out})
+        sensed = {"pose_std": known.pose, "velocity_std": known.velocity}
+        sensed |= {"bias_walk": known.walk, "initial_bias_std": known.bias}
+        missing = [name for name in sensed if getattr(self, name) is None]
+        return with_fields(self, **{name: sensed[name].tolist() for name in missing})
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the filter of one run, with its start where that is drawn."""
@@ -696,9 +687,8 @@ class ErrorStateFilter(Estimator):
         bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
         options: Any = self
         std = options.pose_std if options.initial_pose_std is None else options.initial_pose_std
-        deviations = np.concatenate(
-            [each + bias for each in (std, options.initial_bias_std, options.velocity_std)], axis=-1
-        )
+        stds = std + bias, options.initial_bias_std + bias, options.velocity_std + bias
+        deviations = np.concatenate(stds, axis=-1)
         return Estimate(pose, bias, _diagonal(deviations * deviations), bias)
 
     def predicted(

@@ -156,15 +156,16 @@ class FlatReference(ClosedReference):
         if self._knotted:
             return self._on_piece(G, t)
         if self.position is not None:
-            axes = [series(each, {"t": t}, motions.ORDER) for each in self.expressions]
+            axes = [series(axis, {"t": t}, motions.ORDER) for axis in self.expressions]
         else:
             Q = self.inner.series(G, t, motions.ORDER)
             axes = [Q[..., k, -1] for k in range(rigid(G).space)]
-        return stack([_derivatives(each) for each in axes])
+        return stack([_derivatives(axis) for axis in axes])
 
     def _on_piece(self, G: MatrixLieGroup, t: Any) -> Array:
-        held = self.since, self.polynomials
-        since, polynomials = self._piece(G, t) if self.since is None else held
+        since, polynomials = self.since, self.polynomials
+        if since is None:
+            since, polynomials = self._piece(G, t)
         powers = [1.0, t - since]
         for p in range(2, DEGREE + 1):
             powers.append(powers[p // 2] * powers[p - p // 2])
@@ -204,7 +205,10 @@ class FlatReference(ClosedReference):
         from scipy.interpolate import make_interp_spline  # slow to import
 
         times, points = self._knots(G)
-        ends = self._end_velocities(G, times)
+        ends = np.zeros((2, points.shape[1]))
+        if self.inner is not None and self.inner.files:  # the velocities of the recording
+            Q, V, _ = self.inner.motion(G, times[[0, -1]])
+            ends = apply_matrix(rigid(G).rotation(Q), V[..., rigid(G).rotations :])
         rest = [(k, np.zeros(points.shape[1])) for k in (2, 3)]
         spline = make_interp_spline(
             times, points, DEGREE, bc_type=tuple([(1, v), *rest] for v in ends)
@@ -216,14 +220,6 @@ class FlatReference(ClosedReference):
         even[:, 0] = points[0] - ends[0] * (times[0] - starts[0]), points[-1]
         even[:, 1] = ends
         return starts, np.concatenate([even[:1], between, even[1:]])
-
-    def _end_velocities(self, G: MatrixLieGroup, times: Array) -> Array:
-        """Return the velocities at the first and the last knot, in space: of a recording, its."""
-        G, velocities = rigid(G), np.zeros((2, rigid(G).space))
-        if self.inner is not None and self.inner.files:
-            Q, V, _ = self.inner.motion(G, times[[0, -1]])
-            velocities = apply_matrix(G.rotation(Q), V[..., G.rotations :])
-        return velocities
 
     def _piece(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
         """Return the start and the coefficients of the piece at a time, or at each of some."""
@@ -261,8 +257,8 @@ class FlatReference(ClosedReference):
     def files(self) -> dict[str, str]:
         """The files of the reference in `of`."""
         inner = self.inner or self._of(None, Problems())
-        names = () if inner is None else inner.files.values()
-        return dict(zip(["of"], names, strict=False))
+        names = [] if inner is None else list(inner.files.values())
+        return {"of": names[0]} if names else {}
 
     def with_files(self, texts: Mapping[str, str]) -> Self:
         """Return the reference with the one in `of`, and the contents of its files."""
@@ -310,11 +306,11 @@ class FlatReference(ClosedReference):
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[-1, -1])
-        forces = [tuple(each for each in pair if each) for pair in zip(*split, strict=True)]
-        parts = dict(zip(("free", "across"), forces, strict=False))
-        known = with_fields(self, mass=mass, direction=direction, **parts)
-        known._check_horizon(G, plant.horizon, problems)
-        return known
+        free, across = (free for free, _ in split), (drag for _, drag in split if drag)
+        forces = {"free": tuple(free), "across": tuple(across)}
+        moving = with_fields(self, mass=mass, direction=direction, **forces)
+        moving._check_horizon(G, plant.horizon, problems)
+        return moving
 
     def _check_horizon(self, G: EuclideanGroup, horizon: float, problems: Problems) -> None:
         """Note where a direction that the motion needs vanishes, or nearly does."""
@@ -362,13 +358,17 @@ class FlatReference(ClosedReference):
             problems.add(f"flat needs group SE2 or SE3, got {G.name}")
             return
         n, ways = G.space, ("position", "minimum_snap", "of")
-        used = [name for name in ways if getattr(self, name) is not None]
-        if len(used) != 1:
-            problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(used) or 'none'}")
+        given = [name for name in ways if getattr(self, name) is not None]
+        if len(given) != 1:
+            problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(given) or 'none'}")
         if self.position is not None:
             check_expressions(self.position, n, G, problems.at("position"))
         if self.minimum_snap is not None:
-            self._check_knots(self.minimum_snap, n, problems.at("minimum_snap"))
+            for index, knot in enumerate(self.minimum_snap):
+                if len(knot.position) != n:
+                    expected = f"expected {n} numbers, got {len(knot.position)}"
+                    problems.at("minimum_snap", index, "position").add(expected)
+            check_rising(self.minimum_snap, problems.at("minimum_snap"))
         self._check_of(G, problems.at("of"))
         if self.heading is not None and n == 2:
             problems.at("heading").add("the plane has none; remove this key")
@@ -376,13 +376,6 @@ class FlatReference(ClosedReference):
             with problems.catching("heading"):
                 formula(self.heading)
         motions.check_along(self.along, n, problems)
-
-    def _check_knots(self, knots: list[Knot], n: int, problems: Problems) -> None:
-        for index, knot in enumerate(knots):
-            if len(knot.position) != n:
-                wanted = f"expected {n} numbers, got {len(knot.position)}"
-                problems.at(index, "position").add(wanted)
-        check_rising(knots, problems)
 
     def _check_of(self, G: MatrixLieGroup, problems: Problems) -> None:
         inner = None if self.of is None else self._of(G, problems)

@@ -190,15 +190,13 @@ class Drag(Force):
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the drag with the expressions of the current, and 0 for them among its numbers."""
-        part = super().of_run(G, random)
+        part: Any = super().of_run(G, random)
         if self.current is None:
             return part
-        current: Any = part.current
-        numbers = [0.0 if isinstance(entry, str) else entry for entry in current]
-        expressions = [formula(entry) if isinstance(entry, str) else None for entry in self.current]
-        return with_fields(
-            part, current=np.array(numbers, dtype=float), expressions=tuple(expressions)
-        )
+        numbers = [0.0 if isinstance(entry, str) else entry for entry in part.current]
+        current = np.array(numbers, dtype=float)
+        expressions = (formula(entry) if isinstance(entry, str) else None for entry in self.current)
+        return with_fields(part, current=current, expressions=tuple(expressions))
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece, and of short pulses."""
@@ -241,11 +239,12 @@ class Drag(Force):
         turns, moves = G.parts[0].axes, G.parts[1].axes
         whole, axes = self.linear, body_axes(along)
         D = axes.T @ whole[moves, moves] @ axes
-        other = [D - np.diag(np.diag(D)), whole[moves, turns], self.quadratic[moves]]
-        other += [np.ptp(np.diag(D)[:-1])] * even
+        rest: list[Any] = [D - np.diag(np.diag(D)), whole[moves, turns], self.quadratic[moves]]
+        if even:
+            rest.append(np.ptp(np.diag(D)[:-1]))
         size = ROUNDING * np.abs(whole).max()
         is_own = self.frame == "body" and not any(self.expressions)
-        if is_own and all(np.abs(each).max() <= size for each in other):
+        if is_own and all(np.abs(block).max() <= size for block in rest):
             across = np.zeros_like(whole)
             across[moves, moves] = whole[moves, moves] - D[-1, -1] * np.eye(G.space)
             free = with_fields(self, linear=whole - across)
@@ -262,17 +261,16 @@ class Drag(Force):
 
     def _flow(self, G: MatrixLieGroup, t: Any, rate: bool = False) -> Array:
         """Return the velocity of the medium, or its rate, in space, ``(..., m)``."""
-        part, numbers = G.translation, np.asarray(self.current)
-        value: Any
-        assert part is not None
+        assert G.translation is not None
         entries: list[Any] = [0.0] * G.dimension
-        for axis in range(numbers.shape[-1]):
-            expression, value = self.expressions[axis], numbers[..., axis]
-            if expression is not None and not rate:
-                value = expression.evaluate({"t": t})
+        for k, expression in enumerate(self.expressions):
+            if expression is None:
+                value: Any = 0.0 if rate else np.asarray(self.current)[..., k]
             elif rate:
-                value = 0.0 if expression is None else value_and_derivative(expression, {"t": t})[1]
-            entries[part.axes.start + axis] = value
+                value = value_and_derivative(expression, {"t": t})[1]
+            else:
+                value = expression.evaluate({"t": t})
+            entries[G.translation.axes.start + k] = value
         return stack(entries)
 
     def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
@@ -386,8 +384,7 @@ class GravityGradient(Force):
         angle = rate * t
         planet = stack([-cos(angle), -sin(angle), 0 * angle])
         c = (G.rotation(Q) * planet[..., :, None]).sum(axis=-2)  # Rᵀ of the direction in space
-        factor = (3 * rate * rate)[..., None]
-        torque = factor * cross(c, apply_matrix(self.inertia, c))
+        torque = (3 * rate * rate)[..., None] * cross(c, apply_matrix(self.inertia, c))
         coordinates = [torque[..., k] for k in range(3)]
         return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
 
@@ -501,8 +498,6 @@ def column(t: Any) -> Any:
 GRAVITY = 9.80665
 """Standard acceleration of free fall, m/s²; the mass of the displaced medium is B/g."""
 
-POINTS = ("centre_of_mass", "centre_of_buoyancy", "up")
-
 
 @dataclass(frozen=True)
 class Restoring(Force):
@@ -611,7 +606,7 @@ class Restoring(Force):
                     f"expected at least 0 N, got {vehicle_parts.lowest(value):g}; the direction is "
                     "that of `up`, for the weight against it"
                 )
-        for name in POINTS:
+        for name in ("centre_of_mass", "centre_of_buoyancy", "up"):
             value = getattr(self, name)
             if value is not None and len(value) != G.space:
                 problems.at(name).add(f"expected {G.space} numbers, got {len(value)}")

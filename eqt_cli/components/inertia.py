@@ -160,12 +160,11 @@ class PrescribedInertia(InertiaLaw):
 
 def _matrix_and_rate(rows: tuple[tuple[Expression, ...], ...], t: Any) -> tuple[Array, Array]:
     """Return a matrix of expressions and its time derivative at t, ``(..., m, m)`` each."""
-    pairs = [[value_and_derivative(entry, {"t": t}) for entry in row] for row in rows]
+    pairs = [value_and_derivative(entry, {"t": t}) for row in rows for entry in row]
+    entries, rates = (stack(list(parts)) for parts in zip(*pairs, strict=True))
     size = len(rows)
-    entries = stack([value for row in pairs for value, _ in row])
-    rates = stack([rate for row in pairs for _, rate in row])
-    shape = (*entries.shape[:-1], size, size)
-    return entries.reshape(shape), rates.reshape(*rates.shape[:-1], size, size)
+    matrix = entries.reshape(*entries.shape[:-1], size, size)
+    return matrix, rates.reshape(*rates.shape[:-1], size, size)
 
 
 ROUNDING = 1e-9
@@ -405,8 +404,7 @@ def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     unstable = _unstable_sets(G, np.asarray(K, dtype=float).tobytes())
     if not unstable:
         return np.full(Q.shape[:-2], np.nan)
-    squares = [each.squared_distance(Q) for each in unstable]
-    return sqrt(reduce(minimum, squares))
+    return sqrt(reduce(minimum, [points.squared_distance(Q) for points in unstable]))
 
 
 @lru_cache(maxsize=64)

@@ -88,8 +88,8 @@ class Spread:
         """Note a wrong number of standard deviations, or a negative one."""
         problems = problems.at("std")
         if isinstance(self.std, list) and len(self.std) != length:
-            got = len(self.std)
-            problems.add(f"expected a number or a list of {length}, got a list of {got}")
+            expected = f"expected a number or a list of {length}"
+            problems.add(f"{expected}, got a list of {len(self.std)}")
         elif np.min(self.std) < 0:
             problems.add(f"expected a standard deviation of at least 0, got {np.min(self.std):g}")
         with problems.catching():
@@ -236,14 +236,12 @@ class RotationDistribution(PoseDistribution):
             return
         for column in ("position", "velocity"):
             spread: Spread | None = getattr(self, column)
-            if spread is None:
-                continue
-            if column not in G.columns:
+            if spread is not None and column in G.columns:
+                spread.check(G.space, problems.at(column))
+            elif spread is not None:
                 columns = ", ".join(G.columns)
                 why = f"only {columns}" if columns else "since it has no translations"
                 problems.at(column).add(f"{G.name} has no {column} column, {why}; remove this key")
-            else:
-                spread.check(G.space, problems.at(column))
 
 
 pose_distributions = Registry(
@@ -332,9 +330,8 @@ class Euler(RotationDistribution):
             expected = "expected three axes such as ZYX (intrinsic) or xyz (extrinsic)"
             problems.at("sequence").add(f"{expected}, got '{self.sequence}'")
         if self.low > self.high:
-            problems.at("low").add(
-                f"expected at most {self.high:g}, the value of high, got {self.low:g}"
-            )
+            expected = f"expected at most {self.high:g}, the value of high"
+            problems.at("low").add(f"{expected}, got {self.low:g}")
 
 
 @dataclass(frozen=True)
@@ -487,9 +484,9 @@ class SpeedVelocity(VelocityDistribution):
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """Return the coordinates; the rotation is drawn before the translation."""
         velocity = np.zeros(G.dimension)
-        for part, of_part in self._by_part(G):
+        for part, given in self._by_part(G):
             length = part.axes.stop - part.axes.start
-            velocity[part.axes] = directed(of_part.speed, of_part.axis, length, generator)
+            velocity[part.axes] = directed(given.speed, given.axis, length, generator)
         return velocity
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
@@ -507,9 +504,9 @@ class SpeedVelocity(VelocityDistribution):
                 problems.at("translation").add(
                     f"{G.name} has {translations or 'no'} translations; {advice}"
                 )
-        for part, of_part in self._by_part(G):
-            at_part = problems if part.turns else problems.at("translation")
-            check_axis(of_part.axis, part.axes.stop - part.axes.start, at_part.at("axis"))
+        for part, given in self._by_part(G):
+            here = problems.at("axis") if part.turns else problems.at("translation", "axis")
+            check_axis(given.axis, part.axes.stop - part.axes.start, here)
 
     def _by_part(self, G: MatrixLieGroup) -> Iterator[tuple[Part, Speed]]:
         """Yield the parts of the velocity that may differ from 0."""
@@ -564,11 +561,12 @@ class FactorPoses(PoseDistribution):
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return the poses of all factors as one pose."""
         assert isinstance(G, ProductGroup)
-        pairs = self._by_factor(G)
-        lengths = [len(each.draw(factor, np.random.default_rng(0))) for each, factor in pairs]
-        columns = np.split(numbers, np.cumsum(lengths)[:-1], axis=1)
-        of_factors = zip(pairs, columns, strict=True)
-        return G.assemble([each.place(factor, part) for (each, factor), part in of_factors])
+        poses, start = [], 0
+        for distribution, factor in self._by_factor(G):
+            length = len(distribution.draw(factor, np.random.default_rng(0)))
+            poses.append(distribution.place(factor, numbers[:, start : start + length]))
+            start += length
+        return G.assemble(poses)
 
     def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
         assert isinstance(G, ProductGroup)  # checked where the configuration is read
@@ -586,13 +584,16 @@ class PoseKind(Kind):
         factors = group.factors if isinstance(group, ProductGroup) else ()
         if len(value) != len(factors):
             if group is not None:
-                each = f"{len(factors)} entries, one per factor of {group.name}"
-                expected = each if factors else "one distribution"
+                expected = "one distribution"
+                if factors:
+                    expected = f"{len(factors)} entries, one per factor of {group.name}"
                 problems.add(f"expected {expected}, got a list of {len(value)}")
             return None
-        numbered = enumerate(zip(value, factors, strict=True))
-        made = [super(PoseKind, self).checked(each, problems.at(k), G) for k, (each, G) in numbered]
-        return FactorPoses(tuple(made)) if None not in made else None
+        poses = [
+            super(PoseKind, self).checked(entry, problems.at(k), factors[k])
+            for k, entry in enumerate(value)
+        ]
+        return None if None in poses else FactorPoses(tuple(poses))
 
     def section(self, made: Any) -> Any:
         """Return the value that describes a distribution."""

@@ -130,11 +130,9 @@ class RegulatorTable:
         """Return the cubic splines through regulators at some times."""
         from scipy.interpolate import CubicSpline
 
-        gains, values = (
-            np.swapaxes(CubicSpline(times, matrices).c, 0, 1)
-            for matrices in zip(*((each.gain, each.value) for each in regulators), strict=True)
-        )
-        return cls(times[:-1], gains, values)
+        gains = CubicSpline(times, [regulator.gain for regulator in regulators]).c
+        values = CubicSpline(times, [regulator.value for regulator in regulators]).c
+        return cls(times[:-1], np.swapaxes(gains, 0, 1), np.swapaxes(values, 0, 1))
 
     def __repr__(self) -> str:
         """Return a digest, because the text of an array leaves out entries."""
@@ -275,12 +273,9 @@ class Lqr(Controller):
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return xᵀSx, the cost from x to first order."""
-        x = self.state(s)
-        return dot(apply_matrix(self._value(s), x), x)
-
-    def _value(self, s: Tracking) -> Array:
-        now, n = self._at(s.t), 2 * s.G.dimension
-        return np.zeros((n, n)) if now is None else now.value_at(s.t)
+        x, now, n = self.state(s), self._at(s.t), 2 * s.G.dimension
+        S = np.zeros((n, n)) if now is None else now.value_at(s.t)
+        return dot(apply_matrix(S, x), x)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the length of the modelled states of the actuators."""

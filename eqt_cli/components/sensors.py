@@ -308,8 +308,7 @@ class Errors(NamedTuple):
 
     def measured(self, G: MatrixLieGroup, *places: Any) -> "Errors":
         """Return the errors of some runs, or at some instants, with E."""
-        chosen = self.of(*places)
-        return chosen._replace(pose=G.exp(chosen.pose))
+        return self.of(*places)._replace(pose=G.exp(self.pose[places]))
 
     @property
     def of_runs(self) -> list[Array]:
@@ -373,12 +372,11 @@ class Channel:
     def measured(self, value: Array, held: Array, arrived: Array) -> Array:
         """Return the states after a tick at which the part of `value` may be measured."""
         now = value[self.entries].reshape(*held.shape[:-1], self.size)
-        last = held[..., -self.size :]
         fresh = less(0.5 * CHANNEL_MEASURED, arrived[..., None])
         first = less(0.5 * (CHANNEL_MEASURED + FIRST), arrived[..., None])
         waiting = [held[..., k : k + self.size] for k in range(self.size, self.states, self.size)]
         rows = [where(first, now, entry) for entry in waiting]
-        return np.concatenate([*rows, where(fresh, now, last)], axis=-1)
+        return np.concatenate([*rows, where(fresh, now, held[..., -self.size :])], axis=-1)
 
     def read(self, value: Array, held: Array) -> Array:
         """Return the value with the part as it has arrived."""
@@ -416,12 +414,12 @@ def channels(
                 continue
             timing: dict[str, Any] = dict.fromkeys(TIMING)
             for sensor in measuring:
-                known = ((name, getattr(sensor, name)) for name in TIMING)
-                timing |= {name: value for name, value in known if value is not None}
+                given = {name: getattr(sensor, name) for name in TIMING}
+                timing |= {name: value for name, value in given.items() if value is not None}
             clock = control.clock_of(timing["period"], timing["offset"])
             delay = control.ticks_of(timing["delay"] or 0)
             loses = next((sensor for sensor in measuring if sensor.loses), None)
-            holds = timing["period"] is not None or not clock.acts_always
-            holds = holds or bool(delay) or loses is not None
+            is_late = bool(delay) or loses is not None
+            holds = is_late or timing["period"] is not None or not clock.acts_always
             entries = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
             yield Channel(signal, part, entries.shape, clock, delay, loses, holds)

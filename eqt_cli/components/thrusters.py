@@ -313,15 +313,13 @@ class Thrusters(Actuator):
     @property
     def thruster_names(self) -> tuple[str, ...]:
         """Names of the thrusters: as given, or numbered from 1."""
-        names = [each.name for each in self.thrusters or ()] or [""] * self.count
+        names = [thruster.name for thruster in self.thrusters or ()] or [""] * self.count
         return tuple(name or f"thruster {index}" for index, name in enumerate(names, 1))
 
     @property
     def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:
         """B⁺, ``(k, m)``, and the limits of the thrusts; None where they are solved for."""
-        low: Any = self.low
-        high: Any = self.high
-        return None if self.sampled else (self.inverse, low, high)
+        return None if self.sampled else (self.inverse, self.low, self.high)
 
     def columns(self, G: MatrixLieGroup) -> Array:
         """Return B, ``(m, k)``."""
@@ -340,32 +338,33 @@ class Thrusters(Actuator):
         part = self.drawn(random)
         B = part.columns(G)
         names = "low", "high", "time_constant", "thrust_constant", "isp", *SPEEDS
-        each = of_each(part, names, self.count)
+        values = of_each(part, names, self.count)
         for name, speed in zip(("low", "high"), SPEEDS, strict=True):
-            if speed in each:
-                each[name] = each["thrust_constant"] * each.pop(speed) ** 2
+            if speed in values:
+                values[name] = values["thrust_constant"] * values.pop(speed) ** 2
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
         inverse, limited = allocation(B, part.least, scale)
-        each |= part._changing(B, scale, inverse)
+        values |= {"matrix": B, "inverse": inverse, "passed": limited}
+        values |= part._changing(B, scale, inverse)
         if part.rotor_inertia is not None:
             axes = B[3:] / np.linalg.norm(B[3:], axis=0)
-            sides = -np.sign([one.turns for one in part.thrusters or ()])
-            each["spin"] = np.concatenate([axes * sides * np.array(part.rotor_inertia), 0.0 * axes])
-        none = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
-        named = [Thruster([], [], name=name) for name in self.thruster_names]
-        none["scale"] = scale if self.solves else None
-        fields = {"matrix": B, "thrusters": named, "inverse": inverse, "passed": limited}
+            sides = -np.sign([thruster.turns for thruster in part.thrusters or ()])
+            spin = axes * sides * np.array(part.rotor_inertia)
+            values["spin"] = np.concatenate([spin, 0.0 * axes])
+        if self.solves:
+            values["scale"] = scale
         if isinstance(self.allocation, Priority):
-            words = G.directions
             groups = [
-                tuple(axis for word in _listed(group) for axis in _axes(word, words, B))
+                tuple(axis for word in _listed(group) for axis in _axes(word, G.directions, B))
                 for group in self.allocation.order
             ]
             rows: Array = B[[*chain(*groups)]]
             null: Array = unreachable(rows.T) / scale**2  # times the least thrusts: 0
-            fields |= {"groups": (*groups, *((),) * len(null)), "passed": None}
-            fields["faces"] = _faces(np.concatenate([rows, null]), each["low"], each["high"])
-        return with_fields(part, **each, **none, **fields)
+            values |= {"groups": (*groups, *((),) * len(null)), "passed": None}
+            values["faces"] = _faces(np.concatenate([rows, null]), values["low"], values["high"])
+        used = dict.fromkeys(("weights", "moment_constant", *SPEEDS, *CHANGING, "rotor_inertia"))
+        named = [Thruster([], [], name=name) for name in self.thruster_names]
+        return with_fields(part, thrusters=named, **used, **values)
 
     # What changes over time.
 
@@ -449,8 +448,8 @@ class Thrusters(Actuator):
         """Return the thrusts: of the state of the lag, or the commanded thrusts."""
         if not self.moves:
             return self._left(self._opened(command, x))
-        state: Any = x[..., -self.count :]
-        return state if self.thrust_constant is None else self.thrust_constant * state * state
+        x = x[..., -self.count :]
+        return x if self.thrust_constant is None else self.thrust_constant * x * x
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""

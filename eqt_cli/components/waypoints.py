@@ -8,7 +8,7 @@ log(Q_i⁻¹P_i); motions of constant velocity are not changed.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
@@ -67,12 +67,12 @@ class Smoothed(NamedTuple):
 def proposed_smoothing(G: MatrixLieGroup, times: Array, poses: Array) -> str:
     """Return the option `smoothing` that the noise of a recording asks for; "" if it is small."""
     first = max(0, (len(times) - MOST_ROWS) // 2)
-    times, poses = (each[first : first + MOST_ROWS] for each in (times, poses))
+    times, poses = times[first : first + MOST_ROWS], poses[first : first + MOST_ROWS]
     with suppress(InputError, np.linalg.LinAlgError):  # times far apart, or nearly equal
         sizes = smoothed(G, times, poses, [None] * len(G.parts)).residuals
         if max(sizes) > NOISE * np.median(np.diff(times)) ** 2:
-            each = zip(G.parts, sizes, strict=True)
-            return f"{{{', '.join(f'{part.name}: {size:.2g}' for part, size in each)}}}"
+            pairs = zip(G.parts, sizes, strict=True)
+            return f"{{{', '.join(f'{part.name}: {size:.2g}' for part, size in pairs)}}}"
     return ""
 
 
@@ -247,17 +247,13 @@ def _cross_validated_weight(bending: _Bending, differences: Array) -> float:
         size, freedom = _size(bending.residual(weight, differences)), bending.freedom(weight)
         return float(np.log(max(size, 1e-300)) - np.log(freedom))
 
-    return float(np.exp(_minimum(score, *_range(bending))))
-
-
-def _minimum(score: Callable[[float], float], low: float, high: float) -> float:
-    """Return the point of the minimum of a function: the best of a grid, refined."""
     from scipy.optimize import minimize_scalar
 
-    grid = np.linspace(low, high, 41)
-    best = int(np.argmin([score(float(each)) for each in grid]))
+    grid = np.linspace(*_range(bending), 41)  # the best of a grid, refined
+    best = int(np.argmin([score(float(power)) for power in grid]))
     bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    return float(minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-8}).x)
+    found = minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-8})
+    return float(np.exp(found.x))
 
 
 LATEST, CLOSEST = 1e9, 1e-9
@@ -359,8 +355,9 @@ class WaypointsReference(InFile, PiecewiseReference):
         parts = {part.name: part for part in G.parts}
         deviations = dict.fromkeys(parts) if self.smoothing == "auto" else self.smoothing
         assert isinstance(deviations, dict)
-        for name in (name for name in deviations if name not in parts):
-            problems.at(name).add(unknown_key(name, parts))
+        for name in deviations:
+            if name not in parts:
+                problems.at(name).add(unknown_key(name, parts))
         if missing := [name for name in parts if name not in deviations]:
             expected = f"expected a deviation for each of {', '.join(parts)}"
             problems.add(f"{expected}; missing {', '.join(missing)}")
@@ -394,17 +391,15 @@ class WaypointsReference(InFile, PiecewiseReference):
         if self.points is None:
             self.check_file(problems, lambda: self.prepared(G, self.pieces))
             return
-        self._check_points(self.points, G, problems.at("points"))
+        for index, point in enumerate(self.points):
+            here = problems.at("points", index, "pose")
+            pose_from(point.pose, G, here)
+            if index:
+                check_turn(self.points[index - 1].pose, point.pose, G, here)
+        check_rising(self.points, problems.at("points"))
         if not problems:
             with problems.catching("points"):
                 self.prepared(G, self.pieces)
-
-    def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
-        for index, point in enumerate(points):
-            pose_from(point.pose, G, problems.at(index, "pose"))
-            if index:
-                check_turn(points[index - 1].pose, point.pose, G, problems.at(index, "pose"))
-        check_rising(points, problems)
 
 
 def _in_words(part: Part, residual: float) -> str:

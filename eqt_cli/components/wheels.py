@@ -229,31 +229,32 @@ class Wheels(Actuator):
             A = np.array(self.axes, dtype=float).T
             return A / np.linalg.norm(A, axis=0)
         assert self.pyramid is not None
-        turns, z = np.pi / 4 + np.pi / 2 * np.arange(4), np.full(4, np.cos(self.pyramid))
-        return np.stack([np.sin(self.pyramid) * f(turns) for f in (np.cos, np.sin)] + [z])
+        turns, across = np.pi / 4 + np.pi / 2 * np.arange(4), np.sin(self.pyramid)
+        z = np.full(4, np.cos(self.pyramid))
+        return np.stack([across * np.cos(turns), across * np.sin(turns), z])
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return wheels with A, the allocation, and a number for each wheel."""
-        part, turns, unit = self.drawn(random), _turns(G), self.unit_axes()
+        part, turns = self.drawn(random), _turns(G)
         A = np.zeros((G.dimension, self.count))
-        A[turns] = unit
-        each = of_each(part, OF_EACH, self.count)
-        if "speed" in each:
-            each["momentum"] = each["inertia"] * each.pop("speed")
-        inverse = allocation(A, part.least, np.ones(self.count))[0]
-        each = dict.fromkeys(["start", *["ki"] * self.changes], np.zeros(self.count)) | each
+        A[turns] = self.unit_axes()
+        values = {"start": np.zeros(self.count)} | of_each(part, OF_EACH, self.count)
+        if self.changes:
+            values.setdefault("ki", np.zeros(self.count))
+        if "speed" in values:
+            values["momentum"] = values["inertia"] * values.pop("speed")
+        values |= {"matrix": A, "inverse": allocation(A, part.least, np.ones(self.count))[0]}
         if (rub := self.friction) is not None:
             curve = [] if rub.static is None else [rub.static - rub.coulomb, rub.breakaway]
-            each["rubbing"] = np.array([rub.viscous, rub.coulomb, *curve])
+            values["rubbing"] = np.array([rub.viscous, rub.coulomb, *curve])
         if self.bias is not None:
             null = np.eye(self.count) - np.linalg.pinv(A, rcond=FLAT) @ A
-            each["pulled"] = np.concatenate(
-                [null / self.bias.time_constant, np.array([self.bias.momentum])]
-            )
-        faces = tuple(_faces(A, turns)) if self.allocation == "min_max" else ()
-        none = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
-        fields = {**none, "matrix": A, "inverse": inverse, "faces": faces, **each}
-        return with_fields(part, **fields)
+            pull, target = null / self.bias.time_constant, np.array([self.bias.momentum])
+            values["pulled"] = np.concatenate([pull, target])
+        if self.allocation == "min_max":
+            values["faces"] = tuple(_faces(A, turns))
+        used = dict.fromkeys(("axes", "pyramid", "speed", "friction", "bias"))
+        return with_fields(part, **used, **values)
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states.
@@ -390,14 +391,15 @@ class Wheels(Actuator):
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Return 1 where a torque is beyond its limit, or a momentum at its own, else 0."""
-        there: Any = np.zeros(command.shape[:-1])
+        beyond: Any = np.zeros(command.shape[:-1])
         pairs = [(self.limit, self._commanded(command, x)), (self.momentum, self._limited_h(x))]
-        pairs += [(self.limit, self._drives(x)[1])] if self.changes else []
+        if self.changes:
+            pairs.append((self.limit, self._drives(x)[1]))
         for limit, values in pairs:
             if limit is not None:
                 most = limit * (1 - NEAR)
-                there = maximum(there, outside(values, -most, most))
-        return there
+                beyond = maximum(beyond, outside(values, -most, most))
+        return beyond
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield a remark on the turns about which no wheel has a torque."""
@@ -460,18 +462,16 @@ class Wheels(Actuator):
             if getattr(self, name) is not None:
                 problems.at(name).add("applies to drives only; add command: speed")
         if self.bias is not None and len(self.bias.momentum) != self.count:
-            got = len(self.bias.momentum)
-            problems.at("bias", "momentum").add(
-                f"expected {self.count} entries, one for each wheel, got {got}"
-            )
+            expected = f"expected {self.count} entries, one for each wheel"
+            problems.at("bias", "momentum").add(f"{expected}, got {len(self.bias.momentum)}")
         if self.bias is not None and self.count == 3:
             problems.at("bias").add("three wheels have no null space; remove this key")
 
 
 def _turns(G: MatrixLieGroup) -> Any:
     """Return the coordinates of the turns in space; None where a group has none."""
-    axes = (part.axes for part in G.parts if part.turns)
-    return next((each for each in axes if len(range(G.dimension)[each]) == 3), None)
+    turns = (part.axes for part in G.parts if part.turns)
+    return next((axes for axes in turns if len(range(G.dimension)[axes]) == 3), None)
 
 
 def _faces(A: Array, turns: Any) -> list[Array]:
