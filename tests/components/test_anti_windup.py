@@ -23,8 +23,7 @@ native = pytest.param("native", marks=pytest.mark.ci("compiles the law"))
 
 J, K, KD, KI, C2, MOST = np.diag([1.0, 1.2, 1.5]), 2.0, 4.0, 1.0, 2.0, 0.5
 START = [1.5, 0.3, -0.2]
-TIMES = np.linspace(0.0, 6.0, 31)
-WINDS_UP = TIMES[:11]  # for 2 s, which takes a third of the time to integrate
+TIMES = np.linspace(0.0, 2.0, 11)
 
 
 def turn(kind, engine, period=None):
@@ -41,7 +40,7 @@ def turn(kind, engine, period=None):
             "velocity": {"kind": "fixed", "coordinates": [0, 0, 0]},
         },
         "ensemble": {"runs": 1},
-        "time": {"duration": 2.0, "samples": len(WINDS_UP)},
+        "time": {"duration": 2.0, "samples": len(TIMES)},
         "solver": {"engine": engine, "rtol": 1e-12},
     }
     return config | ({"control": {"period": period}} if period else {})
@@ -110,7 +109,7 @@ def flown(kind, period):
     if period is None:
         return switched(lambda y, at: moving(0, y, *going(kind, y, at)), switches, y, TIMES)
     found = [y]
-    for _ in WINDS_UP[1:]:
+    for _ in TIMES[1:]:
         for _ in range(round((TIMES[1] - TIMES[0]) / period)):
             torque, rate = going(kind, y, np.sign(switches(y)))
             integral = y[12:] + period * rate
@@ -125,8 +124,7 @@ def flown(kind, period):
 @pytest.mark.parametrize("period", [None, 0.02])
 def test_a_turn_is_that_of_a_plain_program(solved, kind, engine, period):
     problem, solution = solved(yaml.safe_dump(turn(kind, engine, period)), "goodarzi2013")
-    s, expected = problem.loop.tracking(WINDS_UP, solution.states), flown(kind, period)
-    expected = expected[: len(WINDS_UP)]
+    s, expected = problem.loop.tracking(TIMES, solution.states), flown(kind, period)
     np.testing.assert_allclose(s.Q[0].reshape(-1, 9), expected[:, :9], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[0], expected[:, 9:12], rtol=0, atol=1e-9)
     # At an instant, a sample has the values after it, which the plain program computes next.
@@ -146,16 +144,6 @@ def test_within_the_limits_nothing_changes(solved):
     ]
     np.testing.assert_array_equal(states[1], states[0])
     np.testing.assert_array_equal(states[2], states[0])
-
-
-@pytest.mark.parametrize(("kind", "overshoot"), [("none", 0.70), ("clamp", 0.07), ("back", 0.02)])
-def test_an_integral_that_winds_up_overshoots(kind, overshoot):
-    """About the first axis, from 1.5 rad, with a twelfth of the torque that the law asks for."""
-    found = flown(kind, None)
-    R = found[:, :9].reshape(-1, 3, 3)
-    angle = np.arctan2(R[:, 2, 1] - R[:, 1, 2], R[:, 1, 1] + R[:, 2, 2])
-    assert angle[0] > 1.4
-    assert -angle.min() == pytest.approx(overshoot, rel=0.1)
 
 
 # A quadrotor that climbs: a plain program along the vertical, and at single states ----------------
@@ -183,7 +171,7 @@ def climb(kind, engine, period=None, inside="lee2010"):
         "actuators": [{"kind": "thrusters", "thrusters": rotors, "low": 0, "high": TOP / 4}],
         "initial": {"pose": {"kind": "exp_normal", "std": 0.0, "centre": [0, 0, 0, 0, 0, -2]}},
         "ensemble": {"runs": 1},
-        "time": {"duration": 2.0, "samples": len(WINDS_UP)},
+        "time": {"duration": 2.0, "samples": len(TIMES)},
         "solver": {"engine": engine, "rtol": 1e-12},
     }
     config["initial"]["velocity"] = {"kind": "fixed", "coordinates": [0] * 6}
@@ -213,16 +201,10 @@ def climbed(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_climb_is_that_of_a_plain_program(solved, kind, engine):
     problem, solution = solved(yaml.safe_dump(climb(kind, engine)), "cascade")
-    s, expected = problem.loop.tracking(WINDS_UP, solution.states), climbed(kind)
-    expected = expected[: len(WINDS_UP)]
+    s, expected = problem.loop.tracking(TIMES, solution.states), climbed(kind)
     np.testing.assert_allclose(s.Q[0, :, 2, 3], expected[:, 0], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[0, :, 5], expected[:, 1], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.memory["integral"][0, :, 2], expected[:, 2], rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize(("kind", "overshoot"), [("none", 0.73), ("clamp", 0.42), ("back", 0.35)])
-def test_a_climb_overshoots_without_anti_windup(kind, overshoot):
-    assert climbed(kind)[:, 0].max() == pytest.approx(overshoot, rel=0.02)
 
 
 @pytest.mark.parametrize("kind", ["clamp", "back"])

@@ -23,7 +23,6 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.remarks import remarks
-from eqt_cli.config.study import law_names
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.linearised import linearised
@@ -406,13 +405,6 @@ def wrong_rate(monkeypatch):
     return lambda: monkeypatch.setattr(cascade, "attitude", without)
 
 
-def test_known_drag_is_differentiated_too():
-    drag = {"kind": "drag", "linear": [0, 0, 0, 0.6, 0.6, 0.6]}
-    model = {"forces": [*QUADROTOR["model"]["forces"], drag]}
-    one = experiment(model=model, reference=HELIX)
-    assert imbalance(one, np.linspace(0, 0.5, 6)) <= 1e-11
-
-
 # Drag along the axes of the body, which a quadrotor can fly exactly ------------------------------
 
 DRAG = np.array([2.2, 1.3, 0.4])  # N s/m, on 4.34 kg
@@ -616,12 +608,6 @@ def test_a_run_in_which_the_force_is_0_ends_with_its_time_and_the_remedy(engine,
         "a cascade whose force passes 0 has no attitude to command; give position.limit, below the "
         "weight per mass"
     )
-
-
-def test_swept_gains_of_the_position_have_no_name_of_a_law():
-    swept = {"sweep": [{"grid": {"controllers[0].position.kx": [4.0, KX]}}]}
-    study = eqt_cli.load_experiment({**QUADROTOR, **swept})
-    assert law_names(study).tolist() == [[""], [""]]
 
 
 # What is refused ----------------------------------------------------------------------------------

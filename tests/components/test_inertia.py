@@ -53,10 +53,6 @@ def as_tensor(law, t):
 # The tensor, its rate, its inverse ----------------------------------------------------------------
 
 
-def test_factored_inertia_starts_at_its_initial_tensor():
-    np.testing.assert_array_equal(FACTORED.at(0.0).matrix, INITIAL)
-
-
 @EXAMPLES
 @given(t=times)
 def test_factored_inertia_is_the_congruence_of_theorem_3_2(t):
@@ -161,12 +157,6 @@ def test_both_choices_of_the_factor_have_the_same_power(t):
     power = dot(factored.feedforward(V), V)
     assert power == pytest.approx(dot(symmetric.feedforward(V), V), abs=ROUNDING)
     assert power == pytest.approx(dot(factored.rate_force(V), V) / 2, abs=ROUNDING)
-
-
-def test_both_choices_of_the_factor_differ_in_torque():
-    V = np.array([1.0, -2.0, 0.5])
-    difference = FACTORED.at(1.0).feedforward(V) - as_tensor(FACTORED, 1.0).feedforward(V)
-    assert np.linalg.norm(difference) > 0.1
 
 
 @EXAMPLES

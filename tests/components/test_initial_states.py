@@ -129,26 +129,6 @@ def test_streams_of_seeds_and_runs_differ():
     assert len(firsts) == 16
 
 
-@pytest.mark.parametrize("name", pose_distributions.names())
-def test_run_draws_the_same_state_in_any_company(G, name):
-    """For any number of runs and any order, bit for bit."""
-    poses = pose_distribution(name)
-    if wrong_options(poses, G):
-        pytest.skip(f"{name} is not for {G.name}")
-    Qd, Vd = G.exp(np.linspace(0.1, 1.0, G.dimension)), np.linspace(-1.0, 1.0, G.dimension)
-    Q, V = draw(G, poses, runs=range(12), Qd=Qd, Vd=Vd)
-    for runs in (range(5), range(7, 8), range(3, 12), range(11, -1, -1), range(0, 12, 3)):
-        some_Q, some_V = draw(G, poses, runs=runs, Qd=Qd, Vd=Vd)
-        assert (some_Q == Q[list(runs)]).all()
-        assert (some_V == V[list(runs)]).all()
-
-
-def test_runs_differ():
-    Q, V = draw(group_named("SE3"), pose_distribution("exp_normal"), runs=range(100))
-    assert len(np.unique(Q.reshape(100, -1), axis=0)) == 100
-    assert len(np.unique(V, axis=0)) == 100
-
-
 def test_pose_and_velocity_do_not_share_their_numbers():
     G = group_named("SO3")
     Q, V = draw(G, pose_distribution("exp_normal", std=0.1), runs=range(4000))
@@ -157,26 +137,6 @@ def test_pose_and_velocity_do_not_share_their_numbers():
 
 
 # Every combination --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", pose_distributions.names())
-def test_pose_distribution_draws_elements_or_reports_a_problem(G, name):
-    poses = pose_distribution(name)
-    problems = wrong_options(poses, G)
-    assert all(option == "kind" and message for option, message in problems)
-    if not problems:
-        Q, _ = draw(G, poses, runs=range(20))
-        assert Q.shape == (20, G.size, G.size)
-        assert max(G.violation(pose) for pose in Q) < 1e-14
-
-
-@pytest.mark.parametrize("name", velocity_distributions.names())
-def test_velocity_distribution_draws_coordinates(G, name):
-    velocities = velocity_distribution(name)
-    assert wrong_options(velocities, G) == []
-    _, V = draw(G, pose_distribution("exp_normal"), velocities, runs=range(20))
-    assert V.shape == (20, G.dimension)
-    assert np.isfinite(V).all()
 
 
 def test_draws_are_errors_to_the_desired_state(G):

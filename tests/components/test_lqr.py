@@ -271,21 +271,6 @@ def test_the_cost_of_a_small_error_is_x_s_x(vehicle):
     assert cost == pytest.approx(x @ value @ x, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "vehicle",
-    [pytest.param({}, id="continuous"), in_ci("its cost is tried above", LATE, id="sampled")],
-)
-def test_the_cost_to_come_falls_near_the_reference(vehicle):
-    """L falls by what the interval cost, to 1 %, while it is above rounding."""
-    loop = eqt_cli.load_experiment({**BODY, **vehicle}).experiment(0).loops["lqr"]
-    Q, V = loop.group.exp(np.array([1e-3, -2e-3, 1.5e-3])), np.array([1e-3, 1e-3, -2e-3])
-    start = loop.initial_state(Q, V, loop.group.identity, np.zeros(3))
-    times = np.arange(101) * PERIOD
-    s = loop.tracking(times, SolveIvp().solve(Problem(loop, start[None], times)).states[0])
-    L = loop.lyapunov(s)
-    assert (np.diff(L) < 0).all() and L[-1] < 0.1 * L[0]
-
-
 # A heavy body that is coupled, along a constant velocity.
 COUPLED = yaml.safe_load("""
 group: SE3

@@ -192,23 +192,6 @@ def test_dumping_is_that_of_a_plain_program_and_takes_momentum(solved, engine):
     np.testing.assert_allclose(stored[0], found[:, 12:], rtol=0, atol=1e-12)
 
 
-def test_dumping_takes_the_part_of_the_momentum_across_the_field():
-    """dH/dt · H < 0 for the total momentum H of body and wheels: the sign of the gain."""
-    torquers = Magnetorquers(limit=1e3, orbit=Orbit(500e3, 1.0), dump=0.5)
-    torquers = torquers.of_run(group_named("SO3"), None)
-    B, h = np.array([1e-5, -2e-5, 2e-5]), np.array([3e-3, 1e-3, -2e-3])
-    torquers = replace_known(torquers, B, h)
-    torque = torquers.output(group_named("SO3"), np.zeros(3), np.zeros(0))
-    b = B / np.linalg.norm(B)
-    np.testing.assert_allclose(torque, -0.5 * (h - b * (b @ h)), rtol=0, atol=1e-15)
-
-
-def replace_known(torquers, B, h):
-    from eqt_cli.numbers.leaves import with_fields
-
-    return with_fields(torquers, known=(B, h))
-
-
 @pytest.mark.parametrize("engine", ["native", "solve_ivp"])
 @pytest.mark.parametrize(("sensor", "every", "late"), [
     ("{kind: noise, std: 200 nT}, {kind: bias, value: [1 uT, 0, 0]}", 1, 0),

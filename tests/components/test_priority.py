@@ -75,9 +75,10 @@ def by_linear_programs(B, d, low, high):
     return values
 
 
-def compared(name, count):
+@pytest.mark.parametrize("name", PLACES)
+def test_each_group_is_met_as_far_as_those_before_it_allow(name):
     part = rotors(name)
-    commands = demands(part, count)
+    commands = demands(part, 40)
     thrusts = part.solution(SE3, commands)
     found = (thrusts @ part.matrix.T)[:, ROWS]
     expected = [by_linear_programs(part.matrix, d, part.low, part.high) for d in commands]
@@ -85,23 +86,12 @@ def compared(name, count):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
     assert (part.low <= thrusts).all() and (thrusts <= part.high).all()
     met = np.abs(found - commands[:, ROWS]) < 1e-12
-    assert 0 < met.all(axis=1).sum() < count
-    return thrusts, commands, part
-
-
-@pytest.mark.parametrize("name", PLACES)
-def test_each_group_is_met_as_far_as_those_before_it_allow(name):
-    thrusts, commands, part = compared(name, 40)
+    assert 0 < met.all(axis=1).sum() < len(commands)
     # Where the least thrusts are within the limits, they are the answer.
     least = commands @ part.inverse.T
     inside = ((part.low < least) & (least < part.high)).all(axis=1)
     assert inside.any()
     np.testing.assert_allclose(thrusts[inside], least[inside], rtol=0, atol=1e-14)
-
-
-@pytest.mark.ci("2,000 linear programs")
-def test_five_hundred_demands_get_what_linear_programs_give():
-    compared("uneven", 500)
 
 
 CRAZYFLIE = yaml.safe_load(Path("configs/quadrotor_recovery.yaml").read_text(encoding="utf-8"))
@@ -146,13 +136,13 @@ def test_runs_have_the_limits_of_their_own():
 # Through runs -------------------------------------------------------------------------------------
 
 
-def flight(engine, duration=0.1):
+def flight(engine):
     config = {**CRAZYFLIE, "ensemble": {"runs": 2, "seed": 1}}
     config.pop("sweep")
     [section] = CRAZYFLIE["actuators"]
     allocation = {"kind": "priority", "order": ORDER}
     config["actuators"] = [{**section, "allocation": allocation, "time_constant": None}]
-    config["time"] = {"duration": duration, "samples": round(duration / 0.002) + 1}
+    config["time"] = {"duration": 0.1, "samples": 51}
     config["solver"] = {"engine": engine, "error_estimate": False, "cross_check": 0}
     return config
 
@@ -189,13 +179,3 @@ def rotors_of(section):
     a = np.array([0.0, 0.0, 1.0])
     each = [(np.array(one["at"]), one["turns"] * ratio) for one in section["thrusters"]]
     return np.array([np.concatenate([np.cross(r, a) + c * a, a]) for r, c in each]).T
-
-
-@pytest.mark.ci("compiles the law")
-def test_both_engines_give_the_same_thrusts(tmp_path):
-    found = []
-    for engine in ("solve_ivp", "native"):
-        eqt_cli.run(flight(engine, 0.5), tmp_path / engine)
-        with eqt_cli.open_result(tmp_path / engine) as data:
-            found.append(data["thrust"])
-    np.testing.assert_allclose(*found, rtol=0, atol=1e-9)  # of 0.14 N; the solver's tolerance

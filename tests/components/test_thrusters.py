@@ -16,7 +16,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Thruster, Thrusters, unreachable
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling, Uniform
-from eqt_cli.config.remarks import limits_below_reference, remarks
+from eqt_cli.config.remarks import limits_below_reference
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.executors import Executor, Serial
@@ -525,32 +525,3 @@ def test_points_with_other_thrusters_have_their_own(folder):
         with open_result(Path("out"), point) as one:
             found.append(one["thrust"].shape[-1] if one.has("thrust") else None)
     assert found == [None, 3, 4, 4]
-
-
-QUAD = (
-    "{kind: thrusters, matrix: [[0, 1, 0], [1, 0, 0], [0.5, 0, 0]], low: [-0.1, -2, -2], high: 2}"
-)
-
-
-def test_a_direction_without_thrust_is_named(experiment):
-    found = experiment(
-        group="SE2", inertia="[1, 2, 2]", reference="{torque: [0, 0, 0]}", actuators=f"[{QUAD}]"
-    )
-    assert [str(remark) for remark in remarks(found)] == [
-        "c.yaml:10:13: actuators[0]: thrusters with rank 2 of 3 cannot push along vx − 2 vy; what "
-        "a law asks for there is lost"
-    ]
-
-
-def test_a_thruster_that_the_reference_asks_for_too_much_is_named(experiment):
-    found = experiment(
-        group="SE2",
-        inertia="[1, 2, 2]",
-        reference="{torque: [0, 0, 0.5]}",
-        actuators="[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], name: side}, "
-        "{at: [0, 1], along: [1, 0]}, {at: [0, -1], along: [1, 0]}], low: 0, high: 0.2}]",
-    )
-    assert [str(remark) for remark in remarks(found)] == [
-        "c.yaml:10:13: actuators[0]: 'side' gives at most 0.2 N, but the reference alone needs "
-        "0.5 N at t = 0 s; no law can follow it there"
-    ]

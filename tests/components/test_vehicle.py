@@ -141,17 +141,6 @@ def test_gusts_forget_within_their_time_constant():
         assert found == pytest.approx(0.09 * np.exp(-lapse / 2.0), abs=0.1 * 0.09)
 
 
-def test_gusts_have_the_variance_that_is_asked_for():
-    # Over a long time the mean of each squared sine is 1/2, up to the length of the record.
-    gust = Gust(std=0.3, time_constant=2.0)
-    gust = gust.of_run(SO3, generator_at(0, Stream.VEHICLE, 0, "plant.forces[0]"))
-    times = np.linspace(0.0, 20_000.0, 100_001)
-    V = np.zeros((len(times), 3))
-    found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (len(times), 3, 3)), V)
-    np.testing.assert_allclose(found.std(axis=0), 0.3, rtol=0.02)
-    assert gust.sine.shape == gust.cosine.shape == (12, 3)
-
-
 def test_a_gust_is_a_sum_of_sines_with_phases_of_the_run_and_still_where_std_is_0():
     """Σ √(2/12) σ sin(ω t + φ) with the phases as they are drawn."""
     place = generator_at, 0, Stream.VEHICLE, 0, "plant.forces[0]"
@@ -174,21 +163,6 @@ def test_a_gust_without_deviation_is_still(std):
 def test_a_gust_blows_along_axes_whose_deviation_is_drawn():
     drawn = Gust(std=[Uniform([0.0, 1.0]), 0.0, 0.0], time_constant=2.0)
     assert drawn.of_run(SO3, None).axes == drawn.of_run(SO3, np.random.default_rng(0)).axes == [0]
-
-
-def test_sines_of_a_gust_are_amid_equal_parts_of_its_spectrum():
-    """Below ω lies the share (2/π) atan(ωT) of the variance."""
-    gust = Gust(std=0.3, time_constant=2.0).of_run(SO3, None)
-    shares = 2 / np.pi * np.arctan(2.0 * gust.frequency)
-    np.testing.assert_allclose(shares, (np.arange(12) + 0.5) / 12, rtol=0, atol=ROUNDING)
-
-
-def test_phases_of_gusts_are_any():
-    gust = Gust(std=0.3, time_constant=2.0)
-    runs = [gust.of_run(SO3, np.random.default_rng(k)) for k in range(20)]
-    phases = np.array([np.arctan2(run.cosine, run.sine) for run in runs])
-    assert -np.pi < phases.min() < 0.1 - np.pi
-    assert np.pi - 0.1 < phases.max() < np.pi
 
 
 def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
@@ -338,13 +312,6 @@ def test_gravity_gradient_turns_bodies_in_space_only(noted):
 )  # fmt: skip
 def test_a_force_says_what_does_not_fit_it(noted, force, place, said):
     assert noted(force, SE3) == [(place, said)]
-
-
-def test_gravity_pulls_no_torque_from_a_body_that_is_in_line_with_it():
-    force = GravityGradient(rate=0.3, inertia=[1.0, 2.0, 2.5])
-    found = acting(force, SE3, np.eye(4)[None], np.zeros((1, 6)))
-    np.testing.assert_array_equal(found, np.zeros((1, 6)))
-    assert force.instants(SE3, 1.0).size == 0
 
 
 def test_a_lag_follows_its_command():
@@ -541,13 +508,6 @@ def test_what_a_part_computes_of_its_options_is_no_option(part, hidden):
     for name in hidden:
         with pytest.raises(TypeError, match=name):
             part(**{name: 1.0})
-
-
-def test_options_that_all_sensors_share_have_names():
-    """A number without a name is the first of the own ones."""
-    assert (Noise(0.1, 0.2).std, Noise(0.1, 0.2).density) == (0.1, 0.2)
-    with pytest.raises(TypeError):
-        Noise(0.1, 0.2, "rotation")
 
 
 def test_only_numbers_of_a_run_are_leaves():
