@@ -113,11 +113,11 @@ class PositionGains(Keys):
     def check(self, space: int, problems: Problems) -> None:
         """Note gains that are missing, twice there, or not for each axis; c1 without integral."""
         for name, of_force in OF_FORCE.items():
-            given = [key for key in (name, of_force) if getattr(self, key) is not None]
-            if len(given) != 1:
-                got = "both" if given else "neither"
+            keys = [key for key in (name, of_force) if getattr(self, key) is not None]
+            if len(keys) != 1:
+                got = "both" if keys else "neither"
                 problems.at(name).add(f"expected {name}, or {of_force} of the force, got {got}")
-            for key in given:
+            for key in keys:
                 check_each_axis(getattr(self, key), space, problems.at(key))
         if self.ki is not None and self.ki < 0:
             problems.at("ki").add(

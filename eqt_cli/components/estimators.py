@@ -369,8 +369,8 @@ class _Past:
         rings = {"velocity": self._velocities, "live": self._live, "fresh": self._fresh}
         for channel, values in zip(self._schedule.fixes, self._values, strict=True):
             rings[f"fix_{channel.part.name}"] = values
-        kept = {f"past_{name}": ring[1:] for name, ring in rings.items() if ring[1:]}
-        return {name: np.concatenate(ring, axis=-1) for name, ring in kept.items()}
+        past = {f"past_{name}": ring[1:] for name, ring in rings.items() if ring[1:]}
+        return {name: np.concatenate(ring, axis=-1) for name, ring in past.items()}
 
     def weighed(self, step: int, here: Estimate) -> Estimate:
         """Return the estimate before a step, with the weight of the velocity at its end."""

@@ -358,9 +358,9 @@ class FlatReference(ClosedReference):
             problems.add(f"flat needs group SE2 or SE3, got {G.name}")
             return
         n, ways = G.space, ("position", "minimum_snap", "of")
-        given = [name for name in ways if getattr(self, name) is not None]
-        if len(given) != 1:
-            problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(given) or 'none'}")
+        chosen = [name for name in ways if getattr(self, name) is not None]
+        if len(chosen) != 1:
+            problems.add(f"expected one of {', '.join(ways)}, got {' and '.join(chosen) or 'none'}")
         if self.position is not None:
             check_expressions(self.position, n, G, problems.at("position"))
         if self.minimum_snap is not None:

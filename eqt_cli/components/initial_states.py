@@ -484,9 +484,9 @@ class SpeedVelocity(VelocityDistribution):
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """Return the coordinates; the rotation is drawn before the translation."""
         velocity = np.zeros(G.dimension)
-        for part, given in self._by_part(G):
+        for part, motion in self._by_part(G):
             length = part.axes.stop - part.axes.start
-            velocity[part.axes] = directed(given.speed, given.axis, length, generator)
+            velocity[part.axes] = directed(motion.speed, motion.axis, length, generator)
         return velocity
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
@@ -504,9 +504,9 @@ class SpeedVelocity(VelocityDistribution):
                 problems.at("translation").add(
                     f"{G.name} has {translations or 'no'} translations; {advice}"
                 )
-        for part, given in self._by_part(G):
+        for part, motion in self._by_part(G):
             here = problems.at("axis") if part.turns else problems.at("translation", "axis")
-            check_axis(given.axis, part.axes.stop - part.axes.start, here)
+            check_axis(motion.axis, part.axes.stop - part.axes.start, here)
 
     def _by_part(self, G: MatrixLieGroup) -> Iterator[tuple[Part, Speed]]:
         """Yield the parts of the velocity that may differ from 0."""

@@ -414,8 +414,8 @@ def channels(
                 continue
             timing: dict[str, Any] = dict.fromkeys(TIMING)
             for sensor in measuring:
-                given = {name: getattr(sensor, name) for name in TIMING}
-                timing |= {name: value for name, value in given.items() if value is not None}
+                own_timing = {name: getattr(sensor, name) for name in TIMING}
+                timing |= {name: value for name, value in own_timing.items() if value is not None}
             clock = control.clock_of(timing["period"], timing["offset"])
             delay = control.ticks_of(timing["delay"] or 0)
             loses = next((sensor for sensor in measuring if sensor.loses), None)

@@ -252,8 +252,8 @@ def _cross_validated_weight(bending: _Bending, differences: Array) -> float:
     grid = np.linspace(*_range(bending), 41)  # the best of a grid, refined
     best = int(np.argmin([score(float(power)) for power in grid]))
     bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-    found = minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-8})
-    return float(np.exp(found.x))
+    minimum = minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-8})
+    return float(np.exp(minimum.x))
 
 
 LATEST, CLOSEST = 1e9, 1e-9
