@@ -467,14 +467,6 @@ def test_a_body_with_the_known_drag_follows_its_reference(changes):
     assert max(errors_on(np.linspace(0.0, 2.0, 9), **changes)) <= most
 
 
-def test_without_drag_in_the_model_a_circle_is_missed_by_half_a_metre():
-    known = with_drag([2.2, 2.2, 0.0])["model"]
-    unknown = {"model": QUADROTOR["model"], "plant": known}
-    missed, turned = errors_on(np.linspace(0.0, 6.0, 61), **unknown)
-    assert missed > 0.1
-    assert turned > 0.1
-
-
 def test_a_free_heading_flies_drag_that_is_the_same_across():
     known = with_drag([2.2, 2.2, 0.4]) | {"reference": {**CIRCLE, "heading": "free"}}
     assert errors_on(np.linspace(0.0, 2.0, 9), **known)[0] <= 1e-9

@@ -148,22 +148,6 @@ def test_a_jet_that_fails_pushes_no_more(solved, engine):
     np.testing.assert_allclose(s.vehicle["propellant"][0, :, 0], burnt, rtol=1e-12, atol=1e-18)
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
-def test_a_pulse_has_the_impulse_of_its_width(solved, engine):
-    """A body that turns about z alone gains arm · thrust · width/J in each period, to rounding."""
-    text = TEXT.replace("JETS", WIDTH).replace("ENGINE", engine)
-    text = text.replace("centre: [0.9, -0.5, 0.7]", "centre: [0, 0, 0.7]")
-    text = text.replace("coordinates: [0.2, -0.1, 0.3]", "coordinates: [0, 0, 0.3]")
-    problem, solution = solved(text, "lee2010")
-    s = problem.loop.tracking(problem.times, solution.states)
-    thrusts = problem.loop.vehicle.thrust(SO3, problem.loop.command(s), s.vehicle)[0]
-    on = (thrusts[:-1] > 0).reshape(10, 20, 6).sum(axis=1)  # instants of each period
-    momentum = s.V[0, ::20, 2] * INERTIA[2]
-    gained = STEP * on @ (THRUST * MATRIX[2])
-    assert len(np.unique(on[:, 5])) > 3
-    np.testing.assert_allclose(np.diff(momentum), gained, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
 def test_the_modulator_has_its_published_times(share):
     """T_on = −T ln((U_off − K(r−1))/(U_on − K(r−1))), T_off = −T ln((U_on − Kr)/(U_off − Kr))."""

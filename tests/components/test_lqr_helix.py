@@ -7,7 +7,6 @@ equations of a rigid body that rotors push along one axis. Only the configuratio
 import functools
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 
@@ -19,7 +18,6 @@ REPEATS = 2.0
 """Period of the body velocity along the helix, s."""
 WEIGHTS = {"pose": [4, 4, 4, 2, 2, 2], "velocity": 0.5, "torque": [2, 2, 2, 0.1, 0.1, 0.1]}
 ROTORS = [[0, 1, 0, -1], [-1, 0, 1, 0], [1, -1, 1, -1], [0] * 4, [0] * 4, [-1] * 4]
-PERIOD = 0.02
 
 
 def config(**changes):
@@ -130,9 +128,6 @@ def test_gains_tend_to_those_of_the_riccati_equation():
     assert np.abs((4 * many - few) / 3 - expected).max() < 1e-5 * size
 
 
-SAMPLED = {"control": {"period": PERIOD, "delay": 1}}
-
-
 def test_gains_of_a_sampled_loop_are_those_of_the_difference_equation():
     """States ε, e, the command that acts and the one on its way; A of each period at its middle."""
     period = 0.04
@@ -159,19 +154,3 @@ def test_gains_of_a_sampled_loop_are_those_of_the_difference_equation():
     own = np.concatenate([found[:, :, :12], found[:, :, 18:24]], axis=-1)
     assert np.abs(own - expected).max() < 1e-9 * size  # differences of the loop; measured 9e-11
     assert np.abs(np.delete(found, [*range(12), *range(18, 24)], axis=-1)).max() < 1e-9 * size
-
-
-@pytest.mark.ci("compiles the loops")
-@pytest.mark.parametrize("vehicle", [{}, SAMPLED], ids=["continuous", "sampled"])
-def test_it_flies_the_helix_by_both_engines(vehicle, tmp_path):
-    """Errors halve in a period; a feedforward that is held and late leaves an error of 0.1."""
-    found = [
-        eqt_cli.run(
-            config(solver={"engine": engine, "cross_check": 0}, **vehicle), tmp_path / engine
-        ).to_xarray()
-        for engine in ("native", "solve_ivp")
-    ]
-    for name in ("pose", "velocity", "torque"):
-        np.testing.assert_allclose(*(each[name].values for each in found), rtol=0, atol=1e-7)
-    error = found[0].pose_error.values[0]
-    assert (error[:, -1] < (0.2 if vehicle else error[:, 0] / 2)).all()

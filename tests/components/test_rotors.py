@@ -15,9 +15,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.components.forces import Drag, Restoring
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Failure, Thruster, Thrusters
-from eqt_cli.config import shipped
 from eqt_cli.loop.linearised import flow
-from eqt_cli.results.result import open_result
 
 SE3 = group_named("SE3")
 J, MASS = np.array([3.65e-3, 3.68e-3, 7.03e-3]), 0.5
@@ -130,23 +128,6 @@ def test_on_its_reference_a_loop_starts_with_the_rotors_running(experiment, cont
     matrix = flow(loop, np.zeros(1), *there)[0]  # of a sampled loop, under a held command
     lagging = np.sort(np.abs(np.linalg.eigvals(matrix) + 1 / 0.03))[:3]
     assert np.isfinite(matrix).all() and (control is None or lagging.max() < 1e-6)
-
-
-@pytest.mark.ci("compiles a long law; test_benchmarks.py flies it beside a plain program")
-def test_a_crazyflie_flies_by_both_engines_alike(invoke, tmp_path):
-    short = "time.duration=0.02", "time.samples=3", "ensemble.runs=1", "solver.cross_check=0"
-    found = []
-    for engine in ("native", "solve_ivp"):
-        overrides = [word for key in (*short, f"solver.engine={engine}") for word in ("--set", key)]
-        invoke("run", shipped.folder() / "crazyflie.yaml", *overrides, "--out", tmp_path / engine)
-        with open_result(tmp_path / engine) as result:
-            found.append((result["pose"], result["thrust"], result["attitude_command_error"]))
-    for one, other in zip(*found, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-7)  # a hundred rtol
-    away = found[0][2]  # of a body that starts askew
-    assert (away > 0.01).all() and (away < 2).all()
-    hover = 0.2943 / 4
-    assert (np.abs(found[0][1] - hover) < 0.5 * hover).all()
 
 
 # Rotors with inertia, that fail, on a battery that sags -------------------------------------------

@@ -79,9 +79,9 @@ def test_a_rate_limit_bounds_every_step(solved, engine):
 def test_noise_has_the_covariance_that_is_asked_for(period):
     # 200 000 samples: variances err by 0.3 %, correlations by 0.2 %; five of these are allowed.
     count = 200_000
-    for noise, std in ((Noise(std=[0.1, 0.2, 0.3]), [0.1, 0.2, 0.3]),):
-        found = noise.errors(SO3, count, period, generator_at(0, Stream.VEHICLE, 0, "a"))
-        np.testing.assert_allclose(np.cov(found.T), np.diag(np.square(std)), atol=0.016 * 0.09)
+    std = [0.1, 0.2, 0.3]
+    found = Noise(std=std).errors(SO3, count, period, generator_at(0, Stream.VEHICLE, 0, "a"))
+    np.testing.assert_allclose(np.cov(found.T), np.diag(np.square(std)), atol=0.016 * 0.09)
     found = Noise(density=0.1).errors(SO3, count, period, generator_at(0, Stream.VEHICLE, 0, "b"))
     np.testing.assert_allclose(found.var(axis=0), 0.01 / period, rtol=0.016)
     later = (found[1:] * found[:-1]).mean(axis=0) * period / 0.01
@@ -106,17 +106,6 @@ def test_a_bias_walks_by_the_root_of_time(period):
     )
     np.testing.assert_array_equal(found[:, 0], 1.0)
     np.testing.assert_allclose(found[:, -1].var(axis=0), 0.09 * 2.0, rtol=0.16)
-
-
-def test_streams_are_not_correlated():
-    # Means of 20 000 products err by 0.7 %; five of these are allowed.
-    places = [("a", 0), ("b", 0), ("a", 1)]
-    streams = [
-        Noise(std=1.0).errors(SO3, 20_000, 0.1, generator_at(0, Stream.VEHICLE, run, place))
-        for place, run in places
-    ]
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        np.testing.assert_allclose((streams[i] * streams[j]).mean(axis=0), 0.0, atol=0.035)
 
 
 def test_both_engines_meet_the_same_vehicles_and_noise(solved):

@@ -240,23 +240,6 @@ def test_a_bias_moves_the_wheels_and_not_the_body():
     assert null @ rate == pytest.approx(null @ (np.array(target) - h) / 20, rel=1e-12)
 
 
-def test_margins_leave_the_momentum_of_the_start(experiment_of):
-    """A spinning wheel turns a body that is pushed: the gyroscopic term is in the linear loop."""
-    from eqt_cli.loop.linearised import linearised
-
-    experiment = experiment_of(
-        TEXT.replace("control: {period: 0.1}\n", "").replace("speed: 600, ", "")
-    )
-    [loop] = experiment.loops.values()
-    found = linearised(loop, *along_reference(experiment, experiment.reference_over_horizon()))
-    H = pyramid() @ [4e-3, -3e-3, 4e-3, 1e-3]
-    inverse = np.linalg.inv(INERTIA)
-    hand = np.block(
-        [[np.zeros((3, 3)), np.eye(3)], [-0.008 * inverse, inverse @ (hat(H) - 0.01 * np.eye(3))]]
-    )
-    np.testing.assert_allclose(found.closed[0], hand, atol=1e-8)
-
-
 @from_yaml
 def test_what_does_not_fit_is_said(options, message):
     parts = {"friction": Friction, "bias": Bias}
