@@ -235,8 +235,7 @@ class ClosedLoop:
             return dissipation
         law = self.controller.formula
         assert law is not None  # without a formula, the dissipation is None
-        unknown = acting - law.torque(s)
-        return dissipation - dot(unknown, self.controller.velocity_error(s))
+        return dissipation - dot(acting - law.torque(s), self.controller.velocity_error(s))
 
     @property
     def departures(self) -> str:
@@ -344,8 +343,7 @@ class ClosedLoop:
         dtype = np.result_type(Q, V, Qd, Vd)
         state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
         if any(name.startswith(MEMORY) for name in stretches):
-            memory = self.controller.initial_memory(self.tracking(t, state))
-            stretches |= _named(MEMORY, memory)
+            stretches |= _named(MEMORY, self.controller.initial_memory(self.tracking(t, state)))
             state = self.layout.join(stretches, state)
         if self.vehicle.runs:
             s = self.tracking(t, state)
@@ -355,8 +353,14 @@ class ClosedLoop:
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """Return everything a law may read, at t and a flat state ``(..., state_length)``."""
-        parts = self.layout.split(state)
+        parts, batch = self.layout.split(state), state.shape[:-1]
         desired, inertia = self._desired(t, state)
+        flat = None
+        if self.controller.reads_flat_output:
+            flat = (self.held_reference or self.reference).flat_output(self.group, t)
+            assert flat is not None  # as the configuration was checked for
+            heading = None if flat.heading is None else _spread(flat.heading, batch, 1)
+            flat = FlatOutput(_spread(flat.position, batch, 2), heading)
         s = Tracking(
             G=self.group,
             inertia=inertia,
@@ -369,26 +373,16 @@ class ClosedLoop:
             tau_d=desired.tau,
             memory=_of(MEMORY, parts),
             vehicle=_of(VEHICLE, parts),
-            flat=self._flat_output(t, state.shape[:-1]),
+            flat=flat,
         )
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
         if self.controller.preview:
             ahead = self.held_ahead or self._ahead
-            s = dataclasses.replace(s, ahead=partial(ahead.motion, self.group, t, state.shape[:-1]))
+            s = dataclasses.replace(s, ahead=partial(ahead.motion, self.group, t, batch))
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
             return s
-        batch = state.shape[:-1]
         return s.following(_spread(desired.V, batch, 1), _spread(desired.V_dot, batch, 1))
-
-    def _flat_output(self, t: Any, batch: tuple[int, ...]) -> FlatOutput | None:
-        """Return the flat output of the reference, for a law that reads it."""
-        if not self.controller.reads_flat_output:
-            return None
-        output = (self.held_reference or self.reference).flat_output(self.group, t)
-        assert output is not None  # as the configuration was checked for
-        heading = None if output.heading is None else _spread(output.heading, batch, 1)
-        return FlatOutput(_spread(output.position, batch, 2), heading)
 
     def _desired(self, t: Any, state: Array) -> tuple[Desired, Inertia]:
         """Return the desired state at t and a flat state, and the law's model of the inertia."""
@@ -500,8 +494,7 @@ class ClosedLoop:
 
     def solution(self, state: Array, torque: Array) -> Array:
         """Return the vehicle's solution, such as thrusts, for a commanded torque."""
-        states = _of(VEHICLE, self.layout.split(state))
-        return self.vehicle.solution(self.group, torque, states)
+        return self.vehicle.solution(self.group, torque, _of(VEHICLE, self.layout.split(state)))
 
     def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
         """Return a flat state after a tick; t and state are those before it.
@@ -509,8 +502,8 @@ class ClosedLoop:
         The law is evaluated at its input, `law_input`, with these measurement errors.
         """
         state = self.measured(t, state, errors)
-        inputs = self.law_input(t, state, errors)
-        return self.after_answer(t, state, *self.answer_if_due(inputs, state))
+        answer = self.answer_if_due(self.law_input(t, state, errors), state)
+        return self.after_answer(t, state, *answer)
 
     def answer_if_due(
         self, inputs: LawInput, state: Array, rows: Array | None = None
@@ -632,14 +625,11 @@ def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
 
 def vehicle_parts(loop: ClosedLoop) -> list[LoopPart]:
     """Return the parts of the vehicle, between the law and the motion."""
-    return [
-        LoopPart(part, parse_key(place), _name(part, place))
-        for place, part in loop.vehicle.parts.items()
-    ]
-
-
-def _name(part: Any, place: str) -> str:
-    kind = next(
-        (kind for kind in (Force, Actuator, Sensor, Estimator) if isinstance(part, kind)), None
-    )
-    return f"'{place}'" if kind is None else f"{kind.__name__.lower()} '{part.name}'"
+    parts = []
+    for place, part in loop.vehicle.parts.items():
+        name = f"'{place}'"
+        for kind in (Force, Actuator, Sensor, Estimator):
+            if isinstance(part, kind):
+                name = f"{kind.__name__.lower()} '{part.name}'"
+        parts.append(LoopPart(part, parse_key(place), name))
+    return parts

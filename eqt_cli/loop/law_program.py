@@ -16,6 +16,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import LATER, LawInput
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
@@ -125,10 +126,14 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
     with_outputs
         Whether to trace what the law gives besides torque and memory.
     """
-    G, held = loop.group, loop.controller.held(loop.group, 0.0)
-    loop = dataclasses.replace(loop, held_law=held)
-    entries, numbers, memory = _inputs(loop), _numbers(loop), _memory(loop)
-    outputs = _outputs(loop) if with_outputs else ()
+    G = loop.group
+    loop = dataclasses.replace(loop, held_law=loop.controller.held(G, 0.0))
+    entries, numbers, law = _inputs(loop), _numbers(loop), loop.controller
+    memory, outputs = _numbers_of_law(law, law.memory(G)), tuple[Entry, ...]()
+    if with_outputs:
+        lengths = law.outputs(G).items()
+        more = {name: length for name, length in lengths if name not in law.memory(G)}
+        outputs = _numbers_of_law(law, more)
     units, known = {each.source: each.unit for each in entries}, MISSING if adapter else INPUT
     reads = tuple(adapter.entries(G, units)) if adapter else entries
     groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
@@ -245,21 +250,10 @@ def name_of_number(path: str) -> str:
     return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER).removeprefix(HELD))
 
 
-def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
-    return _numbers_of_law(loop, loop.controller.memory(loop.group))
-
-
-def _outputs(loop: ClosedLoop) -> tuple[Entry, ...]:
-    law, G = loop.controller, loop.group
-    more = {name: length for name, length in law.outputs(G).items() if name not in law.memory(G)}
-    return _numbers_of_law(loop, more)
-
-
-def _numbers_of_law(loop: ClosedLoop, lengths: Mapping[str, int]) -> tuple[Entry, ...]:
-    units, names = loop.controller.output_units, distinct(lengths)
+def _numbers_of_law(law: Controller, lengths: Mapping[str, int]) -> tuple[Entry, ...]:
     return tuple(
-        Entry(name, (lengths[source],), source, units.get(source, ""))
-        for name, source in zip(names, lengths, strict=True)
+        Entry(name, (lengths[source],), source, law.output_units.get(source, ""))
+        for name, source in zip(distinct(lengths), lengths, strict=True)
     )
 
 

@@ -8,7 +8,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial, reduce
+from functools import cached_property, partial
 from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -422,18 +422,14 @@ class _About:
 
     def moved(self, x: Array) -> Self:
         """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
-        m = self.loop.group.dimension
-        poses = self.poses @ self.loop.group.exp(x[:, :m])
+        G = self.loop.group
+        poses = self.poses @ G.exp(x[:, : G.dimension])
         parts = self.loop.layout.split(self.states)
         parts |= {name: parts[name] + x[:, where] for name, where in self.others.items()}
         states = self.loop.layout.join(parts, self.states)  # there is no estimator yet
-        offset = self.loop.group.log(self.loop.group.inverse(self.desired) @ poses)
+        Qd = self.loop.tracking(self.times, self.states).Qd
+        offset = G.log(G.inverse(Qd) @ poses)
         return dataclasses.replace(self, poses=poses, states=states, offset=offset)
-
-    @cached_property
-    def desired(self) -> Array:
-        """The desired pose Q_d."""
-        return self.loop.tracking(self.times, self.states).Qd
 
     def charts(self) -> Iterator[tuple[Array, Array, int]]:
         """Yield T and Ṫ, ``(times, n, n)``, of coordinates x' = T x in which a loop may not change.
@@ -456,30 +452,25 @@ class _About:
         yield T, rate, n
         if n == 2 * m and self.loop.controller.loop_errors(s) is not None:
             # Forward differences: a reference begins at its first time.
-            T, *later = (self._later(k * STEP)._errors.slope for k in range(3))
+            T, *later = (self._slope_of_errors(k * STEP) for k in range(3))
             yield (T, (4 * later[0] - 3 * T - later[1]) / (2 * STEP), 2 * rigid(G).rotations)
 
-    def _later(self, step: float) -> Self:
-        """Return the chart a step later along a reference in closed form."""
-        s = self.loop.tracking(self.times + step, self.states)
-        return type(self).reference(self.loop, self.times + step, s.Qd, s.Vd)
-
-    @property
-    def _errors(self) -> _Derivative:
-        """The errors of the law as a function of x."""
+    def _slope_of_errors(self, step: float) -> Array:
+        """Return ∂/∂x of the law's errors, a step later along a reference in closed form."""
+        loop, times = self.loop, self.times + step
+        s = loop.tracking(times, self.states)
+        about = type(self).reference(loop, times, s.Qd, s.Vd)
 
         def errors(x: Array) -> Array:
-            values = self.loop.controller.loop_errors(self.loop.tracking(self.times, self._flat(x)))
-            return cast(Array, values)
+            return cast(Array, loop.controller.loop_errors(loop.tracking(times, about._flat(x))))
 
-        return self._derivative(errors, with_command=False)
+        return about._derivative(errors, with_command=False).slope
 
     @property
     def is_same_at_all_times(self) -> bool:
         """Whether neither the matrices nor the steps to rest depend on time."""
         sampled = () if self.loop.vehicle.control is None else (*self._measurements, *self._answers)
-        slopes = [self._flow, *sampled]
-        if not all(_same(each.slope) for each in slopes):
+        if not all(_same(part.slope) for part in (self._flow, *sampled)):
             return False
         steps = self.steps_to_rest()
         return bool(np.abs(steps - steps[0]).max() <= AT_REST)
@@ -585,18 +576,17 @@ class _About:
         """x after the measurements at each tick of a cycle; none if nothing changes it."""
         if not self.loop.changes_by_measuring:
             return []
-        derivatives: dict[Any, _Derivative] = {}
-        kinds = [k if self.bases else self._event(k) for k in range(self.instants)]
-        for instant, kind in enumerate(kinds):
-            if kind not in derivatives:
-                after = partial(self._after_measuring, instant=instant)
-                derivatives[kind] = self._derivative(after, with_command=False)
-        return [derivatives[kind] for kind in kinds]
-
-    def _event(self, instant: int) -> tuple[bool, ...]:
-        """Return which of the channels that hold measure at a tick."""
         holding = self.loop.vehicle.holding(self.loop.group)
-        return tuple(each.clock.is_due(instant) for each in holding)
+        derivatives: dict[Any, _Derivative] = {}
+        measured = []
+        for tick in range(self.instants):
+            # Ticks at which the same channels measure are alike, unless an estimator differs.
+            kind = tick if self.bases else tuple(each.clock.is_due(tick) for each in holding)
+            if kind not in derivatives:
+                after = partial(self._after_measuring, instant=tick)
+                derivatives[kind] = self._derivative(after, with_command=False)
+            measured.append(derivatives[kind])
+        return measured
 
     @np.errstate(all="ignore")
     def _derivative(
@@ -616,22 +606,18 @@ class _About:
 
     def _flat(self, x: Array, base: Array | None = None) -> Array:
         """Return the flat states at x, ``(k, times, l)``."""
-        loop, m = self.loop, self.loop.group.dimension
+        loop, G, m = self.loop, self.loop.group, self.loop.group.dimension
         like = np.empty((len(x), *self.states.shape))
         parts = loop.layout.split(self.states if base is None else base)
         for name, where in self.others.items():
-            parts[name] = self._with(name, parts[name], x[..., where])
-        parts["pose"] = loop.group.pack(self.poses @ loop.group.exp(x[..., :m]))
+            if name in _POSES:
+                parts[name] = G.pack(G.unpack(parts[name]) @ G.exp(x[..., where]))
+            else:
+                parts[name] = parts[name] + x[..., where]
+        parts["pose"] = G.pack(self.poses @ G.exp(x[..., :m]))
         s = loop.tracking(self.times, loop.layout.join(parts, like))
         parts["momentum"] = s.inertia.momentum(s.relative.Vd + x[..., m : 2 * m])
         return loop.layout.join(parts, like)
-
-    def _with(self, name: str, values: Array, x: Array) -> Array:
-        """Return a stretch at the distance x from its values at the base."""
-        if name not in _POSES:
-            return values + x
-        G = self.loop.group
-        return G.pack(G.unpack(values) @ G.exp(x))
 
     def _others(self, states: Array, base: Array) -> list[Array]:
         """Return x of flat states behind pose and momentum."""
@@ -660,9 +646,8 @@ class _About:
         if self.bases and instant is not None:
             before, after = self.bases[instant : instant + 2]
             number = instant + 1
-        states = self.loop.measured(
-            self.times, self._flat(x, before), _at_instant(self.loop, number)
-        )
+        errors = _at_instant(self.loop, number)
+        states = self.loop.measured(self.times, self._flat(x, before), errors)
         moved = np.zeros((*states.shape[:-1], 2 * self.loop.group.dimension))
         moved += x[..., : moved.shape[-1]]
         return np.concatenate([moved, *self._others(states, after)], axis=-1)
@@ -687,13 +672,13 @@ class _About:
 def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     """Return measurements without errors at a tick of a cycle; None: the first ones."""
     G, holding = loop.group, loop.vehicle.holding(loop.group)
-    flags = [
-        FIRST if instant is None else MEASURED if each.clock.is_due(instant) else NOTHING
-        for each in holding
-    ]
+    flags = [FIRST] * len(holding)
+    if instant is not None:
+        flags = [MEASURED if channel.clock.is_due(instant) else NOTHING for channel in holding]
     still = np.zeros(G.dimension)
     bias = still if loop.vehicle.estimator is not None else np.empty(0)
-    return Errors(G.identity, still, np.array(flags), bias, np.zeros(3 * bool(loop.vehicle.magnet)))
+    flux = np.zeros(3 if loop.vehicle.magnet else 0)
+    return Errors(G.identity, still, np.array(flags), bias, flux)
 
 
 def _moving(phases: Sequence[Phase]) -> tuple[Phase, ...]:
@@ -775,9 +760,9 @@ def _grown(loop: Linearised, place: int) -> Growth:
     balances the matrix; that error is relative to each row, and so no fast state hides a slow one.
     """
     matrix = loop.closed[place]
-    size = reduce(
-        lambda M, phase: np.abs(phase.closed[place]) @ M, loop.phases, np.eye(len(matrix))
-    )
+    size = np.eye(len(matrix))
+    for phase in loop.phases:
+        size = np.abs(phase.closed[place]) @ size
     error = DERIVATIVE * size.max(axis=1, keepdims=True)
     eigenvalues, right = np.linalg.eig(matrix)
     eigenvalues = eigenvalues.astype(complex)
@@ -795,9 +780,8 @@ def _grown(loop: Linearised, place: int) -> Growth:
     doubtful = ~(np.abs(beyond) > moves)
     several = ~(moves < DEFECTIVE * DERIVATIVE * np.abs(eigenvalues).max())  # in any units
     if (doubtful & several).any():
-        random = np.random.default_rng(0)
-        shape = (TRIALS, *matrix.shape)
-        tried = matrix + 10 * error * random.uniform(-1, 1, shape) * (matrix != 0)
+        random = np.random.default_rng(0).uniform(-1, 1, (TRIALS, *matrix.shape))
+        tried = matrix + 10 * error * random * (matrix != 0)
         worst = _beyond(loop, np.linalg.eigvals(tried)).max()
         doubtful &= ~(several & (beyond < 0)) | (worst >= 0)
     rates = beyond
