@@ -494,17 +494,14 @@ DAMAGED = "# parts of the file are damaged and were skipped"
 """First line of the table of a damaged file."""
 
 
-def _formats() -> dict[str, str]:
-    """Return the modules of extensions that read recordings, by the suffix of the files."""
-    return {
-        suffix: f"{extension}.{module}"
-        for extension, manifest in extensions().items()
-        for suffix, module in getattr(manifest, "RECORDINGS", {}).items()
-    }
-
-
 def _reader(name: str) -> str | None:
-    return _formats().get(PurePath(name.lower()).suffix)
+    """Return the module of an extension that reads recordings with the suffix of this file."""
+    suffix, reader = PurePath(name.lower()).suffix, None
+    for extension, manifest in extensions().items():
+        modules = getattr(manifest, "RECORDINGS", {})
+        if suffix in modules:
+            reader = f"{extension}.{modules[suffix]}"
+    return reader
 
 
 _BY_NAME = "eqt itself: give it a name that ends in {}"

@@ -20,7 +20,6 @@ from eqt_cli.components.log_table import (
     LogTable,
     MappingError,
     Sheet,
-    TimeMapping,
     TrajectoryFormat,
     open_sheet,
     with_units,
@@ -88,12 +87,11 @@ class RecordedColumns(NamedTuple):
 def recorded_columns(G: MatrixLieGroup, suffix: str = "") -> Iterator[RecordedColumns]:
     """Return the columns that velocities and wrenches of a group may have; none if not known."""
     if isinstance(G, ProductGroup):
-        for k, (factor, first, place) in enumerate(
-            zip(G.factors, G.coordinates, G.places, strict=True), start=1
-        ):
-            for each in recorded_columns(factor, str(k)):
-                axes = slice(first.start + each.axes.start, first.start + each.axes.stop)
-                yield each._replace(axes=axes, place=place)
+        parts = zip(G.factors, G.coordinates, G.places, strict=True)
+        for k, (factor, first, place) in enumerate(parts, start=1):
+            for columns in recorded_columns(factor, str(k)):
+                axes = slice(first.start + columns.axes.start, first.start + columns.axes.stop)
+                yield columns._replace(axes=axes, place=place)
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return
     translations = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
@@ -242,19 +240,14 @@ def _assembled(
 ) -> Array:
     """Return poses from the columns of rotations and translations."""
     if isinstance(G, ProductGroup):
-        return G.assemble(
-            [
-                _assembled(table, factor, str(k), names, mapping)
-                for k, factor in enumerate(G.factors, start=1)
-            ]
-        )
+        factors = enumerate(G.factors, start=1)
+        return G.assemble([_assembled(table, f, str(k), names, mapping) for k, f in factors])
     assert isinstance(G, EuclideanGroup)
     form, columns = _rotation(G, suffix, names), pose_columns(G, suffix, names)
     rotation = columns[: len(form)]
     rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
     if len(form) == 1:
-        angle = table.get(rotation)
-        rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
+        rotations = G.rotation(G.exp(np.pad(table.get(rotation), ((0, 0), (0, G.dimension - 1)))))
     elif form == EULER:
         axis = dict(zip("zyx", EULER, strict=True))
         angles = table.get([axis[letter] + suffix for letter in mapping.euler.lower()])
@@ -426,18 +419,14 @@ def read_log(
     sheet = with_units(sheet, mapping, used)
     table, times = _timed(sheet.table(used), form, mapping)
     sheet = replace(sheet, lines=[])  # frees memory of the size of the file
-    missing = times[:-1][_is_gap(np.diff(times), mapping.time)]
+    steps, longest = np.diff(times), mapping.time.gap
+    if longest is None:
+        longest = GAP * np.median(steps) if len(steps) > 2 else np.inf
+    missing = times[:-1][steps > longest]
     if mapping.time.rate is not None:
         held = {*speeds}.union(*(each.names for each in recorded if each.kind in WRENCH))
         table, times = _resampled(table, times, mapping.time.rate, held)
     return Log(sheet, table, columns, times, recorded, G, mapping, missing, speeds)
-
-
-def _is_gap(steps: Array, time: TimeMapping) -> Array:
-    """Return whether each step is a gap."""
-    usual = np.median(steps) if len(steps) > 2 else np.inf
-    long: Array = steps > (GAP * usual if time.gap is None else time.gap)
-    return long
 
 
 def _resampled(

@@ -143,8 +143,7 @@ def _variants(log: Log, kind: str) -> Iterator[tuple[str, Log]]:
     """Yield the log as read by other common mappings, each with the key to change."""
     frame = "spatial" if getattr(log.mapping, kind) == "body" else "body"
     yield f"`{kind}: {frame}`", log.with_mapping(**{kind: frame})
-    is_inverse = log.mapping.attitude == "world_to_body"
-    attitude = "body_to_world" if is_inverse else "world_to_body"
+    attitude = "body_to_world" if log.mapping.attitude == "world_to_body" else "world_to_body"
     yield f"`attitude: {attitude}`", log.with_mapping(attitude=attitude)
     if set(QUATERNION) <= set(log.columns.names):
         yield other_order(log), reordered(log)
@@ -173,15 +172,14 @@ def reordered(log: Log) -> Log:
 @np.errstate(all="ignore")  # absurd numbers overflow; they fit nothing
 def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
     """Compare velocities with those of the poses in world axes; None where nothing moves."""
-    poses = log.poses
-    R = G.rotation(poses)
+    R = G.rotation(log.poses)
     velocity = apply_matrix(R, log.in_body(recorded))
     if recorded.kind == "rates":
         turn = G.rotation_group.log
         rows = _windows(lambda i, j: norm(turn(R[j] @ transpose(R[i]))), len(R), ROTATION)
         derived = None if rows is None else turn(R[rows[1]] @ transpose(R[rows[0]]))
     else:
-        p = G.translations(poses)[..., G.columns.index("position")]
+        p = G.translations(log.poses)[..., G.columns.index("position")]
         range_of = float(norm(p.max(axis=0) - p.min(axis=0)))
         rows = _windows(lambda i, j: norm(p[j] - p[i]), len(p), SHARE * range_of)
         derived = None if rows is None else p[rows[1]] - p[rows[0]]
@@ -195,8 +193,7 @@ def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
     before = np.cumsum(missing)
     complete = before[first] == before[last]
     first, last, derived = first[complete], last[complete], derived[complete]
-    steps = np.diff(log.times)[:, None]
-    areas = (velocity[1:] + velocity[:-1]) / 2 * steps
+    areas = (velocity[1:] + velocity[:-1]) / 2 * np.diff(log.times)[:, None]
     integral = np.concatenate([np.zeros((1, 3)), np.cumsum(areas, 0)])
     measured = integral[last] - integral[first]
     size = float(np.sum(derived * derived))
@@ -253,17 +250,6 @@ def notes(log: Log) -> Iterator[str]:
     if log.sheet.damaged:
         yield "parts of the file are damaged and were skipped"
     yield from incomplete_columns({*log.sheet.names} - {*log.columns.names})
-    yield from _angles_without_unit(log)
-    yield from _times(log)
-    normalised = [name for name, unit in log.sheet.units.items() if unit == NORMALISED]
-    if named := ", ".join(each for each in normalised if each in log.table.columns):
-        yield f"{named}: normalised; the actuator `scale` gives their unit, or fit finds it"
-    yield from misfits(log)
-    yield from _start(log)
-    yield from log.sheet.notes(log.table)
-
-
-def _angles_without_unit(log: Log) -> Iterator[str]:
     for name in log.columns.names:
         if "rad" in units_of(name) and not log.sheet.units.get(name):
             largest = float(np.abs(log.table.columns[name]).max())
@@ -273,6 +259,13 @@ def _angles_without_unit(log: Log) -> Iterator[str]:
                     f"is taken as rad; add `units: {{{name}: deg}}` to the mapping, or rad if it "
                     "is meant"
                 )
+    yield from _times(log)
+    normalised = [name for name, unit in log.sheet.units.items() if unit == NORMALISED]
+    if named := ", ".join(each for each in normalised if each in log.table.columns):
+        yield f"{named}: normalised; the actuator `scale` gives their unit, or fit finds it"
+    yield from misfits(log)
+    yield from _start(log)
+    yield from log.sheet.notes(log.table)
 
 
 def _times(log: Log) -> Iterator[str]:
@@ -295,15 +288,16 @@ def _start(log: Log) -> Iterator[str]:
     """Report a first pose that is level only with another quaternion order, or other axes."""
     if not isinstance(log.group, EuclideanGroup) or log.group.rotations != 3:
         return
-    one = log.part(slice(1))
+    first = log.part(slice(1))
     if set(QUATERNION) <= set(log.columns.names):
-        angles = [_angle(_rotation(each)) for each in (one, reordered(one))]
+        cosines = [(np.trace(_rotation(read)) - 1) / 2 for read in (first, reordered(first))]
+        angles = np.arccos(np.clip(cosines, -1.0, 1.0)).tolist()
         yield from _if_level("rotated", other_order(log), *angles)
     for which, other in (("body", "world"), ("world", "body")):
         if getattr(log.mapping, which) is None and getattr(log.mapping, other) is not None:
             change = PARTNERS[getattr(log.mapping, other)]
-            both = (one, one.with_mapping(**{which: change}))
-            tilts = [float(np.arccos(_rotation(each)[2, 2])) for each in both]
+            both = (first, first.with_mapping(**{which: change}))
+            tilts = [float(np.arccos(_rotation(read)[2, 2])) for read in both]
             yield from _if_level("tilted", f"`{which}: {change}`", *tilts)
 
 
@@ -315,13 +309,9 @@ def _if_level(how: str, words: str, here: float, there: float) -> Iterator[str]:
         )
 
 
-def _rotation(one: Log) -> Array:
-    assert isinstance(one.group, EuclideanGroup)
-    return np.clip(one.group.rotation(one.poses)[0], -1.0, 1.0)  # for arccos, in spite of rounding
-
-
-def _angle(R: Array) -> float:
-    return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1.0, 1.0)))
+def _rotation(log: Log) -> Array:
+    assert isinstance(log.group, EuclideanGroup)
+    return np.clip(log.group.rotation(log.poses)[0], -1.0, 1.0)  # for arccos, in spite of rounding
 
 
 # A recording as a motion on a group, and components that name the file of one ---------------------
