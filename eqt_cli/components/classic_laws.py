@@ -194,8 +194,7 @@ class SlidingVariable(Controller):
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
         r = self._sliding(s)
-        feedforward = r.Pd_dot - s.G.ad_star(r.Vd, r.P) + r.inertia_force
-        return feedforward - self.reaching(r)
+        return r.Pd_dot - s.G.ad_star(r.Vd, r.P) + r.inertia_force - self.reaching(r)
 
     def lyapunov(self, s: Tracking) -> Array:
         """½⟨𝕀s, s⟩."""
@@ -429,8 +428,8 @@ class Goodarzi2013(Controller):
         G, e, P = r.G, r.V_tilde, r.P_tilde
         # d(𝕀e)/dt = Ṗ − d(𝕀ξ)/dt.
         force = G.ad_star(r.V, r.P) + self.torque(s) - G.ad_star(r.Vd, r.Pd) - r.tau_d
-        without_integral = force + self.ki * self._bounded(s)
-        moved = dot(self.c2 * without_integral, self._e_R(r))
+        # Without that of the integral.
+        moved = dot(self.c2 * (force + self.ki * self._bounded(s)), self._e_R(r))
         mixed = dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
         if self.anti_windup == "none":
             return mixed
@@ -501,5 +500,4 @@ class Stabilising(_Compensation):
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d V, V⟩, and without feedforward also the power of the changing inertia."""
-        uncompensated = (1 - self.compensation) * s.inertia_force
-        return dot(s.body_damping + uncompensated, s.V_tilde)
+        return dot(s.body_damping + (1 - self.compensation) * s.inertia_force, s.V_tilde)

@@ -387,6 +387,8 @@ def group_named(name: str) -> MatrixLieGroup:
 MAX_AXES = 64
 """Largest dimension of a product; the structure constants grow with its third power."""
 
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
 
 class ProductGroup(MatrixLieGroup):
     """A direct product such as SO3*R3; coordinates and blocks in the order of its factors."""
@@ -403,8 +405,8 @@ class ProductGroup(MatrixLieGroup):
         for factor, place, coordinates in self._layout():
             self.basis[coordinates, place, place] = factor.basis
         self.axis_names = tuple(
-            f"{axis}{_subscript(index)}"
-            for index, factor in enumerate(factors)
+            f"{axis}{str(number).translate(SUBSCRIPTS)}"
+            for number, factor in enumerate(factors, 1)
             for axis in factor.axis_names
         )
 
@@ -416,15 +418,14 @@ class ProductGroup(MatrixLieGroup):
             return None
         if "" in factors:
             raise ComponentError(f"group '{name}': a factor is missing beside '*'")
-        # Each factor has at least one axis, so more factors need not be made to refuse the product.
-        made = [group_named(factor) for factor in factors[: MAX_AXES + 1]]
-        axes = sum(factor.dimension for factor in made)
-        if axes > MAX_AXES:
+        # Each factor has at least one axis, so more factors need not be read to refuse the product.
+        groups = [group_named(factor) for factor in factors[: MAX_AXES + 1]]
+        if sum(group.dimension for group in groups) > MAX_AXES:
             raise ComponentError(
                 f"group '{factors[0]}*…': its {len(factors)} factors have more than {MAX_AXES} "
                 f"axes; expected at most {MAX_AXES}"
             )
-        return cls(*made)
+        return cls(*groups)
 
     @classmethod
     def examples(cls) -> tuple[str, ...]:
@@ -553,7 +554,3 @@ def _slices(lengths: list[int]) -> list[slice]:
 
 def _shifted(part: slice, by: int) -> slice:
     return slice(part.start + by, part.stop + by)
-
-
-def _subscript(index: int) -> str:
-    return "".join(chr(ord("₀") + int(digit)) for digit in str(index + 1))

@@ -338,11 +338,10 @@ class EuclideanGroup(MatrixLieGroup):
         if V.dtype == object:
             return self._exp_of_symbols(V)
         omega, columns = V[..., : self.rotations], self._columns(V)
-        rotation = _exp_rotation(omega)
         translations = np.empty((*V.shape[:-1], self.space, len(self.columns)))
         for index in range(len(self.columns)):
             translations[..., index] = _left_jacobian_times(omega, columns[..., index, :])
-        return self.assemble(rotation, translations)
+        return self.assemble(_exp_rotation(omega), translations)
 
     def _exp_of_symbols(self, V: Array) -> Array:
         """R = I + c_1 ω^ + c_2 ω^², and (I + c_2 ω^ + c_3 ω^²) x of each column x."""
@@ -582,19 +581,14 @@ def _exp_rotation(omega: Array) -> Array:
 def _left_jacobian_times(omega: Array, x: Array) -> Array:
     """J(ω) x with J(ω) = ∫₀¹ exp(sω) ds."""
     if omega.shape[-1] == 1:
-        a, b = _planar_jacobian(omega[..., 0])
+        half = omega[..., 0] / 2
+        # sin θ / θ and (1 − cos θ) / θ, without cancellation near 0.
+        a, b = np.sinc(omega[..., 0] / np.pi), np.sinc(half / np.pi) * np.sin(half)
         return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
     from scipy.spatial.transform import RigidTransform  # slow to import, and readers do not need it
 
     coordinates = np.concatenate([omega, x], axis=-1).reshape(-1, 6)
     return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)
-
-
-def _planar_jacobian(angle: Array) -> tuple[Array, Array]:
-    """sin θ / θ and (1 − cos θ) / θ, without cancellation near 0."""
-    half = angle / 2
-    a = np.sinc(angle / np.pi)
-    return a, np.sinc(half / np.pi) * np.sin(half)
 
 
 class SO2(EuclideanGroup):

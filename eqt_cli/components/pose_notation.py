@@ -217,7 +217,7 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
                 "expected up to three axes such as ZYX (about the rotated axes) or xyz (about the "
                 f"fixed ones), got {shown(sequence)}"
             )
-        if any(one == other for one, other in pairwise(sequence)):
+        if any(axis == next_axis for axis, next_axis in pairwise(sequence)):
             raise InputError(f"expected no axis twice in a row, got {sequence}")
     if not problems and len(angles) != len(sequence):
         expected = f"expected {len(sequence)} angles for {sequence}"

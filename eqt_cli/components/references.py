@@ -303,13 +303,12 @@ class ReferenceAhead(TimeVarying):
     def motion(self, G: MatrixLieGroup, t: Any, batch: tuple[int, ...]) -> tuple[Array, Array]:
         """Return Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)``."""
         pieces = self.pieces or [self.reference] * len(self.after)
-        pairs = [each.motion(G, t + s) for each, s in zip(pieces, self.after, strict=True)]
-        shapes = (G.size, G.size), (G.dimension,)
-        Q, V = (
-            [np.broadcast_to(each[part], (*batch, *shape)) for each in pairs]
-            for part, shape in enumerate(shapes)
-        )
-        return np.stack(Q, axis=-3), np.stack(V, axis=-2)
+        poses, velocities = [], []
+        for piece, s in zip(pieces, self.after, strict=True):
+            Q, V, _ = piece.motion(G, t + s)
+            poses.append(np.broadcast_to(Q, (*batch, G.size, G.size)))
+            velocities.append(np.broadcast_to(V, (*batch, G.dimension)))
+        return np.stack(poses, axis=-3), np.stack(velocities, axis=-2)
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which the reference changes at one of the later times."""
@@ -353,9 +352,8 @@ class ConstantReference(PiecewiseReference):
         if pose is None:
             raise InputError(f"expected a pose of {G.name}, got {self.pose}")
         V = vector(self.velocity, G.dimension, G)
-        return motions.Pieces.of(
-            G, np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]])
-        )
+        polynomial = np.array([[[0.0, 1.0]]])
+        return motions.Pieces.of(G, np.zeros(1), pose[None], V[None, None], polynomial)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an invalid pose or velocity."""
@@ -441,9 +439,8 @@ class PathFactor:
         """Raise an `InputError` for a unit that is not that of the axis."""
         axis, unit = self.vector(G), self._written[1]
         for part in G.parts:
-            error_unit = part.error_unit
-            if unit and np.any(axis[part.axes]) and units.factor(unit, error_unit) is None:
-                raise InputError(f"expected {units.offered(error_unit)}, got '{self.by}'")
+            if unit and np.any(axis[part.axes]) and units.factor(unit, part.error_unit) is None:
+                raise InputError(f"expected {units.offered(part.error_unit)}, got '{self.by}'")
 
 
 @dataclass(frozen=True)
