@@ -277,6 +277,9 @@ def test_power_of_the_feedforward_on_the_plane(samples, data, member):
         ("nog", Family(0.0, 1.0, 0.0, "spatial")),
         ("asym", Family(1.0, 0.5, 0.5, "spatial")),
         ("family", Family(1.0, 1.0, 0.0, "spatial")),
+        ("lee2010", Family(1.0, 1.0, 0.0, error="body", quadratic=1.0)),
+        ("lee2012", Family(0.0, 0.0, 1.0, error="body")),
+        ("bullo_murray", Family(0.5, 0.5, 0.5, error="body")),
     ],
 )
 @drawn()

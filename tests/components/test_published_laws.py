@@ -190,22 +190,6 @@ def test_integral_of_goodarzi_on_SO3():
 # Points of the family, options, groups ------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "weights"),
-    [
-        ("lee2010", (1.0, 1.0, 0.0, 1.0)),
-        ("lee2012", (0.0, 0.0, 1.0, 0.0)),
-        ("bullo_murray", (0.5, 0.5, 0.5, 0.0)),
-    ],
-)
-def test_named_members_are_points_of_the_family_in_body_errors(G, name, weights):
-    g, c, n, q = weights
-    member = Family(g, c, n, error="body", quadratic=q)
-    loop = closed_loop(G, law(name))
-    s = loop.tracking(0.3, any_states(loop, 4))
-    np.testing.assert_array_equal(law(name).torque(s), member.torque(s))
-
-
 def test_cancelling_feedforward_is_the_point_of_lee2010(G):
     loop = closed_loop(G, law("lee2010"))
     r = loop.tracking(0.3, any_states(loop, 4)).relative
