@@ -334,9 +334,9 @@ def cross_check(
     runs = sum(len(chosen_entries(piece)) for piece in pieces)
     if not runs:
         return None
-    times, bound = base.times, BOUND_PER_RTOL * base.engine.rtol
+    bound, method = BOUND_PER_RTOL * base.engine.rtol, str(independent(base.engine).method)
     deadline = time.thread_time() + MOST_SECONDS * runs
-    difference, samples, method = np.nan, len(times), str(independent(base.engine).method)
+    difference, shortest = np.nan, np.inf
 
     def progress(done: float) -> None:
         reporter().advance(done)
@@ -358,8 +358,8 @@ def cross_check(
             continue
         try:
             work = max(longest[index][label] for label, _ in group)
-            samples = min(samples, _samples(base, problem, work))
-            begun = replace(problem.select(good), times=times[:samples])
+            samples = _samples(base, problem, work)
+            begun = replace(problem.select(good), times=problem.times[:samples])
             engine = independent(group[0][1].engine)
             again = engine.solve(begun, progress=progress).states
         except _Skipped as skipped:
@@ -370,8 +370,10 @@ def cross_check(
             loop = begun.batched_loop(extra_axes=1)
             distances = distance(loop, begun.times, states[good, :samples], again)
         difference = np.fmax(difference, np.nan_to_num(distances, nan=np.inf).max())
-    if samples < len(times):
-        method += f" over the first {times[samples - 1] - times[0]:.3g} s"
+        if samples < len(problem.times):
+            shortest = min(shortest, begun.times[-1] - begun.times[0])
+    if shortest < np.inf:
+        method += f" over the first {shortest:.3g} s"
     return CrossCheck(method, runs, float(difference), bound)
 
 

@@ -95,6 +95,15 @@ def whole(finished):
 only = partial(pytest.mark.parametrize, "finished", indirect=True)
 
 
+def test_each_shape_is_cross_checked_at_its_own_samples(tmp_path):
+    """Points of 6 and of 4 samples in one horizon."""
+    execute(study_in(tmp_path, TIMES), tmp_path / "out")
+    with open_results(tmp_path / "out" / "results.h5") as results:
+        check = results.attributes
+        assert 0 < check["cross_check_difference"] < check["cross_check_bound"] / 100
+        assert check["cross_check_method"] == "LSODA"
+
+
 @only(["groups"])
 def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
     with open_results(finished[0]) as results:
