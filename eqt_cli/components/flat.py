@@ -204,7 +204,12 @@ class FlatReference(ClosedReference):
         """Return the starts of the pieces, and their coefficients ``(N, 8, n)``, rising."""
         from scipy.interpolate import make_interp_spline  # slow to import
 
-        times, points = self._knots(G)
+        if self.minimum_snap is not None:
+            times = np.array([knot.t for knot in self.minimum_snap])
+            points = np.array([knot.position for knot in self.minimum_snap], dtype=float)
+        else:
+            times = self.inner.knot_times(G)
+            points = rigid(G).translations(self.inner.motion(G, times)[0])[..., 0]
         ends = np.zeros((2, points.shape[1]))
         if self.inner is not None and self.inner.files:  # the velocities of the recording
             Q, V, _ = self.inner.motion(G, times[[0, -1]])
@@ -226,13 +231,6 @@ class FlatReference(ClosedReference):
         starts, polynomials = self.prepared(G, self._pieces)
         k = motions.piece_at(starts, t)
         return starts[k], polynomials[k]
-
-    def _knots(self, G: MatrixLieGroup) -> tuple[Array, Array]:
-        if self.minimum_snap is not None:
-            points = [knot.position for knot in self.minimum_snap]
-            return np.array([knot.t for knot in self.minimum_snap]), np.array(points, dtype=float)
-        times = self.inner.knot_times(G)
-        return times, rigid(G).translations(self.inner.motion(G, times)[0])[..., 0]
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression or a polynomial changes its piece."""

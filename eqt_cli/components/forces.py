@@ -143,13 +143,14 @@ def in_currents(
     inertia
         The inertia of the vehicle, whose added part moves with the medium; None where not known.
     """
-    floating = [f for f in acting if isinstance(f, Restoring) and np.any(f.buoyancy)]
-    displaced = sum(each.displaced(G) for each in floating) if floating else None
-    masses = {"added": inertia and inertia.at(0.0).added, "displaced_mass": displaced}
-    return tuple(
-        with_fields(force, **masses) if k in list(currents(acting))[:1] else force
-        for k, force in enumerate(acting)
-    )
+    moving = list(currents(acting))
+    if not moving:
+        return acting
+    floating = [f.displaced(G) for f in acting if isinstance(f, Restoring) and np.any(f.buoyancy)]
+    masses: dict[str, Any] = {"added": inertia and inertia.at(0.0).added}
+    masses["displaced_mass"] = sum(floating) if floating else None
+    k = moving[0]
+    return (*acting[:k], with_fields(acting[k], **masses), *acting[k + 1 :])
 
 
 @dataclass(frozen=True)

@@ -422,14 +422,14 @@ def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
     if not G.rotations:
         return sets
     if n == 2:
-        Q = _with_rotation(G, -np.eye(2), D)
+        R = -np.eye(2)
+        Q = G.assemble(R, (np.eye(2) - R) @ D)
         return [*sets, CriticalSet("half-turn", 0, Q, _hessian(G, K, Q))]
     values, vectors = np.linalg.eigh(A - B @ D.T)
     for axes in _eigenspaces(values, vectors):
         R = 2 * np.outer(axes[:, 0], axes[:, 0]) - np.eye(3)
-        Q = _with_rotation(G, R, D)
-        dimension = axes.shape[1] - 1
-        sets.append(CriticalSet(_name(axes), dimension, Q, _hessian(G, K, Q), axes, D))
+        Q = G.assemble(R, (np.eye(3) - R) @ D)
+        sets.append(CriticalSet(_name(axes), axes.shape[1] - 1, Q, _hessian(G, K, Q), axes, D))
     if sets[0].nullity:  # K = k c cᵀ of `task: point`: turns about c keep Υ = 0
         turns = replace(sets[0], name=f"turns about {_direction(vectors[:, -1])}", dimension=1)
         return [turns, sets[1]]
@@ -472,10 +472,6 @@ def _hessian(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     twice = Q @ (pairs + pairs.swapaxes(0, 1))
     second = np.einsum("ab,ijab->ij", (Q - G.identity) @ K, twice) / 2
     return np.linalg.eigvalsh(first + second)
-
-
-def _with_rotation(G: EuclideanGroup, R: Array, D: Array) -> Array:
-    return G.assemble(R, (np.eye(len(R)) - R) @ D)
 
 
 def _eigenspaces(values: Array, vectors: Array) -> list[Array]:

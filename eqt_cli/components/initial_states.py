@@ -561,11 +561,11 @@ class FactorPoses(PoseDistribution):
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return the poses of all factors as one pose."""
         assert isinstance(G, ProductGroup)
-        poses, start = [], 0
+        poses: list[Array] = []
         for distribution, factor in self._by_factor(G):
             length = len(distribution.draw(factor, np.random.default_rng(0)))
-            poses.append(distribution.place(factor, numbers[:, start : start + length]))
-            start += length
+            poses.append(distribution.place(factor, numbers[:, :length]))
+            numbers = numbers[:, length:]
         return G.assemble(poses)
 
     def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
