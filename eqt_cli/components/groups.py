@@ -492,15 +492,13 @@ class ProductGroup(MatrixLieGroup):
 
     def along(self, numbers: Array, angles: Array) -> Array:
         """Factor by factor."""
-        return np.concatenate(
-            [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws], axis=-1
-        )
+        vectors = [G.along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
+        return np.concatenate(vectors, axis=-1)
 
     def exp_along(self, numbers: Array, angles: Array) -> Array:
         """Factor by factor."""
-        return self.assemble(
-            [G.exp_along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
-        )
+        poses = [G.exp_along(numbers[..., n], angles[..., k]) for G, n, k in self._screws]
+        return self.assemble(poses)
 
     @cached_property
     def _screws(self) -> list[tuple[MatrixLieGroup, slice, slice]]:

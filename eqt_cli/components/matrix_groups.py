@@ -452,9 +452,8 @@ class EuclideanGroup(MatrixLieGroup):
         X = self.translations(Q)
         twice = W @ X
         X = X - twice / 2 + psi[..., None] * (W @ twice)  # J(ω)⁻¹ x
-        return np.concatenate(
-            [omega, transpose(X).reshape(*omega.shape[:-1], X.shape[-1] * X.shape[-2])], axis=-1
-        )
+        columns = transpose(X).reshape(*omega.shape[:-1], X.shape[-1] * X.shape[-2])
+        return np.concatenate([omega, columns], axis=-1)
 
     def log_force(self, x: Array, p: Array) -> Array:
         """J_r⁻ᵀ(x) p with J_r⁻¹ = ad_x/2 + (ad_x/2) coth(ad_x/2), a polynomial in ad_x.

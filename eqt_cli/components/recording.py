@@ -127,10 +127,8 @@ def pose_columns(G: MatrixLieGroup, suffix: str = "", names: Collection[str] = (
         return [column for part in parts for column in part] if all(parts) else []
     if not isinstance(G, EuclideanGroup) or G.space > 3:
         return []
-    letters = {"position": "", "velocity": "v"}
-    translations = [
-        letters.get(column, column) + axis for column in G.columns for axis in "xyz"[: G.space]
-    ]
+    letters, axes = {"position": "", "velocity": "v"}, "xyz"[: G.space]
+    translations = [letters.get(column, column) + axis for column in G.columns for axis in axes]
     return [column + suffix for column in (*_rotation(G, suffix, names), *translations)]
 
 
@@ -218,10 +216,10 @@ def table_poses(
 @np.errstate(over="ignore")  # an infinite norm is reported as different from 1
 def quaternion_norms(table: LogTable, columns: PoseColumns) -> dict[str, Array]:
     """Return the norm of the quaternion in each row, by the suffix of its columns."""
-    suffixes = [name.removeprefix("qw") for name in columns.names if name.startswith("qw")]
     return {
-        suffix: np.linalg.norm(table.get([each + suffix for each in QUATERNION]), axis=-1)
-        for suffix in suffixes
+        name[2:]: np.linalg.norm(table.get([part + name[2:] for part in QUATERNION]), axis=-1)
+        for name in columns.names
+        if name.startswith("qw")
     }
 
 

@@ -96,9 +96,8 @@ def misfits(log: Log) -> Iterator[str]:
         as_mapped = _fit(log, G, recorded)
         if as_mapped is None or as_mapped.difference <= 2 * CLEAR:
             continue
-        others = (
-            (_fit(variant, G, recorded), words) for words, variant in _variants(log, recorded.kind)
-        )
+        variants = _variants(log, recorded.kind)
+        others = ((_fit(variant, G, recorded), words) for words, variant in variants)
         fitting = [(fit, words) for fit, words in others if fit is not None and fit.shape <= FITS]
         # They differ by much, or almost only by a factor.
         is_doubtful = as_mapped.difference > DOUBT or as_mapped.shape <= CLEAR

@@ -164,9 +164,8 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
 
     def start(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
         symbolic, law_input, state = symbols(inputs)
-        s = law_input.tracking(
-            G, symbolic.inertia, symbolic.gains, {n: 0 * z for n, z in state.items()}
-        )
+        unset = {name: 0 * z for name, z in state.items()}
+        s = law_input.tracking(G, symbolic.inertia, symbolic.gains, unset)
         zero = {name: np.zeros(z.shape) for name, z in state.items()}
         return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
 

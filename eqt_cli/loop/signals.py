@@ -70,10 +70,12 @@ class LoopState(NamedTuple):
         with np.errstate(invalid="ignore"):  # symbols compare NaN
             unknown = s.P[..., 0] * 0.0 + np.nan
         attitude = unknown if attitude is None else attitude
-        apart = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis) if loop.axis else unknown
-        pointing = turn_of_distance(apart) * (180 / np.pi) if loop.axis else unknown
+        pointing = unknown
+        if loop.axis:
+            distance = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis)
+            pointing = turn_of_distance(distance) * (180 / np.pi)
         now, at_limit = vehicle.at(s), loop.at_limit(s)
-        cut, thrust = (of(s.G, command, s.vehicle) for of in (now.cut, now.thrust))
+        cut, thrust = now.cut(s.G, command, s.vehicle), now.thrust(s.G, command, s.vehicle)
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
         acting = torque, pointing, attitude, at_limit, cut, thrust, *wheels
         return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
@@ -658,14 +660,12 @@ class Metric(Component):
             )
         if not self.signals:
             yield f"metric {self.name} reads no signal; name at least one in `signals`"
-        of_both = {
-            x
-            for each in loops
-            for x in self.signals
-            if x in {*existing(each)} & {*outputs_of(each)}
-        }
-        for name in sorted(of_both):
-            yield f"metric {self.name} reads '{name}', a signal and a number of a law; rename this"
+        for name in sorted(set(self.signals)):
+            if any(name in existing(loop) and name in outputs_of(loop) for loop in loops):
+                yield (
+                    f"metric {self.name} reads '{name}', a signal and a number of a law; rename "
+                    "this"
+                )
 
     def signals_at(self, loop: ClosedLoop, states: Array, times: Array) -> list[Array]:
         """Return the values of its signals in some states."""

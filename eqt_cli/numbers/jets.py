@@ -135,9 +135,8 @@ class Jet:
     @property
     def rate(self) -> Jet:
         """The series of the derivative, of one order less."""
-        return Jet(
-            [self.derivative(1), *(_scaled(c, k) for k, c in enumerate(self.coefficients[2:], 2))]
-        )
+        higher = (_scaled(c, k) for k, c in enumerate(self.coefficients[2:], 2))
+        return Jet([self.derivative(1), *higher])
 
     def extended(self, derivative: Any) -> Jet:
         """Return the series with the next derivative appended."""

@@ -290,10 +290,8 @@ class Running(SampledRuns):
         weight = self._column(weights)
         if self._inside.all() and weights.all():
             return self._memory.keep(0.0, lambda total: total + weight * values)
-        has_weight = less(0.0, self._column((weights != 0).astype(float)))
-        return self._memory.keep(
-            0.0, lambda total: where(has_weight, total + weight * values, total)
-        )
+        counts = less(0.0, self._column((weights != 0).astype(float)))
+        return self._memory.keep(0.0, lambda total: where(counts, total + weight * values, total))
 
     def largest(self, values: Any) -> Any:
         self._all_inside()
