@@ -368,9 +368,8 @@ def test_spans_hold_every_sample_once():
         held = [span.grid[1 - span.sampled_start : 1 + span.later] for span in spans]
         np.testing.assert_array_equal(np.concatenate(held), times)
         firsts = [times[span.first : span.first + span.later] for span in spans]
-        np.testing.assert_array_equal(
-            np.concatenate(firsts), np.concatenate([s.grid[1 : 1 + s.later] for s in spans])
-        )
+        later = [span.grid[1 : 1 + span.later] for span in spans]
+        np.testing.assert_array_equal(np.concatenate(firsts), np.concatenate(later))
         assert [span.start for span in spans][1:] == [span.stop for span in spans][:-1]
         # What is constant within a span is asked for inside of it, but at the ends of the horizon.
         inside = [(span.start < span.within[0], span.within[1] < span.stop) for span in spans]

@@ -98,9 +98,8 @@ def test_starts_with_velocities_and_without():
     poses, none, _ = read_starts("qx,qy,qz,qw\n" + lines(q), "s.csv", G, LogMapping())
     assert none is None
     np.testing.assert_allclose(poses, TURNS.as_matrix(), rtol=0, atol=EXACT)
-    _, found, _ = read_starts(
-        "qx,qy,qz,qw,wx,wy,wz\n" + lines(np.c_[q, V]), "s.csv", G, LogMapping()
-    )
+    text = "qx,qy,qz,qw,wx,wy,wz\n" + lines(np.c_[q, V])
+    _, found, _ = read_starts(text, "s.csv", G, LogMapping())
     np.testing.assert_array_equal(found, V)
     with pytest.raises(InputError, match=r"^s\.csv:1: missing column wz; a velocity on SO3 has"):
         read_starts("qx,qy,qz,qw,wx,wy\n" + lines(np.c_[q, V[:, :2]]), "s.csv", G, LogMapping())
@@ -307,9 +306,8 @@ def test_columns_of_each_group(name):
     poses = np.tile([float(each.startswith("qw")) for each in own], (3, 1))  # the identity
     given = numbers.normal(size=(3, len(names)))
     rows = np.c_[[0.0, 1.0, 2.0], poses, given]
-    found = read_recording(
-        text_of(",".join(["t", *own, *names]), rows), "a.csv", "csv", G, LogMapping()
-    )
+    text = text_of(",".join(["t", *own, *names]), rows)
+    found = read_recording(text, "a.csv", "csv", G, LogMapping())
     both = np.c_[found.velocities, found.require_wrenches()]
     half = {"rates": 0, "velocity": 0, "torque": G.dimension, "force": G.dimension}
     for one in beside:
@@ -331,9 +329,8 @@ def test_power_is_the_same_in_every_frame_and_axes(frame):
     said = LogMapping(world="NED to ENU", body="FRD to FLU", **frames)
     found = read_recording(text, "a.csv", "csv", G, said)
     power = np.sum(found.require_wrenches() * found.velocities, axis=1)
-    np.testing.assert_allclose(
-        power, np.sum(given[:, :6] * given[:, 6:], axis=1), atol=NEARLY_EXACT
-    )
+    expected = np.sum(given[:, :6] * given[:, 6:], axis=1)
+    np.testing.assert_allclose(power, expected, atol=NEARLY_EXACT)
     axes = said.axes("body") if frame == "body" else found.poses[:, :3, :3].mT @ said.axes("world")
     torque = (axes @ given[:, 6:9, None])[..., 0]
     np.testing.assert_allclose(found.wrenches[:, :3], torque, atol=NEARLY_EXACT)
@@ -341,9 +338,7 @@ def test_power_is_the_same_in_every_frame_and_axes(frame):
 
 def test_what_was_not_measured_is_said():
     G = group_named("SE3")
-    rows = np.array(
-        [[0.0, *[0, 0, 0, 1], *[0, 0, 0], 1, 2, 3], [1.0, *[0, 0, 0, 1], *[0, 0, 0], 1, 2, 3]]
-    )
+    rows = np.array([[t, *[0, 0, 0, 1], *[0, 0, 0], 1, 2, 3] for t in (0.0, 1.0)])
     text = text_of("t,qx,qy,qz,qw,x,y,z,tx,ty,tz", rows)
     found = read_recording(text, "a.csv", "csv", G, LogMapping())
     np.testing.assert_array_equal(found.wrenches[0], [1, 2, 3, np.nan, np.nan, np.nan])

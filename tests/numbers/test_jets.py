@@ -194,9 +194,8 @@ def test_arrays_of_runs():
     slope = (8 * (at(h) - at(-h)) - (at(2 * h) - at(-2 * h))) / (12 * h)
     np.testing.assert_allclose(found.derivative(1), slope, rtol=1e-7, atol=1e-7)
     curve = (16 * (at(h) + at(-h)) - (at(2 * h) + at(-2 * h)) - 30 * at(0.0)) / (12 * h**2)
-    np.testing.assert_allclose(
-        found.derivative(2), curve, rtol=1e-6, atol=1e-6
-    )  # of the truncation
+    # Of the truncation.
+    np.testing.assert_allclose(found.derivative(2), curve, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(found.rate.value, found.derivative(1))
 
 

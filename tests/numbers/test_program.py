@@ -320,9 +320,8 @@ def test_of_two_products_in_a_sum_the_one_that_is_computed_first_is_kept(functio
 
 def test_names_that_are_none_in_c():
     program = program_of(lambda x: x)
-    assert "void law(const eqt_real *__restrict in_x, eqt_real *__restrict out_y)" in c_function(
-        program, "law"
-    )
+    head = "void law(const eqt_real *__restrict in_x, eqt_real *__restrict out_y)"
+    assert head in c_function(program, "law")
     with pytest.raises(ValueError, match=re.escape("'a); evil(' is not an identifier of C")):
         c_function(program, "a); evil(")
 
