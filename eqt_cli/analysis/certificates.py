@@ -159,11 +159,6 @@ class Runs:
     leaves_spin: bool = False
 
     @property
-    def energy_remark(self) -> str:
-        """Name of the function L if it is not the paper's."""
-        return "" if self.energy == Controller.energy else f"L = {self.energy}"
-
-    @property
     def count(self) -> int:
         """Number of good runs."""
         return len(self.energy_residual)
@@ -360,20 +355,17 @@ class Identity(Certificate):
 
     def check(self, sample: Sample) -> list[Row]:
         """Compare the sides within their rounding bounds and, with exact states, by a proof."""
-        rows = self._within_rounding(sample)
-        return rows if sample.exact is None else [self._exactly(row, sample.exact) for row in rows]
-
-    def _within_rounding(self, sample: Sample) -> list[Row]:
-        """Compare the largest difference of two sides with the bound of their rounding errors."""
         label = sample.label if self.per_law else ""
         try:
             discrepancies = [discrepancy(left, right) for left, right in self.sides(sample)]
         except Exception as error:  # a plugin's law may not support these numbers
             reason = f"cannot be evaluated on symbols: {type(error).__name__}: {error}"
-            return [self.row(Verdict.UNDECIDED, remark=reason, controller=label)]
-        if not discrepancies:
-            return []
-        return [self.compared(*max(discrepancies, key=_excess), controller=label)]
+            row = self.row(Verdict.UNDECIDED, remark=reason, controller=label)
+        else:
+            if not discrepancies:
+                return []
+            row = self.compared(*max(discrepancies, key=_excess), controller=label)
+        return [row if sample.exact is None else self._exactly(row, sample.exact)]
 
     def _exactly(self, row: Row, states: ExactStates) -> Row:
         """Return the row with the outcome of the proof, or with the reason why there is none."""
@@ -583,9 +575,6 @@ _LEGEND = {
 }
 """Explanations of the verdicts, except for holds and FAILS."""
 
-_HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
-_SPARE = ("statement",)  # a measured value means nothing without its bound
-
 _LISTED = (Verdict.UNCLAIMED, Verdict.NOT_COVERED)
 """Verdicts that do not concern the experiment; a brief table lists their rows in one note."""
 
@@ -605,14 +594,17 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
         or not covered are then listed in the notes.
     """
     expected = (_HOLDS, _PROVED, *_LISTED)
-    shown = [row for row in rows if row.verdict not in expected or row.not_proved]
-    shown = shown if brief else list(rows)
+    shown = [row for row in rows if not brief or row.verdict not in expected or row.not_proved]
     blocks = [
         Block(title, cells)
         for kind, title in _KINDS.items()
         if (cells := [_cells(row) for row in shown if row.kind == kind])
     ]
-    notes = _notes(rows, brief=brief)
+    notes = []
+    for verdict, meaning in _LEGEND.items():
+        if having := [row for row in rows if row.verdict is verdict]:
+            names = f": {_named(having)}" if brief and verdict in _LISTED else ""
+            notes.append(f"{verdict}: {meaning}{names}.")
     if not (blocks or notes):
         return None
     doubts = doubtful(rows)
@@ -620,21 +612,11 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
     return TextTable(
         "certificates",
         f"The paper's statements, checked on this experiment: {tally(rows)}{assumed}",
-        _HEADER,
+        ["statement", "what", "law", "measured", "bound", "verdict", "remark"],
         blocks,
         notes,
-        _SPARE,
+        spare=("statement",),  # a measured value means nothing without its bound
     )
-
-
-def _notes(rows: Sequence[Row], *, brief: bool) -> list[str]:
-    """Explain the verdicts that occur; a brief table also lists rows here."""
-    notes = []
-    for verdict, meaning in _LEGEND.items():
-        if having := [row for row in rows if row.verdict is verdict]:
-            named = f": {_named(having)}" if brief and verdict in _LISTED else ""
-            notes.append(f"{verdict}: {meaning}{named}.")
-    return notes
 
 
 def _named(rows: Sequence[Row]) -> str:

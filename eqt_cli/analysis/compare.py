@@ -271,7 +271,9 @@ def compare(
     _check(result, how)
     chosen = _chosen(result, metrics, windows)
     labels = [label for label in result.labels if not labels or label in labels]
-    kinds = _by_kind(result, labels)
+    kinds: dict[str, str] = {}  # the first law of each kind
+    for label in labels:
+        kinds.setdefault(result.kinds.get(label, label), label)
     claimed = [(measure, window) for *_, measure, window in _tests(result, kinds)]
     wanted: dict[_Key, Quantity] = {}
     for measure, window in [*chosen, *claimed]:
@@ -361,19 +363,19 @@ def compare_two(
         As `compare`, or if the results are of different groups.
     """
     both = first, second
-    for each in both:
-        _check(each, how)
+    for result in both:
+        _check(result, how)
     if first.group_name != second.group_name:
         raise second.error(f"is of {second.group_name}, and the other result of {first.group_name}")
-    names = [each.path.parent.name for each in both]
+    names = [result.path.parent.name for result in both]
     names = names if names[0] != names[1] else ["first", "second"]
     laws = {
-        f"{name}/{law}": (name, each, law)
-        for name, each in zip(names, both, strict=True)
-        for law in each.labels
+        f"{name}/{law}": (name, result, law)
+        for name, result in zip(names, both, strict=True)
+        for law in result.labels
     }
-    runs = min(each.runs for each in both)
-    good = np.vstack([each.good[:, :runs] for each in both])
+    runs = min(result.runs for result in both)
+    good = np.vstack([result.good[:, :runs] for result in both])
     chosen, measured = _chosen(first, metrics, windows), []
     for quantity, window in chosen:
         wanted = second.comparable_named if metrics else second.comparable.get  # raises, or None
@@ -398,10 +400,6 @@ def compare_two(
         horizon=float(first.times[-1] - first.times[0]),
         levels=levels,
         pairs=[pair for pair in pairs if bases.get(pair.second) == pair.first],
-        judgements=[],
-        departures="",
-        lyapunov_functions={},
-        not_matched=[],
         missing=[
             *_clipped(first, windows),
             *_uncut(chosen, windows),
@@ -477,14 +475,6 @@ def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
     if quantity.implied_by and quantity.name not in result.metrics:
         return bool(result.censored(quantity.implied_by).any())
     return True
-
-
-def _by_kind(result: Result, labels: Sequence[str]) -> dict[str, str]:
-    """Return the first controller of each kind among those with these labels."""
-    by_kind: dict[str, str] = {}
-    for label in labels:
-        by_kind.setdefault(result.kinds.get(label, label), label)
-    return by_kind
 
 
 _Test = tuple[str, Claim, Less | AtMost, Quantity, Window]

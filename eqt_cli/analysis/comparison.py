@@ -113,15 +113,15 @@ class Comparison(InNotebook):
     horizon: float
     levels: list[Level]
     pairs: list[Pair]
-    judgements: list[Judgement]
-    departures: str
-    lyapunov_functions: dict[str, str]
-    not_matched: list[str]
     missing: list[str]
     confidence: float
     resamples: int
     seed: int
     negligible: float = NEGLIGIBLE
+    judgements: Sequence[Judgement] = ()
+    departures: str = ""
+    lyapunov_functions: Mapping[str, str] = field(default_factory=dict)
+    not_matched: Sequence[str] = ()
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
     lines: Sequence[str] = ()

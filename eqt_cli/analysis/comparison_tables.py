@@ -131,12 +131,12 @@ def text_tables(
     """
     whole = notation.window(Window(0.0, comparison.horizon))
     means = _controllers(comparison, notation, whole)
-    made = [
-        _pairs(comparison, notation, against, whole),
-        _with_laws_as_rows(means) if laws_as_rows and means.blocks else means,
-        _claims(comparison, notation),
-    ]
-    return {table.name: table for table in made if table.blocks}
+    if laws_as_rows and means.blocks:
+        [measures, *laws] = (list(column) for column in zip(means.header, *means.rows, strict=True))
+        means = replace(means, header=["controller", *measures[1:]], blocks=[Block("", laws)])
+    pairs = _pairs(comparison, notation, against, whole)
+    tables = pairs, means, _claims(comparison, notation)
+    return {table.name: table for table in tables if table.blocks}
 
 
 def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
@@ -189,12 +189,6 @@ def _counted(runs: Mapping[str, int], titles: Mapping[str, str]) -> str:
     return ", ".join(f"{titles[label]} {count}" for label, count in runs.items() if count)
 
 
-def _with_laws_as_rows(table: TextTable) -> TextTable:
-    """A column for each measure, with its window and unit in the heading."""
-    [measures, *laws] = (list(column) for column in zip(table.header, *table.rows, strict=True))
-    return replace(table, header=["controller", *measures[1:]], blocks=[Block("", laws)])
-
-
 def _values(levels: Sequence[Level], write: Plain) -> Iterator[str]:
     """Yield the means, the best of them marked."""
     quantity = levels[0].measured.quantity
@@ -245,10 +239,6 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: 
     caption = f"{about} over {whole} where no time is named, with {_level_name(comparison, write)}"
     notes = _plain(_pair_notes(comparison, shown), write)
     return TextTable("pairs", f"{caption} intervals", header, blocks, notes, spare)
-
-
-def _difference(comparison: Comparison, first: str, second: str) -> str:
-    return f"{comparison.titles[first]} − {comparison.titles[second]}"
 
 
 def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> list[str]:
@@ -326,8 +316,8 @@ def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> li
         window = write.window(judgement.measured.window)
     else:
         pair = judgement.pair
-        symbol = write.name(pair.measured.quantity)
-        what = f"{symbol}: {write.text(_difference(comparison, pair.first, pair.second))}"
+        laws = f"{comparison.titles[pair.first]} − {comparison.titles[pair.second]}"
+        what = f"{write.name(pair.measured.quantity)}: {write.text(laws)}"
         interval = write.interval(pair.difference, pair.low, pair.high)
         outcome = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
         share = percent(pair.relative, signed=True).replace("-", "−")

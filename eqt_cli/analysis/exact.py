@@ -272,11 +272,6 @@ class Surd:
     def __init__(self, terms: dict[frozenset[Root], Rational]) -> None:
         self.terms = terms
 
-    @classmethod
-    def of(cls, root: Root) -> Surd:
-        """Return a single root."""
-        return cls({frozenset([root]): 1})
-
     def __add__(self, other: WithRoots) -> WithRoots:
         terms = dict(self.terms)
         for roots, number in _terms(other).items():
@@ -539,7 +534,8 @@ class Exact(Number):
     def __pow__(self, exponent: Any) -> Any:
         power = Exact.of(exponent)
         if not power.is_constant or (2 * power.value).denominator != 1:
-            raise NotRationalError(f"the power {_written(exponent)} of a state is not rational")
+            shown = power.value if isinstance(exponent, Exact) else exponent
+            raise NotRationalError(f"the power {shown} of a state is not rational")
         whole, half = divmod(abs(2 * power.value), 2)
         product: Any = self.apply("sqrt") if half else 1
         for _ in range(int(whole)):
@@ -674,7 +670,8 @@ def _root(x: Exact) -> Exact:
     degree = x.degree + _degree(x.factors)
 
     def new() -> Exact:
-        return Exact(Surd.of(Root(square)), -(-degree // 2), x.factors)
+        root = Surd({frozenset([Root(square)]): 1})
+        return Exact(root, -(-degree // 2), x.factors)
 
     return _noted("sqrt").value("sqrt", x, new)
 
@@ -774,10 +771,6 @@ def _value(factors: Factors) -> Rational:
 
 def _degree(factors: Factors) -> int:
     return sum(each.degree * power for each, power in factors.items())
-
-
-def _written(number: Any) -> str:
-    return str(number.value) if isinstance(number, Exact) else str(number)
 
 
 def _off_zero(squares: Any) -> bool:

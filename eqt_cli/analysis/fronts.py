@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 from zlib import crc32
 
@@ -77,23 +77,6 @@ class Scores:
             np.sum([case.failed for case in cases], axis=0),
             np.sum([case.unsettled for case in cases], axis=0),
         )
-
-
-def best_of(scores: Scores) -> int:
-    """Return the best point by the rules of Deb (2000).
-
-    A feasible point is better than an infeasible one. Feasible points are ordered by their first
-    objective, infeasible ones by their violation. Among equal points the first one wins.
-    """
-    least = np.where(scores.feasible, scores.objectives[:, 0], np.inf)
-    return int(np.lexsort((least, scores.violation))[0])
-
-
-def first_front(scores: Scores) -> Array:
-    """Return the feasible non-dominated points, by the first objective; of equals the first."""
-    feasible = np.flatnonzero(scores.feasible)
-    objectives = scores.objectives[feasible]
-    return feasible[front(objectives[:, 0], objectives[:, -1])]
 
 
 def front(cost: Array, error: Array) -> Array:
@@ -265,13 +248,20 @@ class Population:
 
     @property
     def best(self) -> int:
-        """Index of the best point (`ranking.best_of`); with several objectives, by the first."""
-        return best_of(self.scores)
+        """Index of the best point by the rules of Deb (2000).
+
+        A feasible point is better than an infeasible one. Feasible points are ordered by their
+        first objective, infeasible ones by their violation. Among equal points the first one wins.
+        """
+        least = np.where(self.scores.feasible, self.scores.objectives[:, 0], np.inf)
+        return int(np.lexsort((least, self.scores.violation))[0])
 
     @property
     def front(self) -> Array:
-        """Indices of the feasible points on the Pareto front, sorted by the first objective."""
-        return first_front(self.scores)
+        """Indices of the feasible non-dominated points, by the first objective; of equals one."""
+        feasible = np.flatnonzero(self.scores.feasible)
+        objectives = self.scores.objectives[feasible]
+        return feasible[front(objectives[:, 0], objectives[:, -1])]
 
 
 def generator(seed: int, name: str, generation: int) -> np.random.Generator:
@@ -314,20 +304,15 @@ def trials(population: Population, random: np.random.Generator, keeps_ends: bool
     leading = random.integers(len(front), size=count) if len(front) else np.zeros(count, dtype=int)
     several = population.scores.objectives.shape[1] > 1 and len(front) > 0
     best = shares[front[leading]] if several else shares[population.best]
-    others = np.array([_two_others(k, count, random) for k in range(count)])
+    drawn = [random.permutation(count)[:3] for _ in range(count)]
+    others = np.array([points[points != k][:2] for k, points in enumerate(drawn)])
     mutants = best + weight * (shares[others[:, 0]] - shares[others[:, 1]])
     crossed = random.random((count, dimensions)) < CROSSOVER
     crossed[np.arange(count), random.integers(dimensions, size=count)] = True
     outside = (mutants < 0) | (mutants > 1)
-    drawn = random.random((count, dimensions))
-    mutants = np.where(outside, np.clip(mutants, 0, 1) if keeps_ends else drawn, mutants)
+    anywhere = random.random((count, dimensions))
+    mutants = np.where(outside, np.clip(mutants, 0, 1) if keeps_ends else anywhere, mutants)
     return np.where(crossed, mutants, shares)
-
-
-def _two_others(this: int, count: int, random: np.random.Generator) -> Array:
-    """Draw two different points, neither of which is `this`."""
-    chosen: Array = random.permutation(count)[:3]
-    return chosen[chosen != this][:2]
 
 
 def selected(population: Population, tried: Population) -> Population:
@@ -519,8 +504,8 @@ class AtEqualCost:
     high: float
     smallest: float
     largest: float
-    winner: str = ""
-    p_value: float = math.nan
+    winner: str
+    p_value: float
 
     @property
     def wins(self) -> bool:
@@ -560,35 +545,28 @@ def at_equal_cost(
     fronts: Sequence[Front], how: Resampling, shares: Sequence[float] = SHARES
 ) -> list[AtEqualCost]:
     """Compare all pairs of laws at several costs that both fronts reach, each as in a map."""
-    places = []
+    places: list[tuple[Front, Front, float]] = []
     for one, other in combinations(fronts, 2):
         low = max(one.span[0], other.span[0])
         high = min(one.span[1], other.span[1])
-        if low < high:
-            log = low > 0
-            costs = [low * (high / low) ** x if log else low + x * (high - low) for x in shares]
-            places += [(one, other, cost) for cost in costs]
-    pairs = [_compared(one, other, cost, how.confidence) for one, other, cost in places]
-    if not pairs:
+        for share in shares if low < high else ():
+            cost = low * (high / low) ** share if low > 0 else low + share * (high - low)
+            better, worse = sorted((one, other), key=lambda law: float(law.at(cost).mean()))
+            places.append((better, worse, cost))
+    if not places:
         return []
-    by_law = {front.law: front for front in fronts}
-    errors = np.array([[by_law[law].at(p.cost) for law in (p.better, p.worse)] for p in pairs])
-    decisions = decide(errors, np.zeros(errors.shape[:2]), how.confidence)
-    wins = (decisions.winner != NOBODY).tolist()
-    return [
-        replace(pair, winner=pair.better if won else decisions.without_winner, p_value=p_value)
-        for pair, won, p_value in zip(pairs, wins, decisions.p_values.tolist(), strict=True)
-    ]
-
-
-def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqualCost:
-    better, worse = sorted((one, other), key=lambda law: float(law.at(cost).mean()))
-    less, more = better.at(cost), worse.at(cost)
-    saved = relative_difference(more - less, more, confidence)
-    means = float(less.mean()), float(more.mean())
-    errors, others = better.of_searches(cost), worse.of_searches(cost)
-    shares = [1 - one / other for one in errors for other in others] or [math.nan]
-    return AtEqualCost(better.law, worse.law, cost, *means, *saved, min(shares), max(shares))
+    errors = np.array([[better.at(cost), worse.at(cost)] for better, worse, cost in places])
+    decisions, pairs = decide(errors, np.zeros(errors.shape[:2]), how.confidence), []
+    for k, (better, worse, cost) in enumerate(places):
+        less, more = errors[k]
+        saved = relative_difference(more - less, more, how.confidence)
+        searched = product(better.of_searches(cost), worse.of_searches(cost))
+        reductions = [1 - smaller / larger for smaller, larger in searched] or [math.nan]
+        laws, means = (better.law, worse.law), (float(less.mean()), float(more.mean()))
+        ends, p_value = (min(reductions), max(reductions)), float(decisions.p_values[k])
+        winner = better.law if decisions.winner[k] != NOBODY else decisions.without_winner
+        pairs.append(AtEqualCost(*laws, cost, *means, *saved, *ends, winner, p_value))
+    return pairs
 
 
 def sentences(result: Result, record: Record, pairs: Sequence[AtEqualCost]) -> list[str]:

@@ -140,9 +140,10 @@ class LeftInvariance(certificates.Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The vector field against the derivative of the product."""
-        X, U = sample.states[0], sample.inputs[0]
-        moved = sample.semidirect.compose(X, sample.near_identity(U))
-        field = lie_poisson(sample.G, *X, *U)
+        X, (V, tau), G = sample.states[0], sample.inputs[0], sample.G
+        identity = 0 * G.hat(V) + G.identity, np.zeros(tau.shape)
+        curve = sample.moving(identity, (G.hat(V), tau))  # (exp(tV), tτ) to first order
+        moved, field = sample.semidirect.compose(X, curve), lie_poisson(G, *X, V, tau)
         yield from zip(field, map(rate_of, moved), strict=True)
 
 
@@ -661,15 +662,11 @@ class StabilisingControl(certificates.LiteralForm):
 
     def torque(self, s: Tracking, law: Any) -> Array:
         """Return the sum of its terms; an option leaves out the feedforward."""
-        shaping = stack([_slope(s, E) for E in np.eye(s.G.dimension)])
+        G, K, moved = s.G, s.gains.K, (with_rate(s.Q, s.Q @ E) for E in s.G.basis)
+        # d/dε Υ(Q exp(εE) Q_target⁻¹).
+        shaping = stack([rate_of(potential(G, K, Q @ G.inverse(s.Qd))) for Q in moved])
         feedforward = s.inertia.feedforward(s.V) if law.feedforward else 0.0
         return feedforward - apply_matrix(s.gains.K_d, s.V) - shaping
-
-
-def _slope(s: Tracking, E: Array) -> Array:
-    """d/dε Υ(Q exp(εE) Q_target⁻¹)."""
-    Q = with_rate(s.Q, s.Q @ s.G.hat(E))
-    return rate_of(potential(s.G, s.gains.K, Q @ s.G.inverse(s.Qd)))
 
 
 # Checks of cascades: the rates of the commanded attitude, and what keeps it defined ---------------

@@ -23,7 +23,7 @@ from eqt_cli.analysis.certificates import (
 )
 from eqt_cli.analysis.certified import LawRates, box_of, rates_of
 from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.components.inertia import CriticalSet, Inertia, critical_sets, not_rigid
+from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import hessian_at_identity
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -55,22 +55,17 @@ class NavigationFunction(Hypothesis):
         sets = critical_sets(G, K)
         if sets is None:
             return [self.row(Verdict.UNKNOWN, remark=f"critical points on {G.name} not known")]
-        remark = "; ".join(_described(each) for each in sets)
-        sizes = [np.sort(np.abs(each.hessian))[each.nullity :].min() for each in sets]
-        return [self.row(_verdict(sets), float(min(sizes)), remark=remark)]
-
-
-def _verdict(sets: list[CriticalSet]) -> Verdict:
-    minima = [each for each in sets if each.index == 0]
-    clean = all(each.nullity == each.dimension for each in sets)
-    if minima != sets[:1] or not clean:  # the identity comes first, and is a single point
-        return Verdict.VIOLATED
-    return Verdict.MORSE_BOTT if any(each.dimension for each in sets) else Verdict.HOLDS
-
-
-def _described(each: CriticalSet) -> str:
-    whole = f", a manifold of dimension {each.dimension}" if each.dimension else ""
-    return f"{each.name}: index {each.index}{whole}"
+        indices = []
+        for critical in sets:
+            whole = f", a manifold of dimension {critical.dimension}" if critical.dimension else ""
+            indices.append(f"{critical.name}: index {critical.index}{whole}")
+        sizes = [np.sort(np.abs(x.hessian))[x.nullity :].min() for x in sets]
+        verdict = Verdict.MORSE_BOTT if any(x.dimension for x in sets) else Verdict.HOLDS
+        minima = [x for x in sets if x.index == 0]
+        # The identity comes first, and is a single point.
+        if minima != sets[:1] or any(x.nullity != x.dimension for x in sets):
+            verdict = Verdict.VIOLATED
+        return [self.row(verdict, float(min(sizes)), remark="; ".join(indices))]
 
 
 class WeightCondition(Hypothesis):
@@ -414,7 +409,8 @@ class LyapunovCheck(TrajectoryCheck):
     def check(self, runs: Runs) -> Row:
         """Judge the runs, and add the function L and its theorem."""
         row = self.judge(runs)
-        remark = joined(row.remark, runs.energy_remark)
+        energy = "" if runs.energy == Controller.energy else f"L = {runs.energy}"
+        remark = joined(row.remark, energy)
         return replace(row, statement=runs.theorem or row.statement, remark=remark)
 
     @abstractmethod
@@ -630,45 +626,29 @@ class Tracks(TrajectoryCheck):
         near = max(near, STATES_PER_RTOL * runs.rtol * size)
         if left < TRACKED or closing < near:
             return Verdict.HOLDS, ""
-        if fifths.still_falls() or _falls(runs):
+        root = None  # of L, which scales like the errors
+        if runs.lyapunov is not None and len(runs.lyapunov):
+            root = Fifths.of(runs.times, np.sqrt(np.abs(runs.lyapunov)))
+        # While L still falls, an error may stall, or grow on a short horizon.
+        if fifths.still_falls() or (root and root.still_falls()):
             return Verdict.UNDECIDED, "the error still falls"
-        if runs.rate is not None and runs.rate * SPAN * (runs.times[-1] - runs.times[0]) < -np.log(
-            TRACKED
-        ):
+        span = SPAN * (runs.times[-1] - runs.times[0])
+        if runs.rate is not None and runs.rate * span < -np.log(TRACKED):
             words = f"small errors decay at {runs.rate:.2g} 1/s, too slowly for this horizon"
             return Verdict.UNDECIDED, words
         if _start_on_reference(runs):
             return Verdict.UNDECIDED, "the runs begin on the reference"
-        if runs.departures and (left <= GROWN or not _has_grown(runs)):
+        # Runs that start at rest near an unstable equilibrium need time: their velocity error grows
+        # at first, while L stays nearly constant.
+        has_grown = root is None or root.left > 1 + ENERGY_PER_RTOL * runs.rtol
+        if runs.departures and (left <= GROWN or not has_grown):
             return Verdict.UNDECIDED, runs.departures
-        if runs.claims_decrease and not _has_grown(runs):
+        if runs.claims_decrease and not has_grown:
             return Verdict.UNDECIDED, "L has not grown"
         return Verdict.FAILS, "the error no longer falls"
 
 
 _WORSE = (Verdict.HOLDS, Verdict.UNDECIDED, Verdict.FAILS)
-
-
-def _falls(runs: Runs) -> bool:
-    """Whether L still falls: an error may then stall, or grow on a short horizon."""
-    fifths = _root_of_L(runs)
-    return fifths is not None and fifths.still_falls()
-
-
-def _has_grown(runs: Runs) -> bool:
-    """Whether L is larger at the end than at the start, or unknown.
-
-    Runs that start at rest near an unstable equilibrium need time: their velocity error grows at
-    first, while L stays nearly constant.
-    """
-    fifths = _root_of_L(runs)
-    return fifths is None or fifths.left > 1 + ENERGY_PER_RTOL * runs.rtol
-
-
-def _root_of_L(runs: Runs) -> Fifths | None:
-    """Return the means of √L, which scales like the errors; None without L."""
-    L = runs.lyapunov
-    return None if L is None or not len(L) else Fifths.of(runs.times, np.sqrt(np.abs(L)))
 
 
 def _start_on_reference(runs: Runs) -> bool:

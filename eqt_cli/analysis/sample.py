@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -124,11 +124,6 @@ class Sample:
         """Return X with the rate X_dot."""
         return with_rate(X[0], X_dot[0]), with_rate(X[1], X_dot[1])
 
-    def near_identity(self, U: Input) -> State:
-        """Return a curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
-        V_hat, P = self.G.hat(U[0]), U[1]
-        return self.moving((0 * V_hat + self.G.identity, np.zeros(P.shape)), (V_hat, P))
-
 
 def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
     """Return a closed loop at random states and random times within its horizon.
@@ -160,7 +155,8 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
-    gains = _without_symmetry(loop, random)
+    A, B = (random.standard_normal(tensor.shape) for tensor in (loop.gains.K, loop.gains.K_d))
+    gains = Gains(A @ A.T / len(A) + np.eye(len(A)), B + len(B) * np.eye(len(B)))
     # The inverse of the inertia magnifies the rounding error of a momentum.
     roundings = 4 * G.dimension * UNIT * np.linalg.cond(loop.inertia.at(times).matrix).max()
     return Sample(
@@ -188,11 +184,6 @@ def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
         return loop
     torque = 0.0 if tracks_nothing(loop) else 0.5
     return replace(loop, reference=TorqueReference([torque] * loop.group.dimension))
-
-
-def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
-    A, B = (random.standard_normal(tensor.shape) for tensor in (loop.gains.K, loop.gains.K_d))
-    return Gains(A @ A.T / len(A) + np.eye(len(A)), B + len(B) * np.eye(len(B)))
 
 
 def _with_errors(numbers: dict[str, Array]) -> dict[str, Array]:
@@ -327,14 +318,14 @@ class ExactStates:
         loop, reference = self._loop, self._loop.reference
         at_rest, G, m = tracks_nothing(loop), loop.group, loop.group.dimension
         loop = with_moving_reference(loop)
-        loop = replace(
-            loop,
-            inertia=loop.inertia.with_functions(parameters.function),
-            reference=loop.reference
-            if at_rest
-            else loop.reference.with_functions(parameters.function),
-            vehicle=_with_any_force(loop.vehicle, parameters.array(1, m)),
-        )
+        loop = replace(loop, inertia=loop.inertia.with_functions(parameters.function))
+        if not at_rest:
+            moving = loop.reference.with_functions(parameters.function)
+            loop = replace(loop, reference=moving)
+        any_force = FreeForce(parameters.array(1, m))
+        if not loop.vehicle.is_ideal:
+            vehicle = Vehicle(forces=(any_force,), control=loop.vehicle.control)
+            loop = replace(loop, vehicle=vehicle)
         loop = with_leaves(loop, _freed(loop, parameters))
         poses = [G.cayley(parameters.array(1, m)) for _ in range(5)]
         vectors = parameters.array(9, 1, m)
@@ -356,12 +347,6 @@ class ExactStates:
             reference=reference.with_functions(parameters.function),
             lost=(0.0, 0.0),
         )
-
-
-def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
-    if vehicle.is_ideal:
-        return vehicle
-    return Vehicle(forces=(FreeForce(force),), control=vehicle.control)
 
 
 def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
@@ -451,99 +436,66 @@ def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
     """
     degree, chance, points = 0, Fraction(0), 0
     for index in range(MOST_STATES):
-        at = _at(sides, states, index, RANGE)
-        if at is None:
+        differences = _differences(sides, states, index, RANGE)
+        if differences is None:
             continue
-        if not at.differences:
+        if not differences:
             return None
-        if at.refuting is not None:
-            if at.functions:
-                raise UnprovableError(f"the sides differ where {at.functions}")
-            return _readable(sides, states) or at.refutation("at a random state")
-        degree, points = max(degree, at.degree), points + 1
-        chance = max(chance, at.chance)
+        _, ledger = states.state(index, RANGE)
+        functions = " and ".join(f"{name}()" for name in sorted(ledger.functions))
+        if functions:
+            several = len(ledger.functions) > 1
+            functions += " are free parameters" if several else " is a free parameter"
+        if any(gap.numerator for _, gap in differences):
+            if functions:
+                raise UnprovableError(f"the sides differ where {functions}")
+            return _readable(sides, states) or _refutation(differences, "at a random state")
+        highest = max(gap.degree for _, gap in differences)
+        room = max(RANGE - ledger.degree, 1)
+        degree, points = max(degree, highest), points + 1
+        chance = max(chance, min(Fraction(1), Fraction(highest + ledger.compared, room)))
         if chance**points < CERTAIN:
-            return Proof(degree, points, float(chance**points), at.functions)
+            return Proof(degree, points, float(chance**points), functions)
     raise UnprovableError(
         f"{MOST_STATES} random states do not suffice, of which {points} have values"
     )
 
 
 Place = tuple[int, tuple[int, ...]]
+"""Number of an equation, and an entry of it."""
 
 
-@dataclass(frozen=True)
-class _At:
-    """The sides at one state.
-
-    Attributes
-    ----------
-    differences
-        Left − right of every entry, with its place.
-    ledger
-        Assumptions of the computation.
-    """
-
-    differences: list[tuple[Place, Exact]]
-    ledger: Ledger
-
-    @property
-    def degree(self) -> int:
-        return max(each.degree for _, each in self.differences)
-
-    @property
-    def chance(self) -> Fraction:
-        """Bound of the probability that different sides are equal at this state."""
-        room = RANGE - self.ledger.degree
-        return min(Fraction(1), Fraction(self.degree + self.ledger.compared, max(room, 1)))
-
-    @property
-    def refuting(self) -> tuple[Place, Exact] | None:
-        return next((each for each in self.differences if each[1].numerator), None)
-
-    @property
-    def functions(self) -> str:
-        """Words such as ``sqrt() and tanh() are free parameters``; empty if there are none."""
-        names = [f"{name}()" for name in sorted(self.ledger.functions)]
-        if not names:
-            return ""
-        few = "is a free parameter" if len(names) == 1 else "are free parameters"
-        return f"{' and '.join(names)} {few}"
-
-    def refutation(self, where: str) -> Refutation:
-        assert self.refuting is not None
-        (number, entry), each = self.refuting
-        place = f" in entry {list(entry)}" if entry else ""
-        return Refutation(each.value, f"{place} of equation {number}, {where}")
-
-
-def _at(sides: Sides, states: ExactStates, index: int, count: int) -> _At | None:
-    """Evaluate the sides at a state; None if a denominator vanishes."""
+def _differences(
+    sides: Sides, states: ExactStates, index: int, count: int
+) -> list[tuple[Place, Exact]] | None:
+    """Return left − right of every entry at a state; None if a denominator vanishes."""
     try:
         sample, ledger = states.state(index, count)
         with noting(ledger):
-            values = [
-                ((number, entry), difference(a, b))
+            return [
+                ((number, entry[1:]), gap)
                 for number, (left, right) in enumerate(sides(sample), start=1)
-                for entry, (a, b) in _entries(left, right)
+                for entry, gap in np.ndenumerate(entrywise(difference, left, right))
             ]
     except ZeroDivisionError:
         return None
-    return _At(values, ledger)
 
 
-def _entries(left: Array, right: Array) -> Iterator[tuple[tuple[int, ...], tuple[object, object]]]:
-    a, b = np.broadcast_arrays(np.asarray(left, dtype=object), np.asarray(right, dtype=object))
-    for entry in np.ndindex(a.shape):
-        yield entry[1:], (a[entry], b[entry])
+def _refutation(differences: Iterable[tuple[Place, Exact]], state: str) -> Refutation | None:
+    """Return the first difference that is not 0; None if there is none."""
+    for (number, entry), gap in differences:
+        if gap.numerator:
+            place = f" in entry {list(entry)}" if entry else ""
+            return Refutation(gap.value, f"{place} of equation {number}, {state}")
+    return None
 
 
 def _readable(sides: Sides, states: ExactStates) -> Refutation | None:
     """Return a difference at a state of small integers; None if none is found."""
     for index in range(MOST_STATES):
-        at = _at(sides, states, index, SMALL)
-        if at is not None and at.refuting is not None:
-            return at.refutation("at a random state of small integers")
+        differences = _differences(sides, states, index, SMALL) or ()
+        if refutation := _refutation(differences, "at a random state of small integers"):
+            return refutation
     return None
 
 

@@ -207,51 +207,37 @@ def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str
     return violated
 
 
-def _mark(violated: Mapping[str, Sequence[str]], label: str) -> str:
-    return f" (violates {listed(violated[label])})" if label in violated else ""
-
-
 def _winners(
     result: Result, record: Record, comparison: Comparison, violated: Mapping[str, Sequence[str]]
 ) -> TextTable:
-    names = dict.fromkeys([*record["objectives"], *result.compared_first])
+    marks = {label: f" (violates {listed(names)})" for label, names in violated.items()}
+    blocks = []
+    for name in dict.fromkeys([*record["objectives"], *result.compared_first]):
+        levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
+        values = dict(zip(result.labels, result.counted(name), strict=True))
+        rows = []
+        for law in record["laws"]:
+            start = levels[law["start"]]
+            before = _WRITE.spread(start.mean, start.low, start.high)
+            before += marks.get(law["start"], "")
+            for winner in law["winners"]:
+                label = winner["label"]
+                level, title = levels[label], result.title_of[label] + marks.get(label, "")
+                after = _WRITE.spread(level.mean, level.low, level.high)
+                change = _relative(values[label], values[law["start"]])
+                means = [levels[label].mean for label in seed_labels(law)]
+                over = _range(means, (level.high - level.low) / 2)
+                rows.append([title, values_text(winner["values"]), before, after, over, change])
+            if not law["winners"]:
+                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
+        blocks.append(Block(measured(result, name), rows))
     return TextTable(
         "tuned",
         f"Tuned laws against their starting gains: {_means_over(result)}",
         ["law", "tuned", "start", "found", "over searches", "change"],
-        [
-            Block(measured(result, name), _of_laws(result, record, comparison, violated, name))
-            for name in names
-        ],
+        blocks,
         list(_notes(result, record)),
     )
-
-
-def _of_laws(
-    result: Result,
-    record: Record,
-    comparison: Comparison,
-    violated: Mapping[str, Sequence[str]],
-    name: str,
-) -> list[list[str]]:
-    levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
-    values = dict(zip(result.labels, result.counted(name), strict=True))
-    rows = []
-    for law in record["laws"]:
-        start = levels[law["start"]]
-        before = _WRITE.spread(start.mean, start.low, start.high)
-        before += _mark(violated, law["start"])
-        for winner in law["winners"]:
-            level = levels[winner["label"]]
-            after = _WRITE.spread(level.mean, level.low, level.high)
-            change = _relative(values[winner["label"]], values[law["start"]])
-            named = result.title_of[winner["label"]] + _mark(violated, winner["label"])
-            means = [levels[label].mean for label in seed_labels(law)]
-            over = _range(means, (level.high - level.low) / 2)
-            rows.append([named, values_text(winner["values"]), before, after, over, change])
-        if not law["winners"]:
-            rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
-    return rows
 
 
 def _notes(result: Result, record: Record) -> Iterator[str]:
@@ -368,18 +354,17 @@ def worst_tables(result: Result, record: Record) -> list[TextTable]:
 def _worst_notes(record: Record) -> Iterator[str]:
     yield f"{searched(record)} Worse runs may exist: a search is not a proof."
     for law in record["laws"]:
-        seen = [one["value"] for one in law["searches"]]
+        seen = [search["value"] for search in law["searches"]]
+        values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
         if "certified" in law:
             where = "at this point, for references within its velocities"
             yield f"{law_title(law['label'])}, proved {where}: {law['certified']}."
         if law["in_profile"]:
-            values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
             yield (
                 f"{law_title(law['label'])}: this run lies on the lines through the worst that the "
                 f"searches found ({values}), and is worse; a larger worst.budget finds more."
             )
         elif not law["failed"] and (None in seen or not _same(law["value"], seen)):
-            values = ", ".join("a failed run" if v is None else brief(v) for v in seen)
             yield (
                 f"{law_title(law['label'])}: together with other points, the searches found "
                 f"{values}; the run amplifies rounding, so its value is no more certain than that."

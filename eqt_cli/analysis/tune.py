@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, reduce
 from typing import Any
@@ -52,7 +52,16 @@ class Search(Searches[TuneSection]):
     @cached_property
     def constraints(self) -> tuple[Constraint, ...]:
         """The bounds that a feasible point satisfies."""
-        return tuple(_constraints(self.section))
+        constraints = []
+        for name, bound in self.section.subject_to.items():
+            if not isinstance(bound, WorstRunSection):
+                is_upper = quantity_of(name).better != "higher"
+                constraints.append(Constraint(name, float(bound), is_upper, every_run=False))
+                continue
+            for limit, is_upper in ((bound.max, True), (bound.min, False)):
+                if limit is not None:
+                    constraints.append(Constraint(name, limit, is_upper, every_run=True))
+        return tuple(constraints)
 
     @property
     def seeks_front(self) -> bool:
@@ -243,18 +252,6 @@ def _check_objectives(section: TuneSection, base: Experiment, problems: Problems
         for index, name in enumerate(_objective_names(section)):
             with problems.catching(*(("objectives", index) if several else ("objective",))):
                 require_metric(name, base)
-
-
-def _constraints(section: TuneSection) -> Iterator[Constraint]:
-    for name, bound in section.subject_to.items():
-        if not isinstance(bound, WorstRunSection):
-            higher = quantity_of(name).better == "higher"
-            yield Constraint(name, float(bound), above=not higher, every_run=False)
-            continue
-        if bound.max is not None:
-            yield Constraint(name, bound.max, above=True, every_run=True)
-        if bound.min is not None:
-            yield Constraint(name, bound.min, above=False, every_run=True)
 
 
 def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:

@@ -285,9 +285,7 @@ class _Verifier:
         loop = small_loops(self.experiment, self._along).get(label)
         with np.errstate(all="ignore"):
             linear = None if loop is None else linearised(loop, *self._along)
-        if linear is None or not np.isfinite(linear.closed).all():
-            return None
-        if linear.at_rest is None:
+        if linear is None or linear.at_rest is None or not np.isfinite(linear.closed).all():
             return None
         rate = -growth(linear.at_rest).rate
         return rate if rate > 0 else None
@@ -308,14 +306,9 @@ class _Verifier:
         engine = self._engine(batch)
         if (factor := max(TIGHTER, FINEST / engine.rtol)) < 1:
             engine = engine.tightened(factor)
-        again, tolerances = (
-            engine.solve(problem, self.workers),
-            (engine.rtol, getattr(engine, "atol", 0.0)),
-        )
-        windows = certificates.VehicleRuns(
-            problem, again.states, seed, good[few], None, *tolerances
-        )
-        return replace(runs, windows=windows)
+        states, atol = engine.solve(problem, self.workers).states, getattr(engine, "atol", 0.0)
+        few_runs = certificates.VehicleRuns(problem, states, seed, good[few])
+        return replace(runs, windows=replace(few_runs, rtol=engine.rtol, atol=atol))
 
     def verification(self, runs: list[certificates.Runs], desired: Desired) -> Verification:
         """All rows."""
@@ -330,19 +323,14 @@ class _Verifier:
             *certificates.hypothesis_rows(
                 certificates.Setting(loops, times, Qd[finite], Vd[finite], rigid, self.exact)
             ),
-            *self._of_code(),
         ]
+        # Code is compared with the law that it claims to be.
+        for index, (label, loop) in enumerate(loops.items(), start=1):
+            random, flown = _random(self.experiment, index, Stream.CODE), self.flown.get(label)
+            rows += loop.controller.judged(label, loop, horizon, random, flown)
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment, list(self.engines))
-
-    def _of_code(self) -> Iterator[certificates.Row]:
-        """Rows that only some laws have: code is compared with the law that it claims to be."""
-        horizon = float(self.experiment.times[-1])
-        for index, (label, loop) in enumerate(self.experiment.loops.items(), start=1):
-            random = _random(self.experiment, index, Stream.CODE)
-            flown = self.flown.get(label)
-            yield from loop.controller.judged(label, loop, horizon, random, flown)
 
 
 def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certificates.Row]:

@@ -160,8 +160,11 @@ class WorstSearch(Searches[WorstSection]):
             compute(source, folder.run_of(law), executor)
             with open_result(folder.run_of(law)) as result:
                 worst_run = alone[law.label] = _worst_run(self, result)
+            value = f"{self.objective} {worst_run['value']!r}"
+            outcome = "failed" if worst_run["failed"] else value
+            comment = f"# run {worst_run['run']} of {law.label}: {outcome}\n"
             single = study(source, trust_plugins=True)
-            folder.write_configs(law, [single], comment=_comment(self, law, worst_run))
+            folder.write_configs(law, [single], comment=comment)
         laws = [
             {
                 "label": law.label,
@@ -231,12 +234,6 @@ def badness(metric: str, result: Result) -> Scores:
     late = good & np.isnan(result.metric("settling_time")[:, 0])
     failed, unsettled = (~good).sum(axis=1), late.sum(axis=1)
     return Scores(-worst[:, None], np.zeros(len(worst)), failed, unsettled)
-
-
-def _comment(search: WorstSearch, law: law_search.LawSearch, record: dict[str, Any]) -> str:
-    """Return the comment above the configuration, which names the worst of its runs."""
-    outcome = "failed" if record["failed"] else f"{search.objective} {record['value']!r}"
-    return f"# run {record['run']} of {law.label}: {outcome}\n"
 
 
 def _worst_run(search: WorstSearch, result: Result) -> dict[str, Any]:

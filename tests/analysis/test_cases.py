@@ -9,7 +9,7 @@ from case_tables import from_yaml
 from said import error_of
 
 from eqt_cli import api
-from eqt_cli.analysis.fronts import Scores, best_of, held_out
+from eqt_cli.analysis.fronts import Population, Scores, held_out
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.analysis.search_tables import tuning_tables
 from eqt_cli.analysis.tune import Search
@@ -56,11 +56,11 @@ def test_the_mean_and_the_worst_of_cases_choose_different_points():
 
     cases = [of(1, 3), of(6, 5)]
     mean, worst = (Scores.over_cases(cases, worst=how) for how in (False, True))
-    assert (best_of(mean), best_of(worst)) == (0, 1)
+    assert [Population(np.eye(2), scores).best for scores in (mean, worst)] == [0, 1]
     assert worst.objectives[:, 0].tolist() == [6, 5]
     assert worst.failed.tolist() == [2, 2]
     kept = Scores.over_cases([cases[0], of(6, 5, violation=0.5)], worst=True)
-    assert best_of(kept) == 0  # a bound is to hold in each case
+    assert Population(np.eye(2), kept).best == 0  # a bound is to hold in each case
 
 
 def test_a_point_is_scored_by_its_worst_case(tuned):

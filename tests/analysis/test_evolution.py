@@ -7,8 +7,6 @@ from scipy.optimize import differential_evolution
 from eqt_cli.analysis.fronts import (
     Population,
     Scores,
-    best_of,
-    first_front,
     first_points,
     generator,
     ranks,
@@ -123,16 +121,18 @@ def test_laws_start_from_the_same_values_of_the_keys_that_they_share():
 # Which of scored points is better
 
 
-def test_a_feasible_point_is_better_than_a_lesser_objective():
-    assert best_of(scored([[1], [5], [4]], [0.1, 0, 0])) == 2
-
-
-def test_of_infeasible_points_the_one_that_violates_least():
-    assert best_of(scored([[1], [5], [4]], [0.3, 0.1, 0.2])) == 1
-
-
-def test_a_point_without_a_value_is_never_the_best():
-    assert best_of(scored([[np.nan], [5]], [1.0, 0])) == 1
+@pytest.mark.parametrize(
+    ("objectives", "violation", "best"),
+    [
+        ([1, 5, 4], [0.1, 0, 0], 2),  # a feasible one, whatever less an infeasible one has
+        ([1, 5, 4], [0.3, 0.1, 0.2], 1),  # of infeasible ones, that which violates least
+        ([np.nan, 5], [1.0, 0], 1),  # never one without a value
+    ],
+)
+def test_the_best_point_is_feasible_or_violates_least(objectives, violation, best):
+    points = np.zeros((len(objectives), 1))
+    scores = scored(np.array(objectives)[:, None], violation)
+    assert Population(points, scores).best == best
 
 
 def test_of_each_point_and_its_trial_the_better_survives_and_of_equals_the_trial():
@@ -147,8 +147,8 @@ def test_fronts_are_ranked_one_after_the_other():
 
 
 def test_the_front_is_feasible_in_order_and_without_twins():
-    found = first_front(scored([[3, 1], [1, 3], [1, 3], [2, 4], [0, 0]], [0, 0, 0, 0, 0.1]))
-    assert found.tolist() == [1, 0]
+    scores = scored([[3, 1], [1, 3], [1, 3], [2, 4], [0, 0]], [0, 0, 0, 0, 0.1])
+    assert Population(np.zeros((5, 1)), scores).front.tolist() == [1, 0]
 
 
 def test_a_crowded_front_is_thinned_where_it_is_dense():

@@ -30,6 +30,7 @@ from eqt_cli.analysis.sample import (
     Parameters,
     Proof,
     Refutation,
+    UnprovableError,
     prove,
     sampled,
     written,
@@ -200,13 +201,18 @@ def test_so_many_states_as_the_probability_needs():
 
 
 @pytest.mark.parametrize(
-    ("divided", "chance"), [(0, Fraction(3, 2**64)), (2**63, Fraction(3, 2**63)), (2**64, 1)]
+    ("divided", "chance"), [(0, Fraction(3, 2**64)), (2**63, Fraction(3, 2**63)), (2**64, None)]
 )
 def test_the_chance_counts_what_was_compared_and_what_must_not_vanish(divided, chance):
     ledger = Ledger(lambda: free(1))
     ledger.degree, ledger.compared = divided, 1
-    at = proof._At([((1, ()), free(0) * free(5))], ledger)
-    assert at.chance == chance
+    known = SimpleNamespace(state=lambda *_: (None, ledger))
+    if chance is None:
+        with pytest.raises(UnprovableError, match="20 random states do not suffice"):
+            prove(lambda _: iter([(free(0) * free(5), 0)]), known)
+    else:
+        found = prove(lambda _: iter([(free(0) * free(5), 0)]), known)
+        assert found.probability == float(chance**found.points)
 
 
 @pytest.mark.parametrize("identity", [LyapunovRate(), FamilyForm()])
