@@ -716,8 +716,8 @@ def rates_of(
             with threadpool_limits(1):  # threads slow down small matrices
                 here = certified(A, box, B, push)
             if rates and (rates[-1].rate or 0) > (here.rate or 0):
-                larger = {k: getattr(rates[-1], k) for k in ("rate", "P", "overshoot")}
-                here = replace(here, **larger)
+                last = rates[-1]
+                here = replace(here, rate=last.rate, P=last.P, overshoot=last.overshoot)
             here = replace(here, gain=Gain(push, refused=refused)) if refused else here
             rates.append(replace(here, region=region(label, loop, box, start)) if start else here)
     # The others come from code that does not run on fractions, as a law in C.

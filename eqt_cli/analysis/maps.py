@@ -1,7 +1,7 @@
 """Sweeps: which law wins at each point, and over which range the runs settle."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, NamedTuple
@@ -521,18 +521,14 @@ def extreme_points(result: Result, names: Sequence[str]) -> TextTable:
     """Return the points with the smallest and largest means for each controller and metric."""
     blocks = []
     for name in names:
-        means = result.means(name)
-        rows = [
-            [title, end, *_at(result, point), significant(column[point])]
-            for title, column in zip(result.titles, means.T, strict=True)
-            if np.isfinite(column).any()
-            for end, point in (("best", np.nanargmin(column)), ("worst", np.nanargmax(column)))
-        ]
+        means = result.means(name).T
         unit = result.unit_in_words(name).replace("^2", "²")
         title = result.quantity(name).described + (f", {unit}" if unit else "")
-        blocks.append(Block(title, rows))
+        blocks.append(Block(title, _ends(result, means, means, significant)))
     if result.has("settled"):
-        blocks.append(Block("share of settled runs, with its 95 % interval", _settled(result)))
+        settled = np.moveaxis(shares(result.metric("settled")), 1, 0)
+        rows = _ends(result, -settled[..., 0], settled, lambda share: Plain().interval(*share))
+        blocks.append(Block("share of settled runs, with its 95 % interval", rows))
     return TextTable(
         "best",
         "Points with the best and the worst mean over runs, among points without failed runs",
@@ -541,23 +537,18 @@ def extreme_points(result: Result, names: Sequence[str]) -> TextTable:
     )
 
 
-def _settled(result: Result) -> list[list[str]]:
-    """Return the points where most and fewest runs settle, for each controller."""
+def _ends(
+    result: Result, costs: Array, values: Array, write: Callable[[Any], str]
+) -> list[list[str]]:
+    """Return the points with the least and the largest cost ``(laws, points)``, and the values."""
     rows = []
-    columns = np.moveaxis(shares(result.metric("settled")), 1, 0)
-    for title, column in zip(result.titles, columns, strict=True):
-        share: Array = column[:, 0]
-        if np.isfinite(share).any():
-            for end, point in (("best", np.nanargmax(share)), ("worst", np.nanargmin(share))):
-                value = Plain().interval(*column[point].tolist())
-                rows.append([title, end, *_at(result, point), value])
+    for title, column, of_law in zip(result.titles, costs, values.tolist(), strict=True):
+        if np.isfinite(column).any():
+            for end, point in (("best", np.nanargmin(column)), ("worst", np.nanargmax(column))):
+                keys = (key.named(int(point)) for key in result.swept_keys)
+                at = (value if isinstance(value, str) else f"{value:.4g}" for value in keys)
+                rows.append([title, end, str(point), *at, write(of_law[point])])
     return rows
-
-
-def _at(result: Result, point: np.intp) -> list[str]:
-    """Return the number of a point and the values of its keys."""
-    values = [key.named(int(point)) for key in result.swept_keys]
-    return [str(point), *(value if isinstance(value, str) else f"{value:.4g}" for value in values)]
 
 
 def sweep_tables(result: Result, more: Sequence[str] = ()) -> list[TextTable]:

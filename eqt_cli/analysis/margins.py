@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -446,32 +446,28 @@ def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     """Return the margins of the gains that the law uses."""
     margins = {}
     for which, names in GAINS.items():
-        if np.array_equal(loop.with_gains(dict.fromkeys(names, FACTOR_STEP)).closed, loop.closed):
-            continue
-
-        def rate(factor: float, names: tuple[str, ...] = names) -> float:
-            scaled = loop.with_gains(dict.fromkeys(names, factor))
-            if not np.isfinite(scaled.closed).all():
-                return np.nan
-            return growth(scaled.at_rest or scaled).rate
-
-        ends = (_first_unstable(rate, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
-        margins[which] = GainMargin(*ends)
+        scaled = loop.with_gains(dict.fromkeys(names, FACTOR_STEP))
+        if not np.array_equal(scaled.closed, loop.closed):
+            ends = (_first_unstable(loop, names, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
+            margins[which] = GainMargin(*ends)
     return margins
 
 
-def _first_unstable(rate: Callable[[float], float], step: float) -> float | None:
+def _first_unstable(loop: Linearised, names: Sequence[str], step: float) -> float | None:
     """Return the factor nearest to 1 on one side at which the loop becomes unstable, or None."""
     from scipy.optimize import brentq  # slow to import
 
-    def rate_at(logarithm: float) -> float:
-        return rate(float(np.exp(logarithm)))
+    def rate(logarithm: float) -> float:
+        scaled = loop.with_gains(dict.fromkeys(names, float(np.exp(logarithm))))
+        if not np.isfinite(scaled.closed).all():
+            return np.nan
+        return growth(scaled.at_rest or scaled).rate
 
-    known, end = 0.0, np.log(step)
+    stable, end = 0.0, np.log(step)
     while abs(end) <= np.log(LARGEST_FACTOR) * (1 + 1e-12):
-        if np.isnan(last := rate_at(end)):
+        if np.isnan(last := rate(end)):
             return None
         if last > 0.0:
-            return float(np.exp(brentq(rate_at, known, end, xtol=1e-12)))
-        known, end = end, end + np.log(step)
+            return float(np.exp(brentq(rate, stable, end, xtol=1e-12)))
+        stable, end = end, end + np.log(step)
     return None

@@ -492,7 +492,7 @@ class Convergence(LyapunovCheck):
             The measured value of every run.
         near
             Whether each run is within the bound.
-        found
+        left
             Final behaviour of the errors of the runs with stored trajectories.
         bound
             Bound of the measured value; None if it has no scale.

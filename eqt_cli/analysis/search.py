@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
@@ -258,8 +258,13 @@ def _generation(
     search: Searches[Any], law: LawSearch, out: Path, shares: Array, executor: Executor
 ) -> Scores:
     """Return the scores of the points of a generation, which a folder may already hold."""
-    columns = _columns(law, shares)
-    held = _holds(out, columns)
+    columns, held = _columns(law, shares), False
+    if (out / FILE_NAME).exists():
+        with open_result(out) as result:
+            held = all(
+                np.array_equal(result.coordinate(coordinate_of(key)), values)
+                for key, values in columns.items()
+            )
     if not held:
         compute(_swept(law, columns), out, executor)
     with open_result(out) as result:
@@ -358,17 +363,6 @@ def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
         "solver": solver | {"cross_check": 0},
     }
     return replace(law.source, data=data | changes)
-
-
-def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
-    """Whether a folder holds a complete sweep over these points."""
-    if not (out / FILE_NAME).exists():
-        return False
-    with open_result(out) as result:
-        return all(
-            np.array_equal(result.coordinate(coordinate_of(key)), values)
-            for key, values in columns.items()
-        )
 
 
 @dataclass(frozen=True, repr=False)

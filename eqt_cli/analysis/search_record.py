@@ -153,7 +153,7 @@ class Kind:
         Command that starts the search: ``tune``.
     title
         Name of the search in messages.
-    record, found
+    record, configs
         Names of the file of the outcome, and of the folder of the configurations that were found.
     fits
         Whether a record is complete and belongs to a result.

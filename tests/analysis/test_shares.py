@@ -15,24 +15,6 @@ from eqt_cli.results.quantity import Plain
 CAVO, BENTUR = PairedShares(59, 6, 16, 80), PairedShares(1, 1, 7, 12)
 
 
-@pytest.mark.parametrize(
-    ("count", "runs", "wilson", "exact"),
-    [
-        (81, 263, (0.2553, 0.3662), (0.2527, 0.3676)),
-        (15, 148, (0.0624, 0.1605), (0.0578, 0.1617)),
-        (0, 20, (0, 0.1611), (0, 0.1684)),
-        (1, 29, (0.0061, 0.1718), (0.0009, 0.1776)),
-    ],
-)
-def test_shares_have_the_published_intervals(count, runs, wilson, exact):
-    """Of Newcombe (1998), Statistics in Medicine 17, 857-872, table I, methods 3 and 5."""
-    found = share(count, runs, 0.95)
-    assert found.value == count / runs
-    assert (found.low, found.high) == pytest.approx(wilson, abs=5e-5)
-    found = share(count, runs, 0.95, exact=True)
-    assert (found.low, found.high) == pytest.approx(exact, abs=5e-5)
-
-
 def test_a_difference_has_the_published_interval_of_newcombe():
     found = CAVO.difference(0.95)
     assert tuple(found) == pytest.approx((-0.0621, -0.1186, -0.0046), abs=5e-5)

@@ -82,19 +82,12 @@ def test_more_generations_go_on_where_fewer_ended(small, tmp_path):
 
 
 @pytest.mark.ci("searches twice")
-def test_another_search_is_not_mixed_into_the_folder(small, tmp_path):
+def test_another_search_takes_the_place_of_one_only_where_it_is_told_to(small, tmp_path):
     small["tune"]["budget"] = 1
     api.tune(small, tmp_path / "t")
     small["tune"]["seed"] = 5
     with pytest.raises(EqtError, match="holds another tuning"):
         api.tune(small, tmp_path / "t")
-
-
-@pytest.mark.ci("searches twice")
-def test_another_search_takes_the_place_of_one_where_it_is_told_to(small, tmp_path):
-    small["tune"]["budget"] = 1
-    api.tune(small, tmp_path / "t")
-    small["tune"]["seed"] = 5
     assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
 
 
