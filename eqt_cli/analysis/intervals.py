@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import combinations
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -194,67 +194,42 @@ def shares(values: Array, confidence: float = Resampling.confidence) -> Array:
     return np.reshape(np.array(rows, dtype=float), (*counts.shape, len(Interval._fields)))
 
 
-@dataclass(frozen=True)
-class PairedShares:
-    """Counts of an event under two controllers on the same runs.
+def difference_of_shares(first: Array, second: Array, confidence: float) -> tuple[Interval, float]:
+    """Return the share of runs under the first less that under the second, and a p-value.
 
-    Attributes
+    Method 10 of Newcombe (1998), Statistics in Medicine 17, 2635-2650. It combines the Wilson
+    intervals of both shares with their correlation, with a correction if that is positive. The
+    p-value is that of McNemar's exact two-sided test that the shares are equal. Under this
+    hypothesis, each run in which the two differ is equally likely to go either way (McNemar 1947).
+
+    Parameters
     ----------
-    both, first, second, neither
-        Numbers of runs with the event under both, only the first, only the second, and neither.
+    first, second : (runs,)
+        0 or 1 of the same runs; NaN for no value.
+    confidence
+        Confidence of the interval.
+
+    Returns
+    -------
+    Interval, float
+        The ends are NaN for fewer than `FEWEST` runs; without runs all numbers are NaN.
     """
-
-    both: int
-    first: int
-    second: int
-    neither: int
-
-    @classmethod
-    def of(cls, first: Array, second: Array) -> Self:
-        """Count the runs from arrays of 0 or 1, ``(runs,)``; NaN for no value."""
-        known = np.isfinite(first) & np.isfinite(second)
-        a, b = first[known] > 0, second[known] > 0
-        counts = (a & b, a & ~b, ~a & b, ~a & ~b)
-        return cls(*(int(np.count_nonzero(outcome)) for outcome in counts))
-
-    @property
-    def runs(self) -> int:
-        """Number of all runs."""
-        return self.both + self.first + self.second + self.neither
-
-    def difference(self, confidence: float) -> Interval:
-        """Return the share under the first minus that under the second, with its interval.
-
-        Method 10 of Newcombe (1998), Statistics in Medicine 17, 2635-2650. It combines the Wilson
-        intervals of both shares with their correlation, with a correction if that is positive.
-        """
-        n = self.runs
-        if not n:
-            return Interval(math.nan, math.nan, math.nan)
-        one = share(self.both + self.first, n, confidence)
-        other = share(self.both + self.second, n, confidence)
-        correlation = self._correlation()
-        down = _joined(one.value - one.low, other.high - other.value, correlation)
-        up = _joined(one.high - one.value, other.value - other.low, correlation)
-        value = (self.first - self.second) / n
-        return Interval(value, value - down, value + up)
-
-    def _correlation(self) -> float:
-        a, b, c, d = self.both, self.first, self.second, self.neither
-        product = (a + b) * (c + d) * (a + c) * (b + d)
-        if not product:
-            return 0.0
-        excess = a * d - b * c
-        return (max(excess - self.runs / 2, 0.0) if excess > 0 else excess) / math.sqrt(product)
-
-    @property
-    def p_value(self) -> float:
-        """P-value of McNemar's exact two-sided test that the two shares are equal.
-
-        Under this hypothesis, each run in which the two differ is equally likely to go either way
-        (McNemar 1947).
-        """
-        return sign_test(self.first, self.second) if self.runs else math.nan
+    known = np.isfinite(first) & np.isfinite(second)
+    x, y, n = first[known] > 0, second[known] > 0, int(known.sum())
+    if not n:
+        return Interval(math.nan, math.nan, math.nan), math.nan
+    outcomes = (x & y, x & ~y, ~x & y, ~x & ~y)
+    a, b, c, d = (int(np.count_nonzero(outcome)) for outcome in outcomes)
+    value, p_value = (b - c) / n, sign_test(b, c)
+    if n < FEWEST:
+        return Interval(value, math.nan, math.nan), p_value
+    product, excess = (a + b) * (c + d) * (a + c) * (b + d), a * d - b * c
+    corrected = max(excess - n / 2, 0.0) if excess > 0 else excess
+    correlation = corrected / math.sqrt(product) if product else 0.0
+    one, other = share(a + b, n, confidence), share(a + c, n, confidence)
+    down = _joined(one.value - one.low, other.high - other.value, correlation)
+    up = _joined(one.high - one.value, other.value - other.low, correlation)
+    return Interval(value, value - down, value + up), p_value
 
 
 def _joined(one: float, other: float, correlation: float) -> float:
@@ -565,12 +540,13 @@ def statistics(
             interval = Interval(*of_runs)
             levels.append(_level(s, c, label, good, interval))
         for a, b in couples:
-            counts = PairedShares.of(s.values[a], s.values[b]) if s.quantity.counts else None
-            interval = next(ends) if counts is None else counts.difference(how.confidence)
-            if counts is not None and counts.runs < FEWEST:
-                interval = Interval(interval.value, math.nan, math.nan)
-            pair = _pair(s, a, b, labels, good, how.confidence, interval)
-            pairs.append(pair if counts is None else replace(pair, p_value=counts.p_value))
+            if s.quantity.counts:
+                both = s.values[a], s.values[b]
+                interval, p_value = difference_of_shares(*both, how.confidence)
+                pair = _pair(s, a, b, labels, good, how.confidence, interval)
+                pairs.append(replace(pair, p_value=p_value))
+            else:
+                pairs.append(_pair(s, a, b, labels, good, how.confidence, next(ends)))
     return levels, pairs, means.resamples
 
 

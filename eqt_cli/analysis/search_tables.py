@@ -115,7 +115,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     if "pairs" in pairs:
         ranking = _ranking(result, record["objectives"][0], tuned)
         pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking])
-    winners = _winners(result, record, comparison, _violated(cases, record))
+    winners = _winners(result, record, comparison, _marks(cases, record))
     searches = searches_table(result, record)
     made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
     return [table for table in made if table.blocks]
@@ -194,23 +194,22 @@ def sought(record: Record) -> list[str]:
     return [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
 
 
-def _violated(cases: Mapping[str, Result], record: Record) -> dict[str, list[str]]:
-    """Return the metrics whose bounds the held-out runs violate, in any case, by label."""
+def _marks(cases: Mapping[str, Result], record: Record) -> dict[str, str]:
+    """Name the metrics whose bounds the held-out runs violate, in any case, by label."""
     violated: dict[str, list[str]] = {}
     for entry in record["constraints"]:
         bound = Constraint(**entry)
         for result in cases.values():
             over = excess(bound, result.counted(bound.metric))
-            for label in [one for one, by in zip(result.labels, over, strict=True) if by > 0]:
-                names = violated.setdefault(label, [])
-                names += [bound.metric] if bound.metric not in names else []
-    return violated
+            for label, share in zip(result.labels, over, strict=True):
+                if share > 0 and bound.metric not in violated.get(label, ()):
+                    violated.setdefault(label, []).append(bound.metric)
+    return {label: f" (violates {listed(metrics)})" for label, metrics in violated.items()}
 
 
 def _winners(
-    result: Result, record: Record, comparison: Comparison, violated: Mapping[str, Sequence[str]]
+    result: Result, record: Record, comparison: Comparison, marks: Mapping[str, str]
 ) -> TextTable:
-    marks = {label: f" (violates {listed(names)})" for label, names in violated.items()}
     blocks = []
     for name in dict.fromkeys([*record["objectives"], *result.compared_first]):
         levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}

@@ -247,6 +247,7 @@ class _Verifier:
         values: Mapping[str, Array],
         reference: Desired,
     ) -> certificates.Runs:
+        loop = batch.problem.loop
         values = dict(values) | {k: values[x] for k, x in self._of_axis.items() if x in values}
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
@@ -256,7 +257,7 @@ class _Verifier:
         )
         return certificates.Runs(
             label=label,
-            claims_decrease=batch.problem.loop.claims_decrease,
+            claims_decrease=loop.claims_decrease,
             rtol=batch.engine.rtol,
             threshold=self._threshold,
             settled=np.isfinite(values["settling_time"][good]) if self._by_parts else None,
@@ -264,15 +265,15 @@ class _Verifier:
             **{"lyapunov": None, **signals},
             **{name: values[name][good] for name in JUDGED},
             failed=int(np.count_nonzero(~good)),
-            departures=batch.problem.loop.departures,
+            departures=loop.departures,
             vehicle=self._vehicle(batch, solution),
-            energy=batch.problem.loop.controller.energy,
-            theorem=batch.problem.loop.controller.theorem,
+            energy=loop.controller.energy,
+            theorem=loop.controller.theorem,
             estimate=estimate if self._of_estimate else None,
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
             rate=self._rate(label),
-            barrier=batch.problem.loop.barrier,
-            leaves_spin=len(batch.problem.loop.free_rows) > 1,
+            barrier=loop.barrier,
+            leaves_spin=len(loop.free_rows) > 1,
         )
 
     @cached_property

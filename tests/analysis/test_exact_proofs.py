@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from small_loops import expressions
+from small_loops import closed_loop, expressions
 
 from eqt_cli.analysis import sample as proof
 from eqt_cli.analysis.certificates import Identity, LiteralForm, Verdict, certificates
@@ -44,9 +44,8 @@ from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInert
 from eqt_cli.components.laws import EqT, Family, controllers
 from eqt_cli.components.matrix_groups import VectorGroup
 from eqt_cli.components.mechanics import Gains, Semidirect, Tracking
-from eqt_cli.components.references import ConstantReference, TorqueReference
+from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.loop.closed_loop import ClosedLoop
 
 LAWS = [kind.name for kind in controllers.all() if kind.tasks]
 """Formulas; code of a user's own is none."""
@@ -62,18 +61,6 @@ NINE_DIMENSIONS = pytest.mark.ci("nine dimensions, with rates in every product")
 def one_state(monkeypatch):
     """One exact state suffices, to 1e-15: enough to tell a fault, in a third of the time."""
     monkeypatch.setattr(proof, "CERTAIN", 1e-15)
-
-
-def closed_loop(G, law=None, **parts):
-    m, d = G.dimension, G.size
-    known = {
-        "group": G,
-        "inertia": Inertia(np.eye(m), np.eye(m)),
-        "gains": Gains(np.eye(d), np.eye(m)),
-        "reference": TorqueReference(["sin(t)"] * m),
-        "controller": law or EqT(),
-    }
-    return ClosedLoop(**known | parts)
 
 
 def factored(m):
