@@ -27,8 +27,7 @@ _DEFINED = re.compile(
 )
 _NAME = re.compile(r"\b(?:eqt|EQT)_\w+")
 _RULE = re.compile(r"/\* .* -{10,} \*/")
-_GUARD = re.compile(r"#define EQT_\w+_H")
-_CONDITION = re.compile(r"#(if|ifdef|ifndef|elif|else|endif)\b(.*)")
+_GUARD = re.compile(r"#(?:ifndef|define) EQT_\w+_H")
 
 
 def headers(real: str) -> str:
@@ -61,10 +60,10 @@ def _defined(text: str) -> Iterator[str]:
 def _units(header: str) -> Iterator[str]:
     """Yield the definitions of a header, each with the comment before it."""
     lines: list[str] = []
-    depth = conditions = 0
+    depth = 0
     comment = False
     for line in header.splitlines():
-        if _RULE.fullmatch(line) or (not line.strip() and not depth and not conditions):
+        if _RULE.fullmatch(line) or (not line.strip() and not depth):
             lines = [] if not comment else lines
             continue
         lines.append(line)
@@ -72,43 +71,28 @@ def _units(header: str) -> Iterator[str]:
         code = re.sub(r"/\*.*?\*/", "", line).rstrip()
         if comment:
             continue
-        if condition := _CONDITION.match(line):
-            conditions += {"if": 1, "ifdef": 1, "ifndef": 1, "endif": -1}.get(condition[1], 0)
         depth += code.count("{") - code.count("}")
         ends = code.endswith((";", "}")) or (code.startswith("#") and not code.endswith("\\"))
-        if not depth and not conditions and ends:
+        if not depth and ends:
             yield "\n".join(lines) + "\n"
             lines = []
 
 
 def _of_one_lane(header: str) -> str:
-    """Return a header for one lane, without guard, includes and conditions on the lanes."""
-    branches: list[str] = []  # the fate of each condition around a line
-    lines = [
-        line
-        for line in header.splitlines()
-        if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
-    ]
+    """Return a header for one lane, without guard, includes and conditions.
+
+    Of a condition, only what it brings for one lane stays; what depends on the compiler is in
+    `PRELUDE` for all of them.
+    """
+    lines: list[str] = []
+    holds: list[bool] = []  # of each condition around a line
+    for line in header.splitlines():
+        if line.startswith("#if"):
+            holds.append(line == "#if EQT_LANES == 1" or _GUARD.fullmatch(line) is not None)
+        elif line.startswith(("#elif", "#else")):
+            holds[-1] = False  # no condition but of one lane has another branch that would hold
+        elif line.startswith("#endif"):
+            holds.pop()
+        elif all(holds) and not line.startswith("#include") and not _GUARD.fullmatch(line):
+            lines.append(line)
     return "\n".join(lines).replace("EQT_LANES", "1")
-
-
-def _stays(line: str, branches: list[str]) -> bool:
-    """Return whether a line stays; a condition begins, changes or ends the last branch."""
-    match = _CONDITION.match(line)
-    skipped = "skipped" in branches
-    if match is None:
-        return not skipped
-    if match[1] in ("if", "ifdef", "ifndef"):
-        branches.append("skipped" if skipped else _branch(line))
-        return branches[-1] == "kept"
-    if match[1] == "endif":
-        return branches.pop() == "kept" and "skipped" not in branches
-    if branches[-1] == "taken":
-        branches[-1] = "skipped"
-    return not skipped and branches[-1] == "kept"
-
-
-def _branch(line: str) -> str:
-    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_\w+_H", line):
-        return "taken"
-    return "skipped" if line == "#ifndef EQT_LANES" else "kept"

@@ -192,6 +192,20 @@ def header(law: ExportedLaw) -> str:
     states = [
         _field(law.by, each, f"the state {each.source} of the law") for each in program.memory
     ]
+    of_filter = {}
+    if law.filter:
+        options = meanings(type(law.filter.estimator))
+        words = {
+            "measured": [
+                (x, "; ".join(filter(None, (x.unit, x.source)))) for x in law.filter.measured
+            ],
+            "options": [(x, options.get(x.name, "")) for x in law.filter.numbers],
+            "states": [(x, x.name.replace("_", " ")) for x in law.filter.states],
+        }
+        of_filter = {
+            structure: [(law.by.name, f"{x.name}[{x.size}]", said) for x, said in entries]
+            for structure, entries in words.items()
+        }
     return of_law(
         "law.h",
         law,
@@ -199,28 +213,8 @@ def header(law: ExportedLaw) -> str:
         numbers=[_field(law.by, each, meaning(law, each)) for each in program.numbers],
         memory=states or [(law.by.name, "unused", "the law has no memory")],
         outputs=[_field(law.by, each, f"{each.source} of the law") for each in program.outputs],
-        **_filter_fields(law),
+        **of_filter,
     )
-
-
-def _filter_fields(law: ExportedLaw) -> dict[str, list[tuple[str, str, str]]]:
-    """Return the fields of the structures of the filter; empty without a filter."""
-    if (law_filter := law.filter) is None:
-        return {}
-
-    def listed(
-        entries: Sequence[Entry], said: Callable[[Entry], str]
-    ) -> list[tuple[str, str, str]]:
-        return [(law.by.name, f"{each.name}[{each.size}]", said(each)) for each in entries]
-
-    program = law_filter.program
-    return {
-        "measured": listed(
-            program.measured, lambda each: "; ".join(filter(None, (each.unit, each.source)))
-        ),
-        "options": listed(program.numbers, lambda each: law_filter.meaning(each.name)),
-        "states": listed(program.states, lambda each: each.name.replace("_", " ")),
-    }
 
 
 def bounds_in_words(law: ExportedLaw) -> str:
@@ -319,10 +313,8 @@ def default(law: ExportedLaw, entry: Entry) -> str:
 def measurements(law: ExportedLaw) -> list[str]:
     """Return what the filter measures at each instant of its check, as initialisers."""
     assert law.filter is not None
-    measured = law.filter.measured
-    parts = [measured[each.name] for each in law.filter.program.measured]
-    rows = zip(*parts, strict=True)
-    return [f"{{{', '.join(braced(part, law.by) for part in each)}}}" for each in rows]
+    instants = zip(*(law.filter.flight[entry.name] for entry in law.filter.measured), strict=True)
+    return [f"{{{', '.join(braced(part, law.by) for part in parts)}}}" for parts in instants]
 
 
 # The check ----------------------------------------------------------------------------------------
@@ -333,16 +325,19 @@ def check(law: ExportedLaw) -> str:
     program, chosen = law.program, examples(law)
     states = law.states.at(chosen)
     bounds = law.bounded(program.step, states)
-    memory = [bounds[MEMORY + entry.name] for entry in program.memory]
+    memory = [MEMORY + entry.name for entry in program.memory]
+    output_names = [OUTPUT + entry.name for entry in program.outputs]
     lines = []
     for k in range(len(chosen)):
         state = {name: values[k] for name, values in states.items()}
         exact = evaluated(program.step, {**state, **law.flat_numbers})
-        after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
-        after_bound = [x for each in memory for x in _stored(each.errors[k], each.values[k])]
+        after = [float(x) for name in memory for x in exact[name]]
+        after_bound = [
+            x for name in memory for x in _stored(bounds[name].errors[k], bounds[name].values[k])
+        ]
         fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
-        before = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
-        outputs, output_bound = _outputs(law, state)
+        before = [braced(state[name], law.by) for name in memory]
+        outputs, output_bound = _exact(law, program.output, state, output_names)
         torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
             f"{{{', '.join(fields)}}}",
@@ -356,7 +351,8 @@ def check(law: ExportedLaw) -> str:
             str(int(law.singular[chosen[k]])),
         ]
         lines.append(",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
-    started, start_bound = _started(law, {name: values[0] for name, values in states.items()})
+    first = {name: values[0] for name, values in states.items()}
+    started, start_bound = _exact(law, program.start, first, memory)
     return of_law(
         "check.c",
         law,
@@ -380,18 +376,6 @@ def _spread(places: Array, count: int) -> Array:
     if not len(places):
         return places
     return places[np.unique(np.linspace(0, len(places) - 1, count).round().astype(int))]
-
-
-def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
-    """Return the memory at the start in exact numbers, and the bounds of its errors."""
-    names = [MEMORY + entry.name for entry in law.program.memory]
-    return _exact(law, law.program.start, state, names)
-
-
-def _outputs(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
-    """Return the other numbers of a law in exact numbers, and the bounds of their errors."""
-    names = [OUTPUT + entry.name for entry in law.program.outputs]
-    return _exact(law, law.program.output, state, names)
 
 
 def _exact(

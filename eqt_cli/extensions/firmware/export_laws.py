@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError, EqtWarning, Remedy, suggestion
-from eqt_cli.base.registry import description, meanings
+from eqt_cli.base.registry import description
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.components.estimators import Estimator, Measurement
 from eqt_cli.components.groups import MatrixLieGroup
@@ -18,6 +18,7 @@ from eqt_cli.components.initial_states import Stream, generator, generator_at
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.references import ClosedReference, references
 from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
+from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
@@ -57,9 +58,17 @@ QUALITY = ("error", "innovations", "last_innovation")
 """States that judge an estimate and that it does not need."""
 
 
+INSTANTS = 40
+"""Number of instants at which the filter is checked."""
+
+TOLERANCE = {"double": 1e-9, "float": 1e-2}
+"""Largest difference by rounding between the filter and eqt's over these instants, in the units of
+the pose and of the velocity."""
+
+
 @dataclass(frozen=True)
-class EstimatorProgram:
-    """An estimator on a group, with its inputs and outputs.
+class ExportedFilter:
+    """The filter of a loop, to be written as C.
 
     Attributes
     ----------
@@ -75,6 +84,10 @@ class EstimatorProgram:
     step
         Program of ``pose``, ``velocity`` and the states after an instant; it takes the ``period``
         as well.
+    flight : (instants, n)
+        Measurements at the instants of the check, by name.
+    estimates : (instants, n)
+        Estimates of eqt there: pose and velocity.
     """
 
     estimator: Estimator
@@ -82,98 +95,28 @@ class EstimatorProgram:
     numbers: tuple[Entry, ...]
     states: tuple[Entry, ...]
     step: Program
+    flight: dict[str, Array]
+    estimates: Array
 
     @property
     def values(self) -> dict[str, Array]:
         """The options, by name."""
         return leaves(self.estimator)
 
-
-def estimator_program(loop: ClosedLoop) -> EstimatorProgram:
-    """Return the program of a loop's estimator; its measurements arrive without delay."""
-    G, vehicle = loop.group, loop.vehicle
-    assert vehicle.estimator is not None
-    estimator, schedule = with_fields(vehicle.estimator, initial_error=None), vehicle.schedule(G)
-    d, m = G.size, G.dimension
-    timed = [f"{each.signal} ({each.part.name})" for each in schedule.timed]
-    measured = (
-        Entry(POSE, (d, d), "Q as it is measured", by_part(G, "pose_unit")),
-        Entry(VELOCITY, (m,), "V as it is measured", by_part(G, "velocity_unit")),
-        Entry("arrived", (len(timed),), f"1 where a part is new: {', '.join(timed)}"),
-    )
-    numbers = tuple(Entry(path, value.shape, path) for path, value in leaves(estimator).items())
-    lengths = estimator.states(schedule)
-    states = tuple(
-        Entry(name, (length,), name) for name, length in lengths.items() if name not in QUALITY
-    )
-
-    def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
-        def one(prefix: str, entry: Entry) -> Array:
-            return inputs[prefix + entry.name].reshape(1, *entry.shape)
-
-        now: Any = replace(schedule, period=inputs[NUMBER + PERIOD][0])
-        here = with_leaves(estimator, {each.source: one(NUMBER, each) for each in numbers})
-        Q, V, fresh = (one(MEASURED, each) for each in measured)
-        Q = G.unpack(G.pack(Q))
-        before = {name: np.zeros((1, lengths[name])) for name in QUALITY if name in lengths}
-        before |= {each.name: one(STATE, each) for each in states}
-        after = here.after(now, Measurement(Q, V, fresh, Q, 0.0 * V), before)
-        estimate = {POSE: G.unpack(after["pose"])[0], VELOCITY: after["velocity"][0]}
-        return estimate | {STATE + each.name: after[each.name][0] for each in states}
-
-    groups = sizes({MEASURED: measured, NUMBER: numbers, STATE: states}) | {NUMBER + PERIOD: 1}
-    return EstimatorProgram(estimator, measured, numbers, states, traced(step, groups))
-
-
-INSTANTS = 40
-"""Number of instants at which the filter is checked."""
-
-TOLERANCE = {"double": 1e-9, "float": 1e-2}
-"""Largest difference by rounding between the filter and eqt's over these instants, in the units of
-the pose and of the velocity."""
-
-
-@dataclass(frozen=True)
-class ExportedFilter:
-    """The filter of a loop, to be written as C.
-
-    Attributes
-    ----------
-    program
-        The filter as a program.
-    measured : (instants, n)
-        Measurements at the instants of the check, by name.
-    estimates : (instants, n)
-        Estimates of eqt there: pose and velocity.
-    """
-
-    program: EstimatorProgram
-    measured: dict[str, Array]
-    estimates: Array
-
-    @property
-    def kind(self) -> str:
-        """Name of the filter in a configuration."""
-        return self.program.estimator.name
-
     @property
     def about(self) -> str:
         """Description of the filter in a sentence."""
-        return description(type(self.program.estimator))
-
-    def meaning(self, option: str) -> str:
-        """Return the meaning of an option."""
-        return meanings(type(self.program.estimator)).get(option, "")
+        return description(type(self.estimator))
 
     def arguments(self) -> list[str]:
         """Return the arguments of the emitted function, in the order of the program."""
-        entries = {MEASURED + each.name: f"measured->{each.name}" for each in self.program.measured}
-        entries |= {NUMBER + each.name: f"options->{each.name}" for each in self.program.numbers}
-        entries |= {STATE + each.name: f"filter->{each.name}" for each in self.program.states}
+        entries = {MEASURED + entry.name: f"measured->{entry.name}" for entry in self.measured}
+        entries |= {NUMBER + entry.name: f"options->{entry.name}" for entry in self.numbers}
+        entries |= {STATE + entry.name: f"filter->{entry.name}" for entry in self.states}
         entries[NUMBER + PERIOD] = f"&numbers->{PERIOD}"
-        inputs = [entries[group] for group, _ in self.program.step.inputs]
+        inputs = [entries[group] for group, _ in self.step.inputs]
         estimate = [f"input->{POSE}", f"input->{VELOCITY}"]
-        return [*inputs, *estimate, *(f"next.{each.name}" for each in self.program.states)]
+        return [*inputs, *estimate, *(f"next.{entry.name}" for entry in self.states)]
 
 
 def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter | None:
@@ -195,18 +138,49 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
             )
         )
         return None
-    if vehicle.schedule(G).depth:
+    schedule = vehicle.schedule(G)
+    if schedule.depth:
         raise EqtError(
             f"{label}: a filter whose measurements arrive late is not written as C",
             Remedy("remove `delay` from the sensors, or the key estimator"),
         )
-    return ExportedFilter(estimator_program(loop), *_flown(loop, seed))
+    estimator = with_fields(vehicle.estimator, initial_error=None)
+    d, m = G.size, G.dimension
+    timed = [f"{channel.signal} ({channel.part.name})" for channel in schedule.timed]
+    measured = (
+        Entry(POSE, (d, d), "Q as it is measured", by_part(G, "pose_unit")),
+        Entry(VELOCITY, (m,), "V as it is measured", by_part(G, "velocity_unit")),
+        Entry("arrived", (len(timed),), f"1 where a part is new: {', '.join(timed)}"),
+    )
+    numbers = tuple(Entry(path, value.shape, path) for path, value in leaves(estimator).items())
+    lengths = estimator.states(schedule)
+    states = tuple(
+        Entry(name, (length,), name) for name, length in lengths.items() if name not in QUALITY
+    )
+
+    def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+        def values(prefix: str, entry: Entry) -> Array:
+            return inputs[prefix + entry.name].reshape(1, *entry.shape)
+
+        now: Any = replace(schedule, period=inputs[NUMBER + PERIOD][0])
+        options = {entry.source: values(NUMBER, entry) for entry in numbers}
+        Q, V, fresh = (values(MEASURED, entry) for entry in measured)
+        Q = G.unpack(G.pack(Q))
+        before = {name: np.zeros((1, lengths[name])) for name in QUALITY if name in lengths}
+        before |= {entry.name: values(STATE, entry) for entry in states}
+        measurement = Measurement(Q, V, fresh, Q, 0.0 * V)
+        after = with_leaves(estimator, options).after(now, measurement, before)
+        estimate = {POSE: G.unpack(after["pose"])[0], VELOCITY: after["velocity"][0]}
+        return estimate | {STATE + entry.name: after[entry.name][0] for entry in states}
+
+    groups = sizes({MEASURED: measured, NUMBER: numbers, STATE: states}) | {NUMBER + PERIOD: 1}
+    flight, estimates = _flown(G, replace(vehicle, estimator=estimator), seed)
+    program = traced(step, groups)
+    return ExportedFilter(estimator, measured, numbers, states, program, flight, estimates)
 
 
-def _flown(loop: ClosedLoop, seed: int) -> tuple[dict[str, Array], Array]:
+def _flown(G: MatrixLieGroup, flying: Vehicle, seed: int) -> tuple[dict[str, Array], Array]:
     """Return measurements of a motion with constant velocity, and the estimates of eqt."""
-    G, flying = loop.group, loop.vehicle
-    flying = replace(flying, estimator=with_fields(flying.estimator, initial_error=None))
     random_of = partial(generator_at, seed, Stream.VEHICLE, 0)
     errors = flying.measurement_errors(G, INSTANTS, [random_of])
     V = 0.3 * random_of("the motion of an exported filter").standard_normal(G.dimension)
@@ -251,12 +225,6 @@ class ReferenceProgram:
     held: Array
 
 
-def _closed() -> str:
-    """Return the names of the references in closed form, for a message."""
-    names = [each.name for each in references.all() if issubclass(each, ClosedReference)]
-    return f"{', '.join(names[:-1])} or {names[-1]}"
-
-
 def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
     """Return the program of the reference of a loop, for its law.
 
@@ -269,10 +237,12 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
     if not isinstance(reference, ClosedReference):
         both = "velocity" in reference.starts_from
         parts = "Q_d and V_d follow" if both else "Q_d follows"
+        closed = [kind.name for kind in references.all() if issubclass(kind, ClosedReference)]
         raise EqtError(
             f"--reference: the reference '{reference.name}' is integrated: its {parts} from a "
             f"differential equation, and no formula gives {'them' if both else 'it'} at a time. "
-            f"Integrate it on the vehicle, or use a reference in closed form: {_closed()}"
+            "Integrate it on the vehicle, or use a reference in closed form: "
+            f"{', '.join(closed[:-1])} or {closed[-1]}"
         )
     starts = reference.instants(G, 0.0) if loop.holds else np.empty(0)
     at = starts if len(starts) else np.zeros(1)

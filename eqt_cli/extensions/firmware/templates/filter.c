@@ -1,18 +1,18 @@
-{% set program = law.filter.program %}
+{% set filter = law.filter %}
 
 const ${label}_options ${label}_default_options = {
-{% for each in program.numbers %}
-${wrapped("." ~ each.name ~ " = " ~ braced(program.values[each.source].flat, law.by), "        ", "    ")}${"" if loop.last else ","}
+{% for each in filter.numbers %}
+${wrapped("." ~ each.name ~ " = " ~ braced(filter.values[each.source].flat, law.by), "        ", "    ")}${"" if loop.last else ","}
 {% endfor %}
 };
 
 /* The filter, one operation a line. */
-static ${emitted(program.step, label ~ "_estimation")}
+static ${emitted(filter.step, label ~ "_estimation")}
 void ${label}_estimate(const ${label}_numbers *numbers, const ${label}_options *options,
         ${label}_filter *filter, const ${label}_measured *measured, ${label}_input *input)
 {
     ${label}_filter next;
-    ${wrapped(label ~ "_estimation(" ~ law.filter.arguments() | join(", ") ~ ");", "            ").lstrip()}
+    ${wrapped(label ~ "_estimation(" ~ filter.arguments() | join(", ") ~ ");", "            ").lstrip()}
     *filter = next;
 }
 

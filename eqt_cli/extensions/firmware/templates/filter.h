@@ -4,7 +4,7 @@ typedef struct {
 ${declared(measured)}
 } ${label}_measured;
 
-/* The options of the filter '${law.filter.kind}'. */
+/* The options of the filter '${law.filter.estimator.name}'. */
 typedef struct {
 ${declared(options)}
 } ${label}_options;
