@@ -11,7 +11,6 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.reporting import fixed
-from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, Family, Frame
 from eqt_cli.components.mechanics import Gains, LawInput
@@ -186,9 +185,6 @@ class Watched(NamedTuple):
     apart: Array
 
 
-Watch = Callable[[States], Watched]
-
-
 @dataclass(frozen=True)
 class OutcomeSearch:
     """Searches states with an outcome of a decision that no state has had.
@@ -200,7 +196,7 @@ class OutcomeSearch:
     """
 
     loop: ClosedLoop
-    watch: Watch
+    watch: Callable[[States], Watched]
     random: np.random.Generator
 
     def more(self, states: States, decision: int, outcome: int) -> States:
@@ -344,8 +340,8 @@ class Question:
 
     def of(self, where: Array) -> Question:
         """Return the question at some of the states."""
-        inputs = self.inputs.each(lambda part: np.asarray(part)[where])
-        return Question(self.loop, inputs, {name: z[where] for name, z in self.memory.items()})
+        states = States(self.inputs, dict(self.memory)).of(where)
+        return Question(self.loop, *states)
 
     @property
     def forgetful(self) -> dict[str, Array]:
@@ -377,20 +373,13 @@ def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawPart
     pose, rest
         Inputs of the stiffness, and of all other parts.
     """
-    basic = _basic_parts(question, pose, rest)
-    whole = basic["stiffness"] + question.torque(inputs=rest, K=0.0)
-    return [_fitted(whole, basic, moving) for moving in _quadratic(question, rest)]
-
-
-def _basic_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str, Array]:
-    """Return the parts due to gains, desired acceleration and memory."""
     ask = question.torque
     still = rest.zeroed("desired_velocity", "desired_acceleration")
     stiffness = ask(inputs=pose) - ask(inputs=pose, K=0.0)
     damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
     of_velocity = ask(inputs=still) - ask(inputs=still, K_d=0.0)
     unpushed = rest.zeroed("desired_acceleration")
-    parts = {
+    basic = {
         "stiffness": stiffness,
         "damping": of_velocity,
         "damping of the desired velocity": damping - of_velocity,
@@ -398,8 +387,9 @@ def _basic_parts(question: Question, pose: LawInput, rest: LawInput) -> dict[str
     }
     for name in question.memory:
         without = dict(question.memory) | {name: 0 * question.memory[name]}
-        parts[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)
-    return parts
+        basic[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)
+    whole = basic["stiffness"] + ask(inputs=rest, K=0.0)
+    return [_fitted(whole, basic, moving) for moving in _quadratic(question, rest)]
 
 
 def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
@@ -447,19 +437,15 @@ def _fitted(torque: Array, basic: dict[str, Array], moving: dict[str, Array]) ->
     expected = dict.fromkeys(basic.keys() & columns.keys(), 1.0)
     rest = torque - sum((columns[name] for name in basic if name in columns), 0 * torque)
     fitted = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
-    # Coefficients are multiples of one half, or weights that the user set.
-    expected |= {name: _rounded(value) for name, value in fitted.items()}
-    for name in [name for name in fitted if expected[name] < 0]:  # reported as "1.00 of 1"
-        columns[name], expected[name] = -columns[name], -expected[name]
+    for name, value in fitted.items():
+        nearest = round(value * 2) / 2  # a multiple of one half, or a weight that the user set
+        expected[name] = nearest if abs(value - nearest) < CHANGED["double"] else value
+        if expected[name] < 0:  # reported as "1.00 of 1"
+            columns[name], expected[name] = -columns[name], -expected[name]
     left = rest - sum((expected[n] * columns[n] for n in fitted), 0 * torque)
     if np.abs(left).max() > EXPLAINED["double"] * scale:
         columns[OTHERS], expected[OTHERS] = left, 1.0
     return columns, expected
-
-
-def _rounded(value: float) -> float:
-    nearest = round(value * 2) / 2
-    return nearest if abs(value - nearest) < CHANGED["double"] else value
 
 
 def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
@@ -521,31 +507,27 @@ class TorqueExplanation:
         if not self.is_complete:
             share = f"{100 * self.left:.2g} % of the torque"
             return f"no sum of the law's parts in any frame: {share} is none of them"
+        lacking, others = [], []
+        for name, (fitted, expected) in self.changed.items():
+            close = abs(fitted - expected) < 0.005
+            shown = f"{fitted:.6g}" if close else fixed(fitted, 2)
+            words = f"{name}: coefficient {shown} of {expected:g}"
+            if abs(fitted) <= 10 * CHANGED[self.real]:
+                lacking.append(words)
+            elif name == SYMMETRIC:
+                others.append(f"has {words}{NOT_SKEW}")
+            elif expected and abs(fitted + expected) < 0.005 * abs(expected):
+                others.append(f"has {words} (the sign is wrong)")
+            else:
+                others.append(f"has {words}")
         sentences = [self.assumed] if self.assumed else []
-        zero = CHANGED[self.real] * 10
-        lacking = {name: pair for name, pair in self.changed.items() if abs(pair[0]) <= zero}
-        other = {name: pair for name, pair in self.changed.items() if name not in lacking}
         if lacking:
-            words = ", ".join(_coefficient(n, *pair) for n, pair in lacking.items())
-            sentences.append(f"lacks {words}")
-        for name, (fitted, expected) in other.items():
-            hint = NOT_SKEW if name == SYMMETRIC else _sign(fitted, expected)
-            sentences.append(f"has {_coefficient(name, fitted, expected)}{hint}")
+            sentences.append(f"lacks {', '.join(lacking)}")
+        sentences += others
         same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
-        if same and (lacking or other):
+        if same and self.changed:
             sentences.append(f"the same as in the law: {', '.join(same)}")
         return "; ".join(sentences)
-
-
-def _coefficient(name: str, share: float, expected: float) -> str:
-    close = abs(share - expected) < 0.005
-    one = f"{share:.6g}" if close else fixed(share, 2)
-    return f"{name}: coefficient {one} of {expected:g}"
-
-
-def _sign(share: float, expected: float) -> str:
-    wrong = expected and abs(share + expected) < 0.005 * abs(expected)
-    return " (the sign is wrong)" if wrong else ""
 
 
 def explained(question: Question, torque: Array, real: str) -> TorqueExplanation:
@@ -555,29 +537,24 @@ def explained(question: Question, torque: Array, real: str) -> TorqueExplanation
     """
     finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
     usable = np.flatnonzero(finite)[:ENOUGH]
-    few = question.of(usable)
+    torque = torque[usable]
     explanations: list[TorqueExplanation] = []
-    for words, changed, pose, rest in assumptions(few):
-        for parts in parts_of(changed, pose, rest):
-            explanations.append(_explanation(changed, parts, torque[usable], words, real))
-        best = min((each.cost for each in explanations if each.is_complete), default=np.inf)
-        if best <= ASSUMED:  # any other explanation assumes more
+    cheapest = None
+    for assumed, changed, pose, rest in assumptions(question.of(usable)):
+        symmetric = _symmetric(changed)
+        is_large = np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max()
+        for columns, expected in parts_of(changed, pose, rest):
+            if is_large:
+                columns, expected = columns | {SYMMETRIC: symmetric}, expected | {SYMMETRIC: 0.0}
+            explanations.append(in_parts((columns, expected), torque, real, assumed))
+        complete = (x for x in explanations if x.is_complete)
+        cheapest = min(complete, key=lambda x: x.cost, default=None)
+        if cheapest and cheapest.cost <= ASSUMED:  # any other explanation assumes more
             break
-    complete = [each for each in explanations if each.is_complete]
-    if complete:
-        return min(complete, key=lambda each: each.cost)
+    if cheapest:
+        return cheapest
     # An assumed mistake must at least halve what is left.
-    return min(explanations, key=lambda each: each.left * (2.0 if each.assumed else 1.0))
-
-
-def _explanation(
-    question: Question, parts: LawParts, torque: Array, assumed: str, real: str
-) -> TorqueExplanation:
-    columns, expected = parts
-    symmetric = _symmetric(question)
-    if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
-        columns, expected = columns | {SYMMETRIC: symmetric}, expected | {SYMMETRIC: 0.0}
-    return in_parts((columns, expected), torque, real, assumed)
+    return min(explanations, key=lambda x: x.left * (2.0 if x.assumed else 1.0))
 
 
 def in_parts(parts: LawParts, torque: Array, real: str, assumed: str = "") -> TorqueExplanation:
@@ -759,26 +736,33 @@ def explained_cascade(question: Question, wrench: Array, real: str) -> str:
     changed = _with_force(few, shares, near) if push.is_complete else None
     if changed is None:
         return "; ".join([*words, "the torque was not compared"])
+    cascade: Any = changed.loop.controller
+    inputs, laws = changed.inputs, {"": cascade}
+    for rates, assumed in RATES.items():
+        if rates != cascade.rates and (rates != "heading" or inputs.heading is not None):
+            laws[assumed] = with_fields(cascade, rates=rates)
     candidates = []
-    for assumed, each in _with_rates(changed):
-        one = explained(*_of_attitude(each, wrench), real)
-        cost = one.cost + (ASSUMED if assumed else 0.0) if one.is_complete else np.inf
-        candidates.append((cost, [assumed, one.words]))
-    of_torque = "; ".join(filter(None, min(candidates, key=lambda each: each[0])[1]))
+    for assumed, law in laws.items():
+        loop = replace(changed.loop, controller=law)
+        s = inputs.tracking(loop.group, loop.inertia, loop.gains, changed.memory)
+        read, turns = law.commanded(s).tracking, loop.group.parts[0].axes
+        attitude = Question(loop.inside, LawInput.of(read), read.memory)
+        torque = wrench[:, turns] - (law.torque(s)[:, turns] - law.inner.torque(read))
+        explanation = explained(attitude, torque, real)
+        cost = explanation.cost + (ASSUMED if assumed else 0.0)
+        if not explanation.is_complete:
+            cost = np.inf
+        candidates.append((cost, "; ".join(filter(None, [assumed, explanation.words]))))
+    of_torque = min(candidates, key=lambda candidate: candidate[0])[1]
     for name, symbol in NAMES.items():
         of_torque = of_torque.replace(name, symbol)
     return "; ".join([*words, *([f"torque: {of_torque}"] if of_torque else [])])
 
 
-def _cascade(question: Question) -> Cascade:
-    law = question.loop.controller
-    assert isinstance(law, Cascade)
-    return law
-
-
 def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     """Return the push as a sum of the parts of F·b."""
-    law, moves = _cascade(question), question.loop.group.parts[1].axes
+    law: Any = question.loop.controller
+    moves = question.loop.group.parts[1].axes
     without = {KNOWN: with_fields(law, known=())}
     outer, gains = law.position, {"position error": "kx", "velocity error": "kv", "integral": "ki"}
     if outer.limit is None:
@@ -789,7 +773,7 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
         still = with_fields(outer, kx=0.0, kv=0.0, ki=None)
         without["position feedback"] = with_fields(law, position=still)
     whole = question.torque()[:, moves]
-    columns = {name: whole - question.torque(law=each)[:, moves] for name, each in without.items()}
+    columns = {name: whole - question.torque(law=x)[:, moves] for name, x in without.items()}
     columns["desired acceleration"] = whole - sum(columns.values())
     least = VANISHES * np.abs(whole).max()
     columns = {name: column for name, column in columns.items() if np.abs(column).max() > least}
@@ -812,21 +796,3 @@ def _with_force(question: Question, shares: dict[str, float], near: float) -> Qu
     scale[loop.group.parts[1].axes] = mass
     inertia = Inertia(loop.inertia.matrix * scale, loop.inertia.inverse / scale)
     return _with(question, inertia=inertia)
-
-
-def _with_rates(question: Question) -> Iterator[tuple[str, Question]]:
-    """Yield the law, and laws with other rates of the commanded attitude, in words."""
-    law = _cascade(question)
-    yield "", question
-    for rates, words in RATES.items():
-        if rates != law.rates and (rates != "heading" or question.inputs.heading is not None):
-            yield words, _with(question, controller=with_fields(law, rates=rates))
-
-
-def _of_attitude(question: Question, wrench: Array) -> tuple[Question, Array]:
-    """Return the attitude law with what it reads, and the torque that is to be its own."""
-    loop, law = question.loop, _cascade(question)
-    s = question.inputs.tracking(loop.group, loop.inertia, loop.gains, question.memory)
-    read, turns = law.commanded(s).tracking, loop.group.parts[0].axes
-    known = law.torque(s)[:, turns] - law.inner.torque(read)
-    return Question(loop.inside, LawInput.of(read), read.memory), wrench[:, turns] - known

@@ -107,22 +107,17 @@ class Judged:
             return states
         search = OutcomeSearch(self.loop, self.watched, self.random)
         for _ in range(SEARCHES):
-            rare = self._rare(self.watched(states).outcomes)
-            added = [search.more(states, *each) for each in rare]
-            known = states.rows
-            states = States.joined([states, *added])
-            if states.rows == known:
+            outcomes, count = self.watched(states).outcomes, states.rows
+            rare = [
+                search.more(states, place, side)
+                for place, decision in enumerate(self.law.decisions)
+                for side in (OUTCOMES if not decision.is_label else (1,))
+                if outcomes[:, place].any() and np.count_nonzero(outcomes[:, place] & side) < RARE
+            ]
+            states = States.joined([states, *rare])
+            if states.rows == count:
                 break
         return states
-
-    def _rare(self, outcomes: Array) -> list[tuple[int, int]]:
-        """Return the outcomes of decisions that fewer than `RARE` states have."""
-        return [
-            (place, side)
-            for place, decision in enumerate(self.law.decisions)
-            for side in (OUTCOMES if not decision.is_label else (1,))
-            if outcomes[:, place].any() and np.count_nonzero(outcomes[:, place] & side) < RARE
-        ]
 
     @cached_property
     def never(self) -> list[str]:
@@ -181,7 +176,13 @@ def code_rows(
         Sample times and flat states ``(runs, samples, n)`` of good runs.
     """
     drawn = drawn_states(loop, horizon, random)
-    along = None if flown is None else _states_of_runs(loop, *flown, random)
+    along = None
+    if flown is not None and len(flown[1]):
+        times, rows = flown
+        run = random.integers(len(rows), size=ALONG_RUNS)
+        sample = random.integers(len(times), size=ALONG_RUNS)
+        flat = rows[run, sample]
+        along = States(loop.law_input(times[sample], flat), dict(loop.memory(flat)))
     judged = Judged(label, loop, drawn, along, random)
     return [*_finite(judged), *_repeatable(judged), *_compared(judged)]
 
@@ -208,19 +209,6 @@ def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
         yield {"label": label, "finding": finding, "answer": f"{named} {answer}"}
 
 
-def _states_of_runs(
-    loop: ClosedLoop, times: Array, states: Array, random: np.random.Generator
-) -> States | None:
-    """Draw states from runs."""
-    runs, samples, _ = states.shape
-    if not runs:
-        return None
-    run, sample = random.integers(runs, size=ALONG_RUNS), random.integers(samples, size=ALONG_RUNS)
-    flat = states[run, sample]
-    t = times[sample]
-    return States(loop.law_input(t, flat), dict(loop.memory(flat)))
-
-
 # Finite torques that depend only on the inputs ----------------------------------------------------
 
 
@@ -240,11 +228,8 @@ def _finite(judged: Judged) -> Iterator[Row]:
     if law is not None:
         formula = Question(replace(loop, controller=law), inputs, memory)
         known = np.isfinite(formula.torque()).all(axis=1)
-    where = ["half turn", "no error"]
-    words = [
-        f"{where[int(k == m)]}{f' about axis {k + 1}' if k < m else ''}: {torque[k].tolist()}"
-        for k in np.flatnonzero(bad)
-    ]
+    places = [*(f"half turn about axis {k + 1}" for k in range(m)), "no error"]
+    words = [f"{places[k]}: {torque[k].tolist()}" for k in np.flatnonzero(bad)]
     if bad.any() and not known[bad].all():
         words.append("the law is not finite there either")
     verdict = Verdict.FAILS if np.any(bad & known) else Verdict.HOLDS
@@ -324,8 +309,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
         name = f"torque of {law.title}, {code.real}, {place}"
         yield _row(judged, name, verdict, words, differences.measured, differences.bound)
         if states.memory and place == "at random states" and loop.vehicle.control is not None:
-            yield _memory_row(judged, question, memory, code.real)
-            yield _start_row(judged, question, code.real)
+            yield from _memory_rows(judged, question, memory, code.real)
 
 
 def _reach(judged: Judged) -> list[str]:
@@ -458,55 +442,48 @@ def _other_law(question: Question, torque: Array, real: str) -> str:
     return ""
 
 
-def _memory_row(judged: Judged, question: Question, memory: dict[str, Array], real: str) -> Row:
-    """Check that the memory changes over a period as that of the law."""
+def _memory_rows(
+    judged: Judged, question: Question, memory: dict[str, Array], real: str
+) -> Iterator[Row]:
+    """Check that the memory changes over a period, and begins, as that of the law."""
     loop, period = question.loop, judged.loop.period
     of_loop = loop.group, loop.inertia, loop.gains
     s = question.inputs.tracking(*of_loop, question.memory)
     _, later = loop.controller.answer(s, period)
     still = question.inputs.zeroed("velocity", "desired_velocity", "desired_acceleration")
     at_rest = loop.controller.memory_rate(still.tracking(*of_loop, question.memory))
-    words, worst, limit = [], 0.0, 0.0
+    first = question.inputs.tracking(*of_loop, question.forgetful)
+    begun, law = judged.law.initial_memory(first), loop.controller.initial_memory(first)
+    after, start = "after a period", "at the start of a run"
+    words: dict[str, list[str]] = {after: [], start: []}
+    worst = {after: (0.0, 0.0), start: (0.0, 0.0)}
     for name, z in question.memory.items():
-        went, expected = memory[name] - z, later[name] - z
-        bounds = _memory_bounds(question, np.concatenate([z, later[name]], axis=-1), real)
-        differences = np.abs(went - expected).max(axis=-1)
-        place = int((differences / bounds).argmax())
-        difference, bound = float(differences[place]), float(bounds[place])
-        if difference * limit >= worst * bound:
-            worst, limit = difference, bound
-        if difference <= bound:
-            continue
-        if np.abs(went).max() <= bound:
-            words.append(f"{name} does not advance: it is stale")
-            continue
-        of_pose = period * (at_rest[name] + 0.0 * z)
-        columns = {"velocity error": expected - of_pose, "pose error": of_pose}
-        words.append(f"{name} advances {sum_of(columns, went, bound)}")
-    verdict = Verdict.HOLDS if not words else Verdict.FAILS
-    law = loop.controller.title
-    return _row(judged, f"memory of {law} after a period", verdict, words, worst, limit)
-
-
-def _start_row(judged: Judged, question: Question, real: str) -> Row:
-    """Check that the memory begins as that of the law."""
-    loop, inputs = question.loop, question.inputs
-    s = inputs.tracking(loop.group, loop.inertia, loop.gains, question.forgetful)
-    begun, law = judged.law.initial_memory(s), loop.controller.initial_memory(s)
-    words, worst, limit = [], 0.0, 0.0
-    for name, z in question.memory.items():
-        expected = law.get(name, 0.0) + 0.0 * z
-        differences = np.abs(begun[name] - expected).max(axis=-1)
-        bounds = _memory_bounds(question, expected, real)
-        place = int((differences / bounds).argmax())
-        if differences[place] * limit >= worst * bounds[place]:
-            worst, limit = float(differences[place]), float(bounds[place])
-        if not (differences <= bounds).all():
-            there, here = (values[place].tolist() for values in (begun[name], expected))
-            words.append(f"{name} starts at {there}, but at {here} in the law")
-    verdict = Verdict.HOLDS if not words else Verdict.FAILS
-    name = f"memory of {loop.controller.title} at the start of a run"
-    return _row(judged, name, verdict, words, worst, limit)
+        begins, both = law.get(name, 0.0) + 0.0 * z, np.concatenate([z, later[name]], axis=-1)
+        for when, value, expected, sizes in (
+            (after, memory[name] - z, later[name] - z, both),
+            (start, begun[name], begins, begins),
+        ):
+            differences = np.abs(value - expected).max(axis=-1)
+            bounds = _memory_bounds(question, sizes, real)
+            place = int((differences / bounds).argmax())
+            difference, bound = float(differences[place]), float(bounds[place])
+            if difference * worst[when][1] >= worst[when][0] * bound:
+                worst[when] = difference, bound
+            if difference <= bound:
+                continue
+            if when == start:
+                there, here = value[place].tolist(), expected[place].tolist()
+                words[when].append(f"{name} starts at {there}, but at {here} in the law")
+            elif np.abs(value).max() <= bound:
+                words[when].append(f"{name} does not advance: it is stale")
+            else:
+                of_pose = period * (at_rest[name] + 0.0 * z)
+                columns = {"velocity error": expected - of_pose, "pose error": of_pose}
+                words[when].append(f"{name} advances {sum_of(columns, value, bound)}")
+    for when, said in words.items():
+        verdict = Verdict.FAILS if said else Verdict.HOLDS
+        name = f"memory of {loop.controller.title} {when}"
+        yield _row(judged, name, verdict, said, *worst[when])
 
 
 def _memory_bounds(question: Question, z: Array, real: str) -> Array:

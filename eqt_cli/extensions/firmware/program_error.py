@@ -162,13 +162,19 @@ class _Analysis:
 
     def __post_init__(self) -> None:
         for value in self.program.values:
+            if isinstance(value, Operation):
+                self.numbers.append(self._operation(value))
+                continue
+            exact, error = np.zeros(1), np.zeros(1)
             if isinstance(value, Input):
-                number = self._input(value)
+                exact = self.inputs[value.group][:, value.number]
+                if value.group in self.errors:
+                    error = self.errors[value.group][:, value.number]
             elif isinstance(value, Constant):
-                number = self._constant(value.number)
-            else:
-                number = self._operation(value)
-            self.numbers.append(number)
+                exact = np.array([value.number])
+                if math.isfinite(value.number):
+                    error = np.abs(self.by.rounded(exact) - exact)
+            self.numbers.append(_ProgramValue(exact, error, np.zeros(1), error))
 
     def of(self, output: Output) -> BoundedOutput:
         """Return an output, with ``(count, entries)`` for values and errors."""
@@ -203,17 +209,6 @@ class _Analysis:
                     slopes[operand] = slopes.get(operand, 0.0) + _product(slope_of, by_operand)
         return total.T
 
-    def _input(self, value: Input) -> _ProgramValue:
-        values, error = self.inputs[value.group][:, value.number], np.zeros(1)
-        if value.group in self.errors:
-            error = self.errors[value.group][:, value.number]
-        return _ProgramValue(values, error, np.zeros(1), error)
-
-    def _constant(self, number: float) -> _ProgramValue:
-        lost = abs(float(self.by.rounded(np.array(number))) - number)
-        error = np.array([lost if math.isfinite(number) else 0.0])
-        return _ProgramValue(np.array([number]), error, np.zeros(1), error)
-
     def _operation(self, operation: Operation) -> _ProgramValue:
         name, x = operation.name, [self.numbers[k] for k in operation.operands]
         if name == "select":
@@ -222,20 +217,21 @@ class _Analysis:
             return _compared(*x)
         lost = np.maximum.reduce(np.broadcast_arrays(*(each.lost for each in x)))
         if name in ("divide", "sqrt", "log", "pow"):
-            lost = np.maximum(lost, _relative(x[-1] if name == "divide" else x[0]))
+            near = x[-1] if name == "divide" else x[0]
+            # An exact value loses nothing, even if it is 0.
+            relative = np.where(near.error > 0, near.error / np.abs(near.value), 0.0)
+            lost = np.maximum(lost, relative)
         value, slopes = _value_and_slopes(name, x)
         error = sum(np.abs(_product(k, each.error)) for k, each in zip(slopes, x, strict=True))
         if name == "multiply":
             error = error + x[0].error * x[1].error
         units = 1.0 if name in _ROUNDED else self.by.function_units
         rounding = units * self.by.unit * (np.abs(value) + error) + self.by.least
-        if name in ("negative", "abs") or (name == "multiply" and self._is_power_of_2(operation)):
+        factor = self.program.values[operation.operands[0]]
+        by_power_of_2 = isinstance(factor, Constant) and abs(math.frexp(factor.number)[0]) == 0.5
+        if name in ("negative", "abs") or (name == "multiply" and by_power_of_2):
             rounding = np.zeros(1)
         return _ProgramValue(value, error + rounding, lost, rounding, slopes)
-
-    def _is_power_of_2(self, operation: Operation) -> bool:
-        factor = self.program.values[operation.operands[0]]
-        return isinstance(factor, Constant) and abs(math.frexp(factor.number)[0]) == 0.5
 
 
 _ROUNDED = ("add", "subtract", "multiply", "divide", "sqrt")
@@ -275,11 +271,6 @@ def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[A
 def _product(a: Array, b: Array) -> Array:
     """Return a b, with 0 times anything equal to 0."""
     return np.where((a == 0) | (b == 0), 0.0, a * b)
-
-
-def _relative(x: _ProgramValue) -> Array:
-    """Return the relative error; 0 for an exact value, even if that is 0."""
-    return np.where(x.error > 0, x.error / np.abs(x.value), 0.0)
 
 
 def _compared(a: _ProgramValue, b: _ProgramValue) -> _ProgramValue:
