@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.cli import options
 from eqt_cli.cli.output import print_findings, table
-
-if TYPE_CHECKING:
-    from eqt_cli.api import ExportedFiles
 
 REALS = ("double", "float")
 
@@ -50,6 +47,7 @@ def export(
         --out DIR  Folder to write. Default: exported/NAME.
     """
     from eqt_cli import api
+    from eqt_cli.base.reporting import significant
 
     if real not in REALS:
         raise EqtError(f"--real: expected double or float, got '{real}'")
@@ -63,12 +61,6 @@ def export(
         adapter=adapter,
         workers=workers or options.cores(),
     )
-    _report(exported, json=json)
-
-
-def _report(exported: ExportedFiles, *, json: bool) -> None:
-    from eqt_cli.base.reporting import significant
-
     header = ["law", "file", "operations", "largest error", "apart"]
     rows = []
     for law in exported.laws:

@@ -332,7 +332,10 @@ class Code(_Numbers):
         if problems:
             return None, {}
         with problems.catching("file"):
-            text = code_text(source, self.file, trusted)
+            kind = "Python" if self.code.is_python else "C"
+            text = trusted_text(source, self.file, trusted, f"{kind} file")
+            if kind == "C" and source.stored_plugins is None and not is_gathered(text):
+                text = gathered(source.folder / self.file)
         if problems:
             return None, {}
         with problems.catching():
@@ -355,8 +358,6 @@ class Code(_Numbers):
         InputError
             If its memory has another size than that of the law that it claims to be.
         """
-        # The function's name must not depend on the file's name, which a result changes.
-        copy = with_fields(self, function=self.code.function, called=function)
         length, claimed = sum(function.lengths.values()), self.claimed
         expected = sum(claimed.memory(G).values()) if claimed else length
         if length != expected:
@@ -365,7 +366,8 @@ class Code(_Numbers):
                 f"`memory`, and {claimed.name} keeps {expected}: "
                 f"{', '.join(f'{name} ({n})' for name, n in claimed.memory(G).items()) or 'none'}"
             )
-        return copy
+        # The function's name must not depend on the file's name, which a result changes.
+        return with_fields(self, function=self.code.function, called=function)
 
     @property
     def formula(self) -> Controller | None:
@@ -591,18 +593,3 @@ def first_inputs(G: MatrixLieGroup) -> LawInput:
     x[TRIED + 1 :] = np.pi * np.eye(m)
     t = np.repeat([0.5, 0.0], [TRIED, 1 + m])
     return LawInput(t, G.exp(x), V, G.exp(xd), Vd, Vd_dot, drawn(ORDER + 1, n), psi)
-
-
-def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
-    """Return the text of a C file, with the files beside it that its preprocessor reads.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read or preprocessed, or may not be executed.
-    """
-    kind = "Python" if name.endswith(".py") else "C"
-    text = trusted_text(source, name, trusted, f"{kind} file")
-    if source.stored_plugins is not None or is_gathered(text) or kind == "Python":
-        return text
-    return gathered(source.folder / name)

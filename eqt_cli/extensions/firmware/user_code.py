@@ -113,27 +113,6 @@ def files_in(text: str, file: str) -> Mapping[str, str]:
     return files
 
 
-def preprocessed(text: str, file: str) -> str:
-    """Return what the preprocessor makes of a text of `gathered`, with markers of the lines.
-
-    Raises
-    ------
-    InputError
-        If it fails, or reads a file that is not in the text.
-    """
-    texts = files_in(text, file)
-    first = next(iter(texts))
-    with temporary_folder() as folder:
-        for name, content in texts.items():
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(content, encoding="utf-8")
-        text = _preprocessed(folder, first, file)
-        if missing := {*_included(text, folder, file)} - {*texts}:
-            raise InputError(f"{file} includes {min(missing)}, which eqt has not kept")
-    return text.replace(f'"{folder}{os.sep}', '"')
-
-
 def _preprocessed(folder: Path, name: str, file: str) -> str:
     if compiler.missing():
         raise InputError(
@@ -143,11 +122,16 @@ def _preprocessed(folder: Path, name: str, file: str) -> str:
     try:
         return compiler.preprocessed(file=folder / name)
     except TraceError as error:
-        reason = "; ".join(line.strip() for line in error.lines) or str(error.args[0])
-        raise InputError(
-            f"{file} cannot be compiled: {printable(reason.replace(f'{folder}{os.sep}', ''))}",
-            Remedy("compile it with your own compiler to see all of it"),
-        ) from error
+        raise _not_compiled(file, error, f"{folder}{os.sep}") from error
+
+
+def _not_compiled(file: str, error: TraceError, folder: str = "") -> InputError:
+    """Return the error of a compiler, without the name of a temporary folder."""
+    reason = "; ".join(line.strip() for line in error.lines) or str(error.args[0])
+    return InputError(
+        f"{file} cannot be compiled: {printable(reason.replace(folder, ''))}",
+        Remedy("compile it with your own compiler to see all of it"),
+    )
 
 
 def _included(text: str, folder: Path, file: str) -> Iterator[str]:
@@ -194,7 +178,10 @@ SECONDS = 60.0
 
 
 WITHOUT_STATE = set("memcmp memcpy memmove memset sincos sincosf _GLOBAL_OFFSET_TABLE_".split())
-"""Names that compilers call of their own accord, beside those with two underscores."""
+"""Names that compilers call of their own accord, beside these."""
+
+OF_COMPILERS = ("__", "_ZSt", "_ZNSt", "_ZNKSt", "_Zn", "_Zd", "_Unwind_")
+"""What the names begin with that compilers call, and those of the standard library of C++."""
 
 
 ERRNO = {"__errno_location", "__error", "_errno"}
@@ -211,21 +198,17 @@ def static_state(made: bytes) -> tuple[list[str], list[str]] | None:
     if made.startswith(b"\x7fELF\x02\x01"):  # 64 bits, the least byte first
         symbols: list[tuple[str, bool]] | None = list(_of_elf(made))
     else:
-        nm = shutil.which("nm") or shutil.which("llvm-nm")
-        symbols = None if nm is None else _of_nm(nm, made)
+        symbols = _of_nm(made)
     if symbols is None:
         return None
-    names = [
-        sorted({_plain(name) for name, kind in symbols if kind is each}) for each in (True, False)
-    ]
-    return names[0], [name for name in names[1] if not _keeps_nothing(name)]
-
-
-def _keeps_nothing(name: str) -> bool:
-    if name in ERRNO:
-        return False
-    of_standard = name.startswith(("__", "_ZSt", "_ZNSt", "_ZNKSt", "_Zn", "_Zd", "_Unwind_"))
-    return of_standard or name in WITHOUT_STATE or name in _mathematical()
+    variables = {_plain(name) for name, is_variable in symbols if is_variable}
+    functions = {_plain(name) for name, is_variable in symbols if not is_variable}
+    without_state = {
+        name
+        for name in functions - ERRNO
+        if name.startswith(OF_COMPILERS) or name in WITHOUT_STATE or name in _mathematical()
+    }
+    return sorted(variables), sorted(functions - without_state)
 
 
 @lru_cache(maxsize=1)
@@ -260,7 +243,10 @@ def _text(made: bytes, at: int) -> str:
     return made[at : made.index(b"\0", at)].decode(errors="replace")
 
 
-def _of_nm(nm: str, made: bytes) -> list[tuple[str, bool]] | None:
+def _of_nm(made: bytes) -> list[tuple[str, bool]] | None:
+    nm = shutil.which("nm") or shutil.which("llvm-nm")
+    if nm is None:
+        return None
     with temporary_folder() as folder:
         path = folder / "law.o"
         path.write_bytes(made)
@@ -316,9 +302,6 @@ SHIM = Path(__file__).parent / "user_code.h"
 REALS = {"double": 8, "float": 4}
 """The types of numbers, and their sizes in bytes."""
 
-POSITION = "position"
-"""The field of the flat output, which only laws have that read it."""
-
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 
 
@@ -357,8 +340,7 @@ class UserCode(RunsCode):
         lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3, 3)
         length_of = dict(zip(LawInput._fields[: -len(LATER)], lengths, strict=True))
         known = self.fields(f"{self.prefix}_input") or ()
-        flat = n and POSITION in known
-        read = known if flat else LawInput._fields[:6]
+        read = known if n and "position" in known else LawInput._fields[:6]
         return {name: length for name, length in length_of.items() if name in read}
 
     @cached_property
@@ -368,9 +350,18 @@ class UserCode(RunsCode):
         Raises
         ------
         InputError
-            If it fails.
+            If it fails, or reads a file that is not in the text.
         """
-        return preprocessed(self.text, self.file)
+        texts = files_in(self.text, self.file)
+        with temporary_folder() as folder:
+            for name, content in texts.items():
+                path = folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(content, encoding="utf-8")
+            text = _preprocessed(folder, next(iter(texts)), self.file)
+            if missing := {*_included(text, folder, self.file)} - {*texts}:
+                raise InputError(f"{self.file} includes {min(missing)}, which eqt has not kept")
+        return text.replace(f'"{folder}{os.sep}', '"')
 
     @cached_property
     def _plain(self) -> str:
@@ -561,11 +552,7 @@ def compiled(code: UserCode) -> CodeFunction:
         _refuse(code)
         library = compiler.library(code.source)
     except TraceError as error:
-        said = "; ".join(line.strip() for line in error.lines)
-        raise InputError(
-            f"{code.file} cannot be compiled: {said or error.args[0]}",
-            Remedy("compile it with your own compiler to see all of it"),
-        ) from error
+        raise _not_compiled(code.file, error) from error
     count = 2 + len(code.inputs) + len(code.numbers) + len(code.memory)
     sizes = list((ctypes.c_long * count).in_dll(library, "eqt_code_sizes"))
     return CodeFunction(code, _checked(code, sizes), library)
@@ -621,12 +608,6 @@ MOST_WRITTEN = 2**20
 """Largest file that it writes, bytes."""
 
 
-def _ended(code: int) -> str:
-    with suppress(ValueError):
-        return f"crashed ({signal.Signals(-code).name})"
-    return f"ended the process with code {code}"
-
-
 def described(function: CodeFunction, row: Array) -> str:
     """Return an input in words, with numbers that can be copied."""
     words, numbers = [], iter(row)
@@ -678,8 +659,13 @@ class Guest:
                 return answer
             raise InputError(f"{self.name}: {answer['error']}")
         compiler.end(self.process)
-        code, late = self.process.wait(), f"did not return within {TRIAL_SECONDS:g} s"
-        raise InputError(f"{name or self.name} {late if code == -9 else _ended(code)}{at}")
+        code = self.process.wait()
+        ending = f"ended the process with code {code}"
+        with suppress(ValueError):  # of a code that is no signal
+            ending = f"crashed ({signal.Signals(-code).name})"
+        if code == -signal.SIGKILL:
+            ending = f"did not return within {TRIAL_SECONDS:g} s"
+        raise InputError(f"{name or self.name} {ending}{at}")
 
 
 def _finish(process: subprocess.Popen[bytes]) -> None:
