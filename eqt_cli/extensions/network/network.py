@@ -58,11 +58,6 @@ class Preview(Keys):
     steps: Annotated[int, Field(ge=1, le=MOST_AHEAD)]
     every: Annotated[Positive, Unit("s")]
 
-    @property
-    def times(self) -> list[float]:
-        """The times from now, s."""
-        return [self.every * k for k in range(1, self.steps + 1)]
-
 
 @dataclass(frozen=True)
 class Observed:
@@ -109,11 +104,6 @@ class Observed:
             problems.at("preview").add(
                 f"applies to errors, such as position_error, not to {self.signal}; leave it out"
             )
-
-    @property
-    def ahead(self) -> list[float]:
-        """The times from now at which it reads the reference, s."""
-        return self.preview.times if self.preview else []
 
     def values(self, G: MatrixLieGroup, x: LawInput, first: int = 0) -> Array:
         """Return what the network is given of an input, ``(..., n)``.
@@ -505,7 +495,8 @@ class Network(Controller):
     @property
     def preview(self) -> tuple[float, ...]:
         """The times from now at which it knows the reference, s."""
-        return tuple(time for each in self.observes for time in each.ahead)
+        previews = [signal.preview for signal in self.observes if signal.preview]
+        return tuple(p.every * k for p in previews for k in range(1, p.steps + 1))
 
     @property
     def remembers(self) -> bool:
@@ -598,27 +589,25 @@ class Network(Controller):
 
     def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
         """Return what the network observes, ``(states, n)``; 0 for its last command."""
-        observation = self._observation(G, x)
+        batch, rows, later = x.velocity.shape[:-1], [], 0
+        for signal in self.observes:
+            if signal.signal == LAST:
+                row = np.concatenate([0.0 * x.velocity[..., :1]] * self.outputs_of_network, axis=-1)
+            else:
+                row = signal.values(G, x, later)
+            later += signal.preview.steps if signal.preview else 0
+            rows.append(np.broadcast_to(row, (*batch, row.shape[-1])))
+        observation = np.concatenate(rows, axis=-1)
         return observation.reshape(-1, observation.shape[-1])
 
-    def _observation(self, G: MatrixLieGroup, x: LawInput) -> Array:
-        batch, none = x.velocity.shape[:-1], 0.0 * x.velocity[..., :1]
-        ends = np.cumsum([0, *(len(each.ahead) for each in self.observes)]).tolist()
-        rows = [
-            np.concatenate([none] * self.outputs_of_network, axis=-1)
-            if each.signal == LAST
-            else each.values(G, x, first)
-            for each, first in zip(self.observes, ends, strict=False)
-        ]
-        return np.concatenate(
-            [np.broadcast_to(row, (*batch, row.shape[-1])) for row in rows], axis=-1
-        )
-
     def _sizes(self, G: MatrixLieGroup) -> list[int]:
-        x = _one_input(G)
+        """Return how many numbers each signal gives, of a body at rest."""
+        zero, later = np.zeros(G.dimension), np.zeros((MOST_AHEAD, G.dimension))
+        x = LawInput(0.0, G.identity, zero, G.identity, zero, zero)
+        x = x._replace(later_pose=G.exp(later), later_velocity=later)
         return [
-            self.outputs_of_network if each.signal == LAST else each.values(G, x).shape[-1]
-            for each in self.observes
+            self.outputs_of_network if signal.signal == LAST else signal.values(G, x).shape[-1]
+            for signal in self.observes
         ]
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
@@ -663,10 +652,3 @@ class Network(Controller):
         call(function_of(self.source), states, rows, torques)
         later = np.split(states, np.cumsum([*lengths.values()])[:-1], axis=-1)
         return torques, dict(zip(lengths, later, strict=False))
-
-
-def _one_input(G: MatrixLieGroup) -> LawInput:
-    zero, later = np.zeros(G.dimension), MOST_AHEAD
-    x = LawInput(0.0, G.identity, zero, G.identity, zero, zero)
-    ahead = np.broadcast_to(G.identity, (later, G.size, G.size)), np.zeros((later, G.dimension))
-    return x._replace(later_pose=ahead[0], later_velocity=ahead[1])

@@ -271,7 +271,10 @@ class _OfGraph:
         if node.domain not in ("", "ai.onnx"):
             self.built.refuse(f"{node.domain}.{op}")
         if op == "Constant":
-            self.constants[node.output[0]] = self._constant(options)
+            if "value" in options:
+                self.constants[node.output[0]] = self._array(options["value"])
+            else:
+                self.constants[node.output[0]] = np.asarray(next(iter(options.values())))
             return
         values = [self.vectors.get(each, self.constants.get(each)) for each in node.input]
         lost = [n for n, v in zip(node.input, values, strict=True) if n and v is None]
@@ -292,7 +295,8 @@ class _OfGraph:
             numbers = {} if usual is None else {"a": float(options.get("alpha", usual))}
             return built.add(function, [of], built.length[of], numbers=numbers)
         if op in _PAIRS:
-            return self._pair(_PAIRS[op], values)
+            sides = [x if isinstance(x, str) else _finite(np.ravel(x), self.name) for x in values]
+            return built.pair(_PAIRS[op], sides)
         if op == "Concat":
             if not all(isinstance(each, str) for each in values):
                 built.refuse("Concat with constants")
@@ -310,17 +314,6 @@ class _OfGraph:
         if op == "GRU":
             return self._recurrent(values, options, node)
         built.refuse(op)
-
-    def _constant(self, options: Mapping[str, Any]) -> Array:
-        if "value" in options:
-            return self._array(options["value"])
-        return np.asarray(next(iter(options.values())))
-
-    def _pair(self, op: str, values: list[Any]) -> str:
-        sides = [
-            each if isinstance(each, str) else _finite(np.ravel(each), self.name) for each in values
-        ]
-        return self.built.pair(op, sides)
 
     def _product(self, op: str, values: list[Any], options: Mapping[str, Any]) -> str:
         if isinstance(values[1], str) or np.ndim(values[1]) != 2:
