@@ -172,12 +172,6 @@ def test_code_is_not_compiled_into_a_loop(many):
     assert str(caught.value).startswith("mine.c is code, which is called and not compiled")
 
 
-@pytest.mark.parametrize("name", ["values", "claimed", "called"])
-def test_what_is_found_out_later_is_no_option(name):
-    with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
-        Code(file="mine.c", **{name: None})
-
-
 def test_the_memory_has_the_length_of_that_of_the_law():
     code, _ = notes(as_="goodarzi2013")
     running = code.calling(Compiled(ei=3), G)

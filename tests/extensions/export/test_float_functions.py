@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import FUNCTIONS
-from eqt_cli.extensions.firmware.c_headers import FLOAT_HEADER, headers, needed
+from eqt_cli.extensions.firmware.c_headers import FLOAT_HEADER, PRELUDE, headers, needed
 
 NAMES = [*FUNCTIONS, "pow"]
 LIMITS = {
@@ -130,16 +130,12 @@ def test_special_powers_are_those_of_python(in_float):
 def test_what_a_function_needs_is_picked_and_nothing_else(tmp_path, real, name):
     second = ", eqt_real y" if name == "pow" else ""
     call = f"eqt_{name}(x{', y' if second else ''})"
-    given = (
-        "typedef __UINT32_TYPE__ eqt_uint32;\ntypedef __UINT64_TYPE__ eqt_uint64;\n"
-        "#define EQT_INLINE static inline\n#define EQT_RARE static\n"
-    )
     function = (
         f"eqt_real f(eqt_real x{second});\neqt_real f(eqt_real x{second}) {{ return {call}; }}\n"
     )
-    parts = needed(given + function, headers(real))
+    parts = needed(PRELUDE + function, headers(real))
     source = tmp_path / "f.c"
-    source.write_text(given + parts + function)
+    source.write_text(PRELUDE + parts + function)
     # An unused function that is inline is told by clang only.
     command = "clang" if shutil.which("clang") else "cc"
     flags = "-std=c99 -Wall -Wextra -Werror -pedantic -fno-math-errno -c -o".split()

@@ -34,8 +34,8 @@ NEAR = 100
 """The bound is no larger than so many times the largest error that is seen."""
 
 
-def torques(law, path, states, name="torque", size=None):
-    """What the exported law gives at some states, or another function of it."""
+def answers(law, path, states, name="torque", size=None):
+    """What the exported law gives at some states, or another function of it; and its memory."""
     real = {"double": ctypes.c_double, "float": ctypes.c_float}[law.by.name]
     compiled, program = ctypes.CDLL(str(path)), law.program
     numbers = ctypes.c_char.in_dll(compiled, f"{law.name}_defaults")
@@ -44,11 +44,10 @@ def torques(law, path, states, name="torque", size=None):
     told, memory = (x.astype(law.by.dtype) for x in (told, np.concatenate(memory, axis=1)))
     found = np.empty((len(told), size or program.torque.size), dtype=law.by.dtype)
     function = getattr(compiled, f"{law.name}_{name}")
-    for k in range(len(told)):
-        rows = [np.ascontiguousarray(each[k]) for each in (memory, told)]
+    for rows in zip(memory, told, found, strict=True):
         given = [row.ctypes.data_as(ctypes.POINTER(real)) for row in rows]
-        function(ctypes.byref(numbers), *given, found[k].ctypes.data_as(ctypes.POINTER(real)))
-    return found.astype(float)
+        function(ctypes.byref(numbers), *given)
+    return found.astype(float), memory
 
 
 def errors_and_bounds(law, folder, count):
@@ -67,7 +66,7 @@ def errors_and_bounds(law, folder, count):
     )
     # What a double loses of the exact number.
     lost = 2.0**-53 * np.abs(exact)
-    error = np.abs(torques(law, path, states) - exact)
+    error = np.abs(answers(law, path, states)[0] - exact)
     found = law.bounded(law.program.step, states)["torque"]
     return error, lost, found
 
@@ -139,7 +138,7 @@ def test_a_regulator_in_c_holds_a_vehicle_in_a_current(tmp_path):
     at |= {"t": np.zeros(n), "desired_pose": np.broadcast_to(Qd, (n, 4, 4))}
     at |= {"desired_velocity": np.zeros((n, 6)), "desired_acceleration": np.zeros((n, 6))}
     states = {INPUT + name: values.reshape(n, -1) for name, values in at.items()}
-    found = torques(
+    found, _ = answers(
         law,
         library(law, written(law, tmp_path), compilers()[0]),
         states | {MEMORY + "actuators": x[:, 12:]},
@@ -198,6 +197,30 @@ CONFIG = {
 MATRIX = [[1.0, -1.0, 0.5, 0.0], [0.0, 0.3, 1.0, -1.0], [0.2, 0.0, 0.4, 1.0]]
 
 
+def allocation(folder, section, **changes):
+    """The exported allocation of an actuator, and the header that states its bound."""
+    if compiler.missing():
+        pytest.skip("no C compiler")
+    eqt_cli.export({**CONFIG, "actuators": [section], **changes}, folder / "law")
+    made, source = folder / "law.so", folder / "law" / "lee2010.c"
+    flags = [*FLAGS, "-fPIC", "-shared", str(source), "-o", str(made)]
+    subprocess.run([*compilers()[0], *flags], check=True)
+    function = ctypes.CDLL(str(made)).lee2010_allocate
+
+    def allocate(torque):
+        found = (ctypes.c_double * 4)()
+        function((ctypes.c_double * 3)(*torque), found)
+        return np.array(found)
+
+    header = (folder / "law" / "lee2010.h").read_text(encoding="utf-8")
+    bound = re.search(r"rounding moves them by at\s+most (\S+);", header).group(1)
+    return allocate, float(bound), header
+
+
+TORQUES = 0.02 * np.random.default_rng(1).standard_normal((40, 3))
+"""Within and beyond the limits."""
+
+
 @pytest.mark.parametrize(
     ("section", "part"),
     [
@@ -213,57 +236,37 @@ MATRIX = [[1.0, -1.0, 0.5, 0.0], [0.0, 0.3, 1.0, -1.0], [0.2, 0.0, 0.4, 1.0]]
     ],
 )
 def test_an_exported_allocation_is_that_of_the_actuator(tmp_path, section, part):
-    """Within the bound of the header, for torques within and beyond the limits."""
-    if compiler.missing():
-        pytest.skip("no C compiler")
-    eqt_cli.export({**CONFIG, "actuators": [section]}, tmp_path / "law")
-    made, source = tmp_path / "law.so", tmp_path / "law" / "lee2010.c"
-    flags = [*FLAGS, "-fPIC", "-shared", str(source), "-o", str(made)]
-    subprocess.run([*compilers()[0], *flags], check=True)
-    allocate = ctypes.CDLL(str(made)).lee2010_allocate
-    header = (tmp_path / "law" / "lee2010.h").read_text(encoding="utf-8")
-    bound = float(re.search(r"rounding moves them by at\s+most (\S+);", header).group(1))
+    """Within the bound of the header."""
+    allocate, bound, _ = allocation(tmp_path, section)
     assert 1e-17 < bound < 1e-14
     G = group_named("SO3")
     part = part.of_run(G, None)
-    for torque in 0.02 * np.random.default_rng(1).standard_normal((40, 3)):
-        found = (ctypes.c_double * 4)()
-        allocate((ctypes.c_double * 3)(*torque), found)
+    for torque in TORQUES:
         x = np.zeros(part.states(G))
         expected = (part.thrust if section["kind"] == "thrusters" else part_torques(part))(
             G, torque, x
         )
         # Both sums round.
-        assert np.abs(np.array(found) - expected).max() <= 2 * bound * np.abs(torque).max()
+        assert np.abs(allocate(torque) - expected).max() <= 2 * bound * np.abs(torque).max()
 
 
 @pytest.mark.ci("exports and compiles a law with 4 rotors")
 def test_an_exported_allocation_by_priority_is_that_of_the_actuator(tmp_path):
-    """Within the bound of the header, for torques within and beyond the limits."""
-    if compiler.missing():
-        pytest.skip("no C compiler")
+    """Within the bound of the header."""
     order = [["torque x", "torque y"], "torque z"]
     section = {"kind": "thrusters", "matrix": MATRIX, "low": -0.02, "high": 0.03}
     section["allocation"] = {"kind": "priority", "order": order}
     part = Thrusters(matrix=MATRIX, low=-0.02, high=0.03, allocation=Priority("priority", order))
-    eqt_cli.export({**CONFIG, "actuators": [section], "control": {"period": 0.1}}, tmp_path / "law")
-    made, source = tmp_path / "law.so", tmp_path / "law" / "lee2010.c"
-    flags = [*FLAGS, "-fPIC", "-shared", str(source), "-o", str(made)]
-    subprocess.run([*compilers()[0], *flags], check=True)
-    allocate = ctypes.CDLL(str(made)).lee2010_allocate
-    header = (tmp_path / "law" / "lee2010.h").read_text(encoding="utf-8")
+    allocate, bound, header = allocation(tmp_path, section, control={"period": 0.1})
     assert "by priority" in header
-    bound = float(re.search(r"rounding moves them by at\s+most (\S+);", header).group(1))
     assert 1e-19 < bound < 1e-14
     G = group_named("SO3")
     part = part.of_run(G, None)
-    torques = 0.02 * np.random.default_rng(1).standard_normal((40, 3))
     at_limits = 0
-    for torque in torques:
-        found = (ctypes.c_double * 4)()
-        allocate((ctypes.c_double * 3)(*torque), found)
+    for torque in TORQUES:
+        found = allocate(torque)
         expected = part.solution(G, torque[None])[0]
-        assert np.abs(np.array(found) - expected).max() <= 2 * bound + 1e-16
+        assert np.abs(found - expected).max() <= 2 * bound + 1e-16
         at_limits += bool(((found == part.low) | (found == part.high)).any())
     assert 5 < at_limits < 40
 
@@ -316,7 +319,7 @@ def test_the_other_numbers_of_a_law_are_a_function_in_c(tmp_path):
     assert "double twice[3]; /* rad/s; twice of the law */" in text
     assert checked(law, folder, compilers()[0])[0] == 0
     states = law.states.at(slice(0, 50))
-    given = torques(law, library(law, folder, compilers()[0]), states, "give", 4)
+    given, _ = answers(law, library(law, folder, compilers()[0]), states, "give", 4)
     V = states[INPUT + "velocity"]
     expected = np.column_stack([np.linalg.norm(V, axis=1), 2 * V])
     np.testing.assert_allclose(given, expected, rtol=1e-15)
@@ -385,31 +388,6 @@ def test_a_filter_whose_measurements_arrive_late_is_refused():
 # What native evaluates at an instant has the bits of the exported law -----------------------------
 
 
-class Vehicle:
-    """Calls an exported law with the structures of its header."""
-
-    def __init__(self, law, path):
-        self.law, self.library = law, ctypes.CDLL(str(path))
-
-        def structure(entries):
-            fields = [(each.name, ctypes.c_double * each.size) for each in entries]
-            return type("Structure", (ctypes.Structure,), {"_fields_": fields})
-
-        program = law.program
-        self.input, self.numbers = structure(program.inputs), structure(program.numbers)
-        self.memory = structure(program.memory)
-        self.defaults = self.numbers.in_dll(self.library, f"{law.name}_defaults")
-
-    def __call__(self, told, memory):
-        given = self.input(*[tuple(np.ravel(told[each.name])) for each in self.law.program.inputs])
-        kept = self.memory(*[tuple(memory[each.source]) for each in self.law.program.memory])
-        torque = (ctypes.c_double * self.law.program.torque.size)()
-        references = [ctypes.byref(each) for each in (self.defaults, kept, given)]
-        getattr(self.library, f"{self.law.name}_torque")(*references, torque)
-        after = [np.array(getattr(kept, each.name)) for each in self.law.program.memory]
-        return np.array(torque), np.concatenate([np.empty(0), *after])
-
-
 @pytest.mark.parametrize(("law", "group"), [("goodarzi2013", "SO3"), ("logarithmic", "SE2")])
 def test_an_instant_of_native_has_the_bits_of_the_exported_law(tmp_path, law, group):
     compare(tmp_path, law, group)
@@ -427,7 +405,7 @@ def compare(tmp_path, law, group):
         pytest.skip("no C compiler")
     found = law_of(group, law)
     loop = found.loop
-    vehicle = Vehicle(found, library(found, written(found, tmp_path), compilers()[0]))
+    path = library(found, written(found, tmp_path), compilers()[0])
     [batch] = batches(Study(None, found.experiment), law, np.arange(2))
     problem, parts = batch.problem, at_instants(batch.problem.loop)
     G, states = loop.group, problem.states.copy()
@@ -448,9 +426,9 @@ def compare(tmp_path, law, group):
     instant = native_library.evaluation(trace(loop).after_instant, lengths)
     after = instant(problem.runs, 1, rows)["state"][:, 0]
     memory, later = loop.memory(states), loop.memory(after)
-    for run in range(problem.runs):
-        one = {name: values[run, 0] for name, values in told.items()}
-        torque, kept = vehicle(one, {name: z[run] for name, z in memory.items()})
+    at = {INPUT + each.name: told[each.name][:, 0] for each in found.program.inputs}
+    at |= {MEMORY + each.name: memory[each.source] for each in found.program.memory}
+    for run, (torque, kept) in enumerate(zip(*answers(found, path, at), strict=True)):
         asked = loop.vehicle.last_command(loop.group, loop.tracking(0.0, after[run]).vehicle)
         assert torque.tobytes() == asked.tobytes()
         assert np.abs(torque).max() > 1e-3
