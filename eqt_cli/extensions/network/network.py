@@ -341,22 +341,45 @@ def emitted(text: str, name: str) -> Emitted:
     return Emitted(network_of(text, name))
 
 
-def source_of(made: Emitted, **rest: Any) -> str:
-    """Return the C of a law: `eqt_code`, as native calls it, around the steps of a network."""
-    listed = {
-        name: ", ".join(map(repr, values)) or "0"
-        for name, values in rest.items()
-        if isinstance(values, list)
-    }
+def source_of(
+    made: Emitted,
+    matrix: Array,
+    curve: Array,
+    most: float | None = None,
+    last: tuple[int, float] | None = None,
+) -> str:
+    """Return the C of a law: `eqt_code`, as native calls it, around the steps of a network.
+
+    Parameters
+    ----------
+    matrix : (m, k)
+        From the commands of the k outputs to the torque.
+    curve : (3, k)
+        c₀, c₁ and c₂ of each command in its output.
+    most
+        The size to which outputs are clipped.
+    last
+        Where the last outputs stand among the inputs, and their scale; None if they are not
+        observed.
+    """
+    outputs, hidden = made.sizes[made.result], made.sizes["h"]
+    remembers, (last_at, last_scale) = int(last is not None), last or (0, 1.0)
+    numbers = {"offset": curve[0], "linear": curve[1], "square": curve[2], "matrix": matrix.ravel()}
     text = CALL.format(
         functions="{functions}",
         constants="{constants}",
         steps="\n".join(f"    {line}" for line in made.lines),
         result=made.result,
         inputs=made.sizes["x"],
-        outputs=made.sizes[made.result],
-        hidden=made.sizes["h"],
-        **(rest | listed),
+        outputs=outputs,
+        hidden=hidden,
+        memory=hidden + outputs * remembers,
+        remembers=remembers,
+        last_at=last_at,
+        last_scale=repr(float(last_scale)),
+        limited=f"y[i] < -{most} ? -{most} : y[i] > {most} ? {most} : y[i]" if most else "y[i]",
+        axes=len(matrix),
+        **{name: ", ".join(map(repr, x.tolist())) or "0" for name, x in numbers.items()},
     )
     functions = needed(PRELUDE + text, headers("double"))
     constants = "\n".join(made.constants)
@@ -401,16 +424,9 @@ def check_examples(text: str, name: str) -> None:
 
 def bare_source(made: Emitted) -> str:
     """Return the C of a network by itself, whose outputs are what it returns."""
-    k = made.sizes[made.result]
-    none, sizes = [0.0] * k, {"axes": k, "memory": made.sizes["h"]}
-    last = {"remembers": 0, "last_at": 0, "last_scale": 1.0, "limited": "y[i]"}
-    curve = {
-        "offset": none,
-        "linear": [1.0] * k,
-        "square": none,
-        "matrix": np.eye(k).ravel().tolist(),
-    }
-    return source_of(made, **sizes, **last, **curve)
+    outputs = made.sizes[made.result]
+    as_they_are = np.outer([0.0, 1.0, 0.0], np.ones(outputs))
+    return source_of(made, np.eye(outputs), as_they_are)
 
 
 def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
@@ -498,11 +514,6 @@ class Network(Controller):
         previews = [signal.preview for signal in self.observes if signal.preview]
         return tuple(p.every * k for p in previews for k in range(1, p.steps + 1))
 
-    @property
-    def remembers(self) -> bool:
-        """Whether it observes its last command."""
-        return any(each.signal == LAST for each in self.observes)
-
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law in C, with the rotors of the plant."""
         if self.preview and not plant.foreseen:
@@ -513,26 +524,14 @@ class Network(Controller):
             )
         if problems or not self.text:
             return self
-        k, at = self.outputs_of_network, problems.at("commands")
-        M, curve = self._commanding(G, plant, at)
+        M, curve = self._commanding(G, plant, problems.at("commands"))
         if problems:
             return self
-        sizes = self._sizes(G)
-        last = next((i for i, each in enumerate(self.observes) if each.signal == LAST), 0)
-        most = self.commands_.clip
-        source = source_of(
-            emitted(self.text, self.file),
-            offset=curve[0].tolist(),
-            linear=curve[1].tolist(),
-            square=curve[2].tolist(),
-            matrix=M.ravel().tolist(),
-            memory=len(self.network["start"]) + k * self.remembers,
-            remembers=int(self.remembers),
-            last_at=sum(sizes[:last]),
-            last_scale=repr(float(self.observes[last].scale)),
-            limited=f"y[i] < -{most} ? -{most} : y[i] > {most} ? {most} : y[i]" if most else "y[i]",
-            axes=G.dimension,
-        )
+        sizes, last = self._sizes(G), None
+        for index, signal in enumerate(self.observes):
+            if signal.signal == LAST:
+                last = sum(sizes[:index]), signal.scale
+        source = source_of(emitted(self.text, self.file), M, curve, self.commands_.clip, last)
         with problems.catching("file"):
             function_of(source)
         return with_fields(self, source=source)
@@ -612,11 +611,10 @@ class Network(Controller):
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the states of recurrent units, and the last command."""
-        named = {
-            "hidden": len(self.network["start"]),
-            LAST: self.outputs_of_network * self.remembers,
-        }
-        return {name: length for name, length in named.items() if length}
+        lengths = {"hidden": len(self.network["start"])}
+        if any(signal.signal == LAST for signal in self.observes):
+            lengths[LAST] = self.outputs_of_network
+        return {name: length for name, length in lengths.items() if length}
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return the states of recurrent units at the start."""
