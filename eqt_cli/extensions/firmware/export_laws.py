@@ -393,14 +393,6 @@ CHECK = "_check"
 """After the name of a law: its program that checks it."""
 
 
-class Limit(NamedTuple):
-    """A limit of thrusts or of torques of wheels, which holds where a number is beyond it."""
-
-    name: str
-    sign: str
-    numbers: Array | None
-
-
 class Allocation(NamedTuple):
     """The allocation of a torque to thrusters or wheels by a matrix, or by a program.
 
@@ -411,7 +403,8 @@ class Allocation(NamedTuple):
     inverse : (k, m)
         B⁺.
     limits
-        Limits behind it; empty if none are part of it.
+        Name, sign and numbers of each limit behind it, which holds where a number is beyond it;
+        empty if none are part of it.
     rounding, carried
         Bounds of what rounding, and the bound of the torque, move the outputs by; the first for a
         torque whose largest number is 1, or of a program, at the states of the check.
@@ -421,7 +414,7 @@ class Allocation(NamedTuple):
 
     what: str
     inverse: Array
-    limits: list[Limit]
+    limits: list[tuple[str, str, Array]]
     rounding: float
     carried: float
     program: Program | None = None
@@ -531,8 +524,8 @@ class ExportedLaw:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
                 what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
-                pairs = ("low", "<", low), ("high", ">", high)
-                limits = [Limit(*each) for each in pairs if each[-1] is not None]
+                both = ("low", "<", low), ("high", ">", high)
+                limits = [(name, sign, x) for name, sign, x in both if x is not None]
                 # Each number is rounded, multiplied and added up: m + 1 errors of relative size u.
                 size, u = np.abs(inverse), (inverse.shape[1] + 1) * self.by.unit
                 rounding = u / (1 - u) * size.sum(axis=1).max()

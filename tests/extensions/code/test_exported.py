@@ -96,22 +96,6 @@ def test_exchanged_frames_are_told_and_named(faulty, judged):
     assert list(rows.values()) == ["the frames are exchanged: all errors are in the spatial frame"]
 
 
-@pytest.mark.ci("another fault of a memory is fast")
-def test_a_memory_that_does_not_go_on_is_told_and_named(faulty, judged):
-    stale = "    goodarzi2013_memory next;\n    goodarzi2013_step"
-    fixed = "    goodarzi2013_memory next = *memory;\n    goodarzi2013_step"
-    rows = judged(
-        faulty(
-            "goodarzi2013",
-            (stale, fixed),
-            ("torque, next.integral);\n    *memory = next;", "torque, next.integral);"),
-        )
-    )
-    assert rows == {
-        "memory of Goodarzi 2013 after a period": "integral does not advance: it is stale"
-    }
-
-
 def test_a_memory_that_goes_on_too_early_is_told_and_named(faulty, judged, exports):
     """It is moved on before it is used, as where a loop is turned inside out."""
     _, body = exports["goodarzi2013"]

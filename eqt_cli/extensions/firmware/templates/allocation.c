@@ -14,9 +14,9 @@ static const ${real} ${label}_inverse[${count}][${m}] = {
 ${wrapped(braced(each, law.by), "     ", "    ")},
 {% endfor %}
 };
-{% for limit in found.limits %}
-static const ${real} ${label}_${limit.name}[${count}] =
-${wrapped(braced(limit.numbers, law.by), "    ")};
+{% for name, sign, numbers in found.limits %}
+static const ${real} ${label}_${name}[${count}] =
+${wrapped(braced(numbers, law.by), "    ")};
 {% endfor %}
 
 void ${label}_allocate(const ${real} torque[${m}], ${real} found[${count}])
@@ -25,9 +25,9 @@ void ${label}_allocate(const ${real} torque[${m}], ${real} found[${count}])
         ${real} sum = ${label}_inverse[i][0] * torque[0];
         for (int j = 1; j < ${m}; j++)
             sum += ${label}_inverse[i][j] * torque[j];
-{% for limit in found.limits %}
-        if (sum ${limit.sign} ${label}_${limit.name}[i])
-            sum = ${label}_${limit.name}[i];
+{% for name, sign, _ in found.limits %}
+        if (sum ${sign} ${label}_${name}[i])
+            sum = ${label}_${name}[i];
 {% endfor %}
         found[i] = sum;
     }
