@@ -341,26 +341,21 @@ def states_of(
     loop, states = problem.batched_loop(extra_axes=1), solution.states[good]
     with np.errstate(all="ignore"):
         inputs_of, memory = loop.law_input(problem.times, states), loop.memory(states)
-    inputs_of = inputs_of._replace(t=np.broadcast_to(problem.times, states.shape[:2]))
-    rows = _rows(law, inputs_of, memory, states.shape[:2])
-    random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
-    count = len(next(iter(rows.values())))
-    drawn = _random(rows, loop.group, random)
-    inputs = {name: np.concatenate([values, drawn[name]]) for name, values in rows.items()}
-    return CheckedStates(inputs, len(good), count)
-
-
-def _rows(
-    law: LawProgram, inputs: LawInput, memory: Mapping[str, Array], batch: tuple[int, ...]
-) -> dict[str, Array]:
+    shape = states.shape[:2]
     columns = {
-        INPUT + entry.name: np.broadcast_to(getattr(inputs, entry.source), (*batch, *entry.shape))
+        INPUT + entry.name: np.broadcast_to(
+            getattr(inputs_of, entry.source), (*shape, *entry.shape)
+        )
         for entry in law.inputs
     }
     columns |= {MEMORY + entry.name: memory[entry.source] for entry in law.memory}
-    rows = {name: np.array(values).reshape(np.prod(batch), -1) for name, values in columns.items()}
+    rows = {name: np.array(values).reshape(np.prod(shape), -1) for name, values in columns.items()}
     finite = np.logical_and.reduce([np.isfinite(values).all(axis=1) for values in rows.values()])
-    return {name: values[finite] for name, values in rows.items()}
+    rows = {name: values[finite] for name, values in rows.items()}
+    random = generator(ensemble.seed, Stream.EXPORTED_STATES, list(few.loops).index(label))
+    drawn = _random(rows, loop.group, random)
+    inputs = {name: np.concatenate([values, drawn[name]]) for name, values in rows.items()}
+    return CheckedStates(inputs, len(good), int(finite.sum()))
 
 
 def _random(
@@ -511,10 +506,7 @@ class ExportedLaw:
     @property
     def singular(self) -> Array:
         """Mask of the states near a singularity, ``(states,)``."""
-        singular = np.zeros(self.states.count, dtype=bool)
-        for each in self.judged.values():
-            singular |= each.singular
-        return singular
+        return np.logical_or.reduce([output.singular for output in self.judged.values()])
 
     @cached_property
     def allocation(self) -> Allocation | None:

@@ -26,7 +26,7 @@ from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, trace
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, evaluated
-from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER
+from eqt_cli.loop.law_program import INPUT, MEMORY
 from eqt_cli.runs.batches import batches
 
 STATES = 400
@@ -56,10 +56,9 @@ def errors_and_bounds(law, folder, count):
     runs = law.states.at(slice(0, law.states.along))
     drawn = _random(runs, law.loop.group, np.random.default_rng(99))
     states = {name: values[-count:] for name, values in drawn.items()}
-    numbers = {NUMBER + name: values.reshape(-1) for name, values in law.numbers.items()}
     exact = np.array(
         [
-            [float(x) for x in evaluated(law.program.step, {**state, **numbers})["torque"]]
+            [float(x) for x in evaluated(law.program.step, {**state, **law.flat_numbers})["torque"]]
             for k in range(count)
             for state in [{name: values[k] for name, values in states.items()}]
         ]
