@@ -756,7 +756,9 @@ def explained_cascade(question: Question, wrench: Array, real: str) -> str:
     of_torque = min(candidates, key=lambda candidate: candidate[0])[1]
     for name, symbol in NAMES.items():
         of_torque = of_torque.replace(name, symbol)
-    return "; ".join([*words, *([f"torque: {of_torque}"] if of_torque else [])])
+    if of_torque:
+        words.append(f"torque: {of_torque}")
+    return "; ".join(words)
 
 
 def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
