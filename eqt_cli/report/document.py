@@ -79,8 +79,7 @@ def page(template: str, styles: Sequence[str], script: str, **values: Any) -> st
         "numeric": _numeric,
         "significant": significant,
     }
-    made = environment.get_template(template)
-    return made.render(version=__version__, css=css, js=js, **values)
+    return environment.get_template(template).render(version=__version__, css=css, js=js, **values)
 
 
 def _finalized(value: Any) -> Any:
@@ -120,11 +119,10 @@ def _minus(text: str) -> str:
 
 def _numeric(rows: Sequence[Sequence[str]]) -> list[bool]:
     """Return which columns of a table are numeric."""
-    return [all(map(_is_numeric, column)) for column in zip(*rows, strict=True)]
-
-
-def _is_numeric(cell: str) -> bool:
-    return cell in ("", "-") or _NUMBER.fullmatch(cell) is not None
+    return [
+        all(cell in ("", "-") or _NUMBER.fullmatch(cell) for cell in column)
+        for column in zip(*rows, strict=True)
+    ]
 
 
 # Page that plays one run: bodies against the reference, tracking error and torque over time -------
@@ -199,12 +197,9 @@ def _document(scene: Scene, result: Result) -> dict[str, Any]:
 
 def _course(rotation: Array, position: Array, samples: Array, shown: Motion) -> dict[str, Any]:
     rotations = [_rounded(matrix.ravel()) for matrix in rotation[samples]]
-    return {"rotation": rotations, "position": _places(position[samples], shown)}
-
-
-def _places(track: Array, shown: Motion) -> list[list[float | None]]:
-    """Return positions over time; none if nothing translates, since all are the origin."""
-    return [_rounded(place) for place in track] if shown.has_translation else []
+    if not shown.has_translation:  # all positions are the origin
+        return {"rotation": rotations, "position": []}
+    return {"rotation": rotations, "position": [_rounded(place) for place in position[samples]]}
 
 
 def _rounded(values: Array) -> list[float | None]:
@@ -316,7 +311,11 @@ def inline_figures(
     drawn: list[dict[str, str]] = []
     remarks: list[str] = []
     refusals: list[str] = []
-    due = [figure for figure in wanted if _is_due(result, figure)]
+    due = [
+        figure
+        for figure in wanted
+        if figure.name in figures.names() and (not figure.needs or result.has(figure.needs))
+    ]
     with step(DRAWN, len(due)):
         for figure in due:
             try:
@@ -328,11 +327,6 @@ def inline_figures(
                 (refusals if optional and not figure.requested else remarks).append(reason)
             reporter().advance(1)
     return drawn, remarks if drawn or remarks else refusals[:1]
-
-
-def _is_due(result: Result, wanted: Wanted) -> bool:
-    """Return whether a figure exists and has data."""
-    return wanted.name in figures.names() and (not wanted.needs or result.has(wanted.needs))
 
 
 def named(names: Sequence[str]) -> list[Wanted]:
@@ -527,18 +521,18 @@ def _of_experiment(result: Result, against: str) -> dict[str, Any]:
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """Return the parts of a sweep; no means, since one over all points means little."""
-    best = (
-        None if WORST.beside(result) or TUNE.beside(result) else sweep_tables(result, SWEPT_METRICS)
-    )
-    return {"best": best, "table": summary.point_table(result)}
+    parts: dict[str, Any] = {"table": summary.point_table(result)}
+    if not (WORST.beside(result) or TUNE.beside(result)):
+        parts["best"] = sweep_tables(result, SWEPT_METRICS)
+    return parts
 
 
 def _searched(result: Result) -> dict[str, Any] | None:
     """Return the section on the search whose outcome the result judges; None without one."""
     for kind, short, title, tables in SEARCHED:
         if record := kind.beside(result):
-            made = tables(result, record)
-            return {"id": kind.configs, "short": short, "title": title, "tables": made}
+            search = {"id": kind.configs, "short": short, "title": title}
+            return search | {"tables": tables(result, record)}
     return None
 
 
@@ -558,15 +552,15 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
 
 def _animated(result: Result) -> dict[str, Any]:
     """Return the animation of the first law's median run; empty if no body can be shown."""
-    by = next(iter(result.compared_first), None)
-    values = result[by][0] if by else np.empty(0)
-    runs = [run for run in result.stored_runs if by and np.isfinite(values[run])]
-    with suppress(EqtError):
-        if by and runs:
-            middle = sorted(runs, key=lambda run: float(values[run]))[(len(runs) - 1) // 2]
-            return {
-                "animation": animation(result, int(middle)),
-                "animated": int(middle),
-                "animated_by": result.quantity(by).described,
-            }
+    if not result.compared_first:
+        return {}
+    metric = result.compared_first[0]
+    values = result[metric][0]
+    runs = [int(run) for run in result.stored_runs if np.isfinite(values[run])]
+    if runs:
+        median = sorted(runs, key=lambda run: float(values[run]))[(len(runs) - 1) // 2]
+        described = result.quantity(metric).described
+        with suppress(EqtError):
+            played = animation(result, median)
+            return {"animation": played, "animated": median, "animated_by": described}
     return {}

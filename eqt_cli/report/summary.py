@@ -4,7 +4,6 @@ import re
 from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import datetime
 from operator import attrgetter
 from typing import Any
@@ -128,18 +127,23 @@ def curves(result: Result) -> Document | None:
     stored, times = result.stored_runs, result.times
     if not stored.size:
         return None
-    names = [
-        part
-        for signal in sorted(SIGNALS, key=attrgetter("rank"))
-        if signal.rank and result.has(signal.name)
-        for part in (
-            result.split(signal.name) if result.units(signal.name) == MIXED else [signal.name]
-        )
-    ]
+    names = []
+    for signal in sorted(SIGNALS, key=attrgetter("rank")):
+        if signal.rank and result.has(signal.name):
+            parts = result.parts(signal.name) if result.units(signal.name) == MIXED else []
+            names += [f"{signal.name}_{part}" for part in parts] or [signal.name]
     samples = np.unique(np.linspace(0, len(times) - 1, SAMPLES).round().astype(int))
     per_run = len(names) * len(result.labels) * len(samples) * 2 * 4 / 3
     runs = slice(0, min(len(stored), max(1, int(LARGEST / per_run))))
     chosen = {result.run_dimension: runs, "time": samples.tolist()}
+    panels = []
+    for head in columns(result, names):
+        values = result.read(head["metric"], **chosen) * result.factor(head["metric"])
+        if head["metric"] == "lyapunov":  # not of laws that do not claim that it falls
+            values[[result.labels.index(label) for label in result.without_function]] = np.nan
+        codes, largest = quantised(values)
+        text = b64encode(codes.astype("<u2").tobytes()).decode("ascii")
+        panels.append({**head, "largest": largest, "codes": text})
     return {
         "times": [round(float(t), 6) for t in times[samples]],
         "runs": stored[runs].tolist(),
@@ -148,20 +152,7 @@ def curves(result: Result) -> Document | None:
         "controllers": looks(result),
         "power": POWER,
         "levels": LEVELS,
-        "panels": [_panel(result, head, chosen) for head in columns(result, names)],
-    }
-
-
-def _panel(result: Result, head: Document, chosen: dict[str, Any]) -> Document:
-    """Return the curves of a signal, without L of laws that do not claim that it falls."""
-    values = result.read(head["metric"], **chosen) * result.factor(head["metric"])
-    if head["metric"] == "lyapunov" and result.without_function:
-        values[[result.labels.index(label) for label in result.without_function]] = np.nan
-    codes, largest = quantised(values)
-    return {
-        **head,
-        "largest": largest,
-        "codes": b64encode(codes.astype("<u2").tobytes()).decode("ascii"),
+        "panels": panels,
     }
 
 
@@ -189,93 +180,48 @@ def looks(result: Result) -> list[Document]:
     ]
 
 
-@dataclass(frozen=True)
-class StatedValue:
-    """A stated section of the configuration.
-
-    Attributes
-    ----------
-    name, symbol
-        Name, and symbol in the equations.
-    words
-        Value in words; empty for a matrix.
-    matrix
-        Rows of a matrix; empty for other values.
-    """
-
-    name: str
-    symbol: str
-    words: str
-    matrix: list[list[str]]
-
-
-@dataclass(frozen=True)
-class Law:
-    """A law of the experiment.
-
-    Attributes
-    ----------
-    title, label, kind
-        Name in figures, name in tables, and kind in the configuration.
-    says
-        First line of its documentation; empty for a law of a plugin.
-    weights
-        (g, c, n, q) for a member of the family; else empty.
-    damping
-        Frame of the damping, for a member of the family.
-    settings
-        Gains and options of this law alone, as running text.
-    """
-
-    title: str
-    label: str
-    kind: str
-    says: str
-    weights: tuple[str, ...]
-    damping: str
-    settings: str
-
-
 _WHOLE = 1e9
 """Whole numbers below this are written with all their digits."""
 MOST_VALUES = 12
 """Maximum length of a list that is written out; the lines of a search have hundreds."""
 
-
-def laws(result: Result) -> list[Law]:
-    """Return the laws in the order of the result."""
-    entries = _stored(result).get("controllers") or []
-    settings = {e.get("label"): _settings(e) for e in entries if isinstance(e, Mapping)}
-    return [
-        _law(label, title, result.kinds.get(label, label), settings.get(label, ""))
-        for label, title in result.title_of.items()
-    ]
+PARTS = ("target", "plant", "control", "actuators", "sensors", "estimator")
+"""Sections of a configuration that are stated by their keys."""
 
 
-def _settings(entry: Mapping[str, Any]) -> str:
-    """Return the gains and options that an entry of `controllers` sets: ``gains: kp 4``."""
-    gains = in_words(entry.get("gains"))
-    options = {key: value for key, value in entry.items() if key not in ("kind", "label", "gains")}
-    return "; ".join(filter(None, [f"gains: {gains}" if gains else "", in_words(options)]))
+def laws(result: Result) -> list[Document]:
+    """Return the laws in the order of the result.
 
-
-def _law(label: str, title: str, kind: str, settings: str) -> Law:
-    says, damping = "", ""
-    weights: tuple[str, ...] = ()
-    with suppress(ComponentError):  # law of a plugin that is not loaded here
-        law = controllers.get(kind)
-        says = summary(law)
-        # Members with body errors have another formula, given in their summary.
-        if issubclass(law, Member) and law.error == "spatial":
-            g, c, n, q = law.gyroscopic, law.transport, law.connection, law.quadratic
-            weights, damping = (f"{g:g}", f"{c:g}", f"{n:g}", f"{q:g}"), str(law.damping)
-    return Law(title, label, kind, says, weights, damping, settings)
-
-
-def stated_values(result: Result) -> list[StatedValue]:
-    """Return the sections of the stored configuration, ordered as in a paper's section."""
-    config = _stored(result)
-    return list(_sections(config, result)) if config else []
+    Returns
+    -------
+    list of dict
+        ``title`` in figures, ``label`` in tables, and ``kind`` in the configuration; ``says``, the
+        first line of its documentation, empty for a law of a plugin; of a member of the family the
+        ``weights`` (g, c, n, q) and the frame of its ``damping``; ``settings``, gains and options
+        of this law alone, as running text.
+    """
+    settings = {}
+    for entry in _stored(result).get("controllers") or []:
+        if isinstance(entry, Mapping):
+            gains = in_words(entry.get("gains"))
+            options = {k: x for k, x in entry.items() if k not in ("kind", "label", "gains")}
+            words = [f"gains: {gains}" if gains else "", in_words(options)]
+            settings[entry.get("label")] = "; ".join(filter(None, words))
+    rows = []
+    for label, title in result.title_of.items():
+        kind = result.kinds[label]
+        row: Document = {"title": title, "label": label, "kind": kind, "says": ""}
+        row |= {"weights": [], "damping": "", "settings": settings.get(label, "")}
+        with suppress(ComponentError):  # law of a plugin that is not loaded here
+            law = controllers.get(kind)
+            row["says"] = summary(law)
+            # Members with body errors have another formula, given in their summary.
+            if issubclass(law, Member) and law.error == "spatial":
+                weights = law.gyroscopic, law.transport, law.connection, law.quadratic
+                row["weights"] = [f"{weight:g}" for weight in weights]
+                row["damping"] = str(law.damping)
+        rows.append(row)
+    return rows
 
 
 def _stored(result: Result) -> Mapping[str, Any]:
@@ -285,29 +231,36 @@ def _stored(result: Result) -> Mapping[str, Any]:
     return {}
 
 
-def _sections(config: Mapping[str, Any], result: Result) -> Iterator[StatedValue]:
-    group = result.group
-    yield _stated("Group", "", f"{_group(result)}: {summary(type(group))}" if group else "")
-    yield _quantity("Inertia", "𝕀", config.get("inertia"))
-    gains = config.get("gains") or {}
-    yield _quantity("Weight of the navigation function", "K", gains.get("kp"))
-    yield _quantity("Damping", "K_d", gains.get("kd"))
-    yield _stated("Reference", "Q_d", config.get("reference"))
-    yield _stated("Target", "", config.get("target"))
-    for name in ("plant", "control", "actuators", "sensors", "estimator"):
-        yield _stated(name.capitalize(), "", config.get(name))
-    initial = config.get("initial") or {}
-    yield _stated("Initial poses", "Q(0)", initial.get("pose"))
-    yield _stated("Initial velocities", "V(0)", initial.get("velocity"))
-    yield _stated("Initial states", "", initial.get("file"))
-    runs = config.get("ensemble") or {}
-    yield _stated("Runs", "", f"{result.runs} of each law, from seed {runs.get('seed', 0)}")
-    time = config.get("time") or {}
-    yield _stated(
-        "Time", "", f"{in_words(time.get('duration'))} s, {in_words(time.get('samples'))} samples"
+def stated_values(result: Result) -> list[tuple[str, str, str | list[list[str]]]]:
+    """Return the sections of the stored configuration, ordered as in a paper's section.
+
+    Each has a name, a symbol, and its value in words, or as the rows of a matrix.
+    """
+    config, group = _stored(result), result.group
+    if not config:
+        return []
+    gains, initial, runs, time = (
+        config.get(key) or {} for key in ("gains", "initial", "ensemble", "time")
     )
-    yield _stated("Integration", "", _used(config.get("solver") or {}))
-    yield _stated("Sweep", "", config.get("sweep"))
+    duration, samples = in_words(time.get("duration")), in_words(time.get("samples"))
+    others = [
+        ("Reference", "Q_d", config.get("reference")),
+        *((key.capitalize(), "", config.get(key)) for key in PARTS),
+        ("Initial poses", "Q(0)", initial.get("pose")),
+        ("Initial velocities", "V(0)", initial.get("velocity")),
+        ("Initial states", "", initial.get("file")),
+        ("Runs", "", f"{result.runs} of each law, from seed {runs.get('seed', 0)}"),
+        ("Time", "", f"{duration} s, {samples} samples"),
+        ("Integration", "", _used(config.get("solver") or {})),
+        ("Sweep", "", config.get("sweep")),
+    ]
+    return [
+        ("Group", "", f"{_group(result)}: {summary(type(group))}" if group else ""),
+        ("Inertia", "𝕀", _tensor(config.get("inertia"))),
+        ("Weight of the navigation function", "K", _tensor(gains.get("kp"))),
+        ("Damping", "K_d", _tensor(gains.get("kd"))),
+        *((name, symbol, in_words(value)) for name, symbol, value in others),
+    ]
 
 
 def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -320,18 +273,13 @@ def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
     return {key: value for key, value in solver.items() if key in known}
 
 
-def _quantity(name: str, symbol: str, value: Any) -> StatedValue:
+def _tensor(value: Any) -> str | list[list[str]]:
     """State a tensor: a number is a multiple of the identity, a list a diagonal."""
     if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
-        return StatedValue(name, symbol, "", [[in_words(entry) for entry in row] for row in value])
+        return [[in_words(entry) for entry in row] for row in value]
     if isinstance(value, list):
-        return StatedValue(name, symbol, f"diag{in_words(value)}", [])
-    words = in_words(value)
-    return StatedValue(name, symbol, f"{words} · I" if _is_number(value) else words, [])
-
-
-def _stated(name: str, symbol: str, value: Any) -> StatedValue:
-    return StatedValue(name, symbol, in_words(value), [])
+        return f"diag{in_words(value)}"
+    return f"{in_words(value)} · I" if _is_number(value) else in_words(value)
 
 
 def in_words(value: Any) -> str:
@@ -396,7 +344,13 @@ def point_table(result: Result) -> Document:
         "columns": [
             *({**_head("", key.key), "given": True} for key in keys),
             *columns(result, names),
-            *(column for name in counts for column in _columns_of_ends(result, name)),
+            *(
+                _head(
+                    f"{name}_{end}", f"{result.quantity(name).described}, {end} end of its interval"
+                )
+                for name in counts
+                for end in ("low", "high")
+            ),
         ],
         "controllers": result.titles,
         "labels": result.labels,
@@ -413,14 +367,6 @@ def point_table(result: Result) -> Document:
         "messages": {},
         "total": points * controllers,
     }
-
-
-def _columns_of_ends(result: Result, name: str) -> list[Document]:
-    """Return the column heads for both ends of the interval of a share."""
-    called = result.quantity(name).described
-    return [
-        _head(f"{name}_{end}", f"{called}, {end} end of its interval") for end in ("low", "high")
-    ]
 
 
 def _head(metric: str, name: str) -> Document:
