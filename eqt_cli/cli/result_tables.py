@@ -95,7 +95,7 @@ def _headline(result: Result) -> Text:
     parts = [suffix for suffix in suffixes if suffix] or [""]
     names_of_part = {part: _names_by_heading(result, part) for part in parts}
     names = {heading: name for part in parts for heading, name in names_of_part[part].items()}
-    order = [*result.own_metrics, *(row.name for row in SUMMARY)]
+    order = [*result.own_metrics, *SUMMARY]
     headings = sorted(names, key=lambda heading: order.index(_base(names[heading])))
     blocks = [
         _block(result, part, [names_of_part[part].get(heading, "") for heading in headings])
@@ -126,13 +126,13 @@ def _headline(result: Result) -> Text:
 
 def _base(name: str) -> str:
     """Return the name of a number of which this is a part, or its own name."""
-    return next((row.name for row in SUMMARY if name.startswith(row.name)), name)
+    return next((base for base in SUMMARY if name.startswith(base)), name)
 
 
 def _names_by_heading(result: Result, part: str) -> dict[str, str]:
     """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
     names, turns = dict[str, str](), part.startswith("_rotation")
-    for base in (*result.own_metrics, *(row.name for row in SUMMARY)):
+    for base in (*result.own_metrics, *SUMMARY):
         name = base + part if base + part in result.headlines else base
         turned = any(what in base for what in ("attitude", "pointing"))
         of_other = (turned and not turns) or ("position" in base and turns)
@@ -141,8 +141,8 @@ def _names_by_heading(result: Result, part: str) -> dict[str, str]:
         quantity = result.quantity(base)
         heading = quantity.plain.removeprefix("energy ")
         heading = _WINDOW.sub(lambda mean: mean[1] + mean[2].translate(_BELOW), heading)
-        if quantity.heading and (part or not quantity.stored_by_part):
-            heading = quantity.heading
+        if SUMMARY.get(base) and (part or not quantity.stored_by_part):
+            heading = SUMMARY[base]
         names.setdefault(heading, name)
     return names
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -36,28 +36,23 @@ def columns(result: Result, names: Sequence[str] | None = None) -> dict[str, np.
     dict
         Columns of equal length. A metric is NaN if the run failed or has no such number.
     """
-    shape = result.status.shape
-    places = dict(zip(result.dims("status"), np.indices(shape), strict=True))
-    table = {dim: places[dim].ravel() for dim in (POINT, "run") if dim in places}
-    swept = {
-        name: result.coordinate(name)[places[POINT]].ravel()
-        for name in result.coordinates
-        if name != POINT and result.dims(name) == (POINT,)
-    }
-    laws = np.array(result.labels, dtype=object)[places["controller"]].ravel()
-    first = {POINT: table.pop(POINT)} if POINT in table else {}
-    arrays = first | {name: _displayed(values) for name, values in swept.items()}
-    arrays |= {"controller": laws, "run": table["run"], "status": result.status.ravel()}
+    places = dict(zip(result.dims("status"), np.indices(result.status.shape), strict=True))
+    arrays: dict[str, np.ndarray[Any, Any]] = {}
+    if POINT in places:
+        arrays[POINT] = places[POINT].ravel()
+    for name in result.coordinates:
+        if name != POINT and result.dims(name) == (POINT,):
+            values = result.coordinate(name)[places[POINT]].ravel()
+            if values.dtype == object:
+                shown = [printable(v) if isinstance(v, str) else v for v in values]
+                values = np.array(shown, dtype=object)
+            arrays[name] = values
+    laws = np.array(result.labels, dtype=object)
+    arrays["controller"] = laws[places["controller"]].ravel()
+    arrays |= {"run": places["run"].ravel(), "status": result.status.ravel()}
     for name in result.comparable if names is None else names:
         arrays[name] = result.metric(name).ravel()
     return arrays
-
-
-def _displayed(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return values without control characters in their texts."""
-    if values.dtype != object:
-        return values
-    return np.array([printable(v) if isinstance(v, str) else v for v in values], dtype=object)
 
 
 def frame(result: Result, names: Sequence[str] | None = None) -> pandas.DataFrame:
@@ -111,80 +106,67 @@ def derived(G: MatrixLieGroup, angles: str = "") -> Iterator[Derived]:
         Axes of Euler angles as SciPy names them, such as ``ZYX`` for yaw, pitch and roll.
     """
     for part in G.parts:
-        rows = part.entries[0].stop - part.entries[0].start
-        table = _OF_TRANSLATION if part.pose_unit == "m" else _OF_PLANE if rows == 2 else _OF_SPACE
-        if not (part.turns or part.pose_unit == "m"):
-            continue
-        if angles and table is _OF_SPACE:
-            euler = partial(_euler, angles)
-            words = f"Euler angles {angles}"
-            table = (*table, ("euler_angles", "rad", words, "space", "123", euler))
-        alike = [each for each in G.parts if each.pose_unit == part.pose_unit]
+        alike = [other for other in G.parts if other.pose_unit == part.pose_unit]
         end = f"_{part.name.rpartition('_')[2]}" if len(alike) > 1 else ""
-        for name, units, words, frame, axes, formula in table:
-            axes = axes[:rows] if axes == "xyz" else axes
-            yield Derived(name + end, units, words, frame, axes, partial(formula, G, part))
+        for signal in _of_part(G, part, angles):
+            yield replace(signal, name=signal.name + end)
 
 
-def _block(part: Part, Q: Array) -> Array:
-    return Q[(..., *part.entries)]
+def _of_part(G: MatrixLieGroup, part: Part, angles: str) -> Iterator[Derived]:
+    rows = part.entries[0].stop - part.entries[0].start
+
+    def block(Q: Array) -> Array:
+        return Q[(..., *part.entries)]
+
+    def rate(Q: Array, V: Array) -> Array:
+        return block(Q @ G.hat(V))[..., 0]
+
+    def heading(Q: Array, V: Array) -> Array:
+        R = block(Q)
+        return np.unwrap(np.arctan2(R[..., 1, 0], R[..., 0, 0]))
+
+    def in_space(Q: Array, V: Array) -> Array:
+        return apply_matrix(block(Q), V[..., part.axes])
+
+    def euler(Q: Array, V: Array) -> Array:
+        turns = coordinates_of(part, Q, lambda rotation: rotation.as_euler(angles))
+        return np.unwrap(turns, axis=-2)
+
+    omega, words = "angular_velocity", "angular velocity"
+    if part.pose_unit == "m":
+        axes = "xyz"[:rows]
+        yield Derived("position", "m", "position", "space", axes, lambda Q, V: block(Q)[..., 0])
+        yield Derived("linear_velocity", "m/s", "rate of the position", "space", axes, rate)
+    elif part.turns and rows == 2:
+        yield Derived("heading", "rad", "heading", "space", "", heading)
+        yield Derived(omega, "rad/s", words, "body", "", lambda Q, V: V[..., part.axes.start])
+    elif part.turns:
+        attitude = "attitude, from body to space"
+        values = partial(_quaternion, part)
+        yield Derived("quaternion", "1", attitude, "space", "wxyz", values)
+        yield Derived(omega, "rad/s", words, "body", "xyz", lambda Q, V: V[..., part.axes])
+        yield Derived(f"{omega}_in_space", "rad/s", words, "space", "xyz", in_space)
+        if angles:
+            title = f"Euler angles {angles}"
+            yield Derived("euler_angles", "rad", title, "space", "123", euler)
 
 
-def _rate(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    return _block(part, Q @ G.hat(V))[..., 0]
-
-
-def _heading(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    R = _block(part, Q)
-    return np.unwrap(np.arctan2(R[..., 1, 0], R[..., 0, 0]))
-
-
-def _quaternion(G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
+def _quaternion(part: Part, Q: Array, V: Array) -> Array:
     q = coordinates_of(part, Q, lambda rotation: np.roll(rotation.as_quat(), 1, axis=-1))
     turned = np.where((q[..., 1:, :] * q[..., :-1, :]).sum(axis=-1) < 0, -1.0, 1.0)
     q[..., 1:, :] *= np.cumprod(turned, axis=-1)[..., None]
     return q
 
 
-def _euler(angles: str, G: MatrixLieGroup, part: Part, Q: Array, V: Array) -> Array:
-    return np.unwrap(coordinates_of(part, Q, lambda rotation: rotation.as_euler(angles)), axis=-2)
-
-
 def coordinates_of(part: Part, Q: Array, coordinates: Callable[[Any], Array]) -> Array:
     """Return coordinates of rotations by SciPy, which refuses the NaN of a run that failed."""
     from scipy.spatial.transform import Rotation
 
-    R = _block(part, Q)
+    R = Q[(..., *part.entries)]
     known = np.isfinite(R.sum(axis=(-2, -1)))[..., None]
     whole = np.where(known[..., None], R, np.eye(3)).reshape(-1, 3, 3)
     angles = coordinates(Rotation.from_matrix(whole)).reshape(*R.shape[:-2], -1)
     return np.where(known, angles, np.nan)
-
-
-Formula = Callable[[MatrixLieGroup, Part, Array, Array], Array]
-Row = tuple[str, str, str, str, str, Formula]
-
-_OF_TRANSLATION: tuple[Row, ...] = (
-    ("position", "m", "position", "space", "xyz", lambda G, part, Q, V: _block(part, Q)[..., 0]),
-    ("linear_velocity", "m/s", "rate of the position", "space", "xyz", _rate),
-)
-_OMEGA, _RAD = "angular_velocity", "rad/s"
-_OF_PLANE: tuple[Row, ...] = (
-    ("heading", "rad", "heading", "space", "", _heading),
-    (_OMEGA, _RAD, "angular velocity", "body", "", lambda G, part, Q, V: V[..., part.axes.start]),
-)
-_OF_SPACE: tuple[Row, ...] = (
-    ("quaternion", "1", "attitude, from body to space", "space", "wxyz", _quaternion),
-    (_OMEGA, _RAD, "angular velocity", "body", "xyz", lambda G, part, Q, V: V[..., part.axes]),
-    (
-        f"{_OMEGA}_in_space",
-        _RAD,
-        "angular velocity",
-        "space",
-        "xyz",
-        lambda G, part, Q, V: apply_matrix(_block(part, Q), V[..., part.axes]),
-    ),
-)
 
 
 # The dataset --------------------------------------------------------------------------------------

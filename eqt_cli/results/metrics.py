@@ -246,20 +246,9 @@ def _closing(name: str, signal: str, what: str) -> Quantity:
 AXIS, OF_AXIS = "pointing_error", "the pointing error"
 
 METRICS = (
-    _mean(
-        f"mean_{AXIS}", AXIS, OF_AXIS, label="mean pointing error", role="error", rank=2, place=2
-    ),
-    _final(
-        f"final_{AXIS}", AXIS, OF_AXIS, label="final pointing error", compared=(WHOLE,), place=3
-    ),
-    _mean(
-        "mean_torque",
-        "torque_norm",
-        "||tau||",
-        compared=(EARLY, WHOLE),
-        place=10,
-        heading="mean wrench",
-    ),
+    _mean(f"mean_{AXIS}", AXIS, OF_AXIS, label="mean pointing error", role="error", rank=2),
+    _final(f"final_{AXIS}", AXIS, OF_AXIS, label="final pointing error", compared=(WHOLE,)),
+    _mean("mean_torque", "torque_norm", "||tau||", compared=(EARLY, WHOLE)),
     _integrated_square(
         "effort",
         "control effort, integral of ||tau||^2",
@@ -269,15 +258,7 @@ METRICS = (
         role="cost",
         rank=4,
     ),
-    _peak(
-        "peak_torque",
-        "torque_norm",
-        "||tau||",
-        compared=(WHOLE,),
-        rank=5,
-        place=11,
-        heading="largest wrench",
-    ),
+    _peak("peak_torque", "torque_norm", "||tau||", compared=(WHOLE,), rank=5),
     _less_is_better(
         "early_torque",
         signals=("torque_norm",),
@@ -286,8 +267,6 @@ METRICS = (
         chosen=_early,
         role="cost",
         rank=LAST_RESORT,
-        place=9,
-        heading="early wrench",
         **_early(),
     ),
     _compared(
@@ -300,15 +279,7 @@ METRICS = (
         stored=False,
         of=actuator_work,
     ),
-    _mean(
-        "mean_pose_error",
-        "pose_error",
-        "||I - Q_E||_F",
-        role="error",
-        rank=LAST_RESORT,
-        place=12,
-        heading="mean pose error",
-    ),
+    _mean("mean_pose_error", "pose_error", "||I - Q_E||_F", role="error", rank=LAST_RESORT),
     _integrated_square(
         "squared_pose_error",
         "integral of ||I - Q_E||_F^2",
@@ -317,7 +288,7 @@ METRICS = (
         stored=False,
         of=integral_of_square,
     ),
-    _final("final_pose_error", "pose_error", "||I - Q_E||_F", place=13, heading="final pose error"),
+    _final("final_pose_error", "pose_error", "||I - Q_E||_F"),
     _mean(
         "mean_attitude_error",
         "attitude_angle",
@@ -325,48 +296,19 @@ METRICS = (
         label="mean attitude error",
         role="error",
         rank=3,
-        place=4,
-        heading="mean error",
     ),
     _final(
-        "final_attitude_error",
-        "attitude_angle",
-        "the attitude error",
-        label="final attitude error",
-        place=7,
-        heading="final error",
+        "final_attitude_error", "attitude_angle", "the attitude error", label="final attitude error"
     ),
-    _mean("mean_position_error", "position_error", "||p - pd||", place=5, heading="mean error"),
-    _rms(
-        "position_rms",
-        "position_error",
-        "||p - pd||",
-        compared=(WHOLE,),
-        role="error",
-        rank=1,
-        place=6,
-        heading="rms error",
-    ),
+    _mean("mean_position_error", "position_error", "||p - pd||"),
+    _rms("position_rms", "position_error", "||p - pd||", compared=(WHOLE,), role="error", rank=1),
     _peak("peak_position_error", "position_error", "||p - pd||"),
-    _final(
-        "final_position_error",
-        "position_error",
-        "||p - pd||",
-        compared=(WHOLE,),
-        place=8,
-        heading="final error",
-    ),
+    _final("final_position_error", "position_error", "||p - pd||", compared=(WHOLE,)),
     _rms("heading_rms", "heading_error", "the heading error", label="rms of the heading error"),
     _rms("attitude_command_rms", "attitude_command_error", "||R - Rc||_F"),
     _mean("mean_velocity_error", "velocity_error", "||V - Vd||", stored=False),
-    _final(
-        "final_velocity_error",
-        "velocity_error",
-        "||V - Vd||",
-        place=14,
-        heading="final velocity error",
-    ),
-    _settling("settling_time", "pose_error", "||I - Q_E||_F", rank=6, place=1),
+    _final("final_velocity_error", "velocity_error", "||V - Vd||"),
+    _settling("settling_time", "pose_error", "||I - Q_E||_F", rank=6),
     Quantity(
         "decay_rate",
         "half the slope of -log L",
@@ -540,7 +482,6 @@ _OF_THE_RUN = (
         signals=("lyapunov", "energy_balance"),
         label="energy residual",
         of=energy_residual,
-        place=15,
     ),
     Quantity(
         "unstable_distance",
@@ -585,8 +526,27 @@ RANKED = sorted(
 )
 """The numbers that come first where laws are compared."""
 
-SUMMARY = sorted((q for q in QUANTITIES.values() if q.place), key=attrgetter("place"))
-"""The numbers of a summary: means over runs, and the largest energy residual, which is the last."""
+SUMMARY = {
+    "settling_time": "",
+    f"mean_{AXIS}": "",
+    f"final_{AXIS}": "",
+    "mean_attitude_error": "mean error",
+    "mean_position_error": "mean error",
+    "position_rms": "rms error",
+    "final_attitude_error": "final error",
+    "final_position_error": "final error",
+    "early_torque": "early wrench",
+    "mean_torque": "mean wrench",
+    "peak_torque": "largest wrench",
+    "mean_pose_error": "mean pose error",
+    "final_pose_error": "final pose error",
+    "final_velocity_error": "final velocity error",
+    "energy_residual": "",
+}
+"""The numbers of a summary in its order: means over runs, and the largest energy residual.
+
+Each has its short name where each part of a norm has a symbol of its own; empty if it has none.
+"""
 
 MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.of and q.stored)
 """Stored quantities that are computed from the signals of a run."""

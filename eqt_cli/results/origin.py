@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import (
@@ -29,7 +29,6 @@ from pydantic import (
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.store_reader import ResultFile
-from eqt_cli.base.store_writer import Attribute
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import controllers, distinct_titles
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -259,22 +258,6 @@ class KnownResult(ResultFile):
         check_attributes(self)
         check_coordinates(self)
 
-    def point(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
-        """Return a point of a sweep as the result of a single experiment.
-
-        Parameters
-        ----------
-        attributes
-            Attributes of the point, where the file has only those of the sweep.
-
-        Raises
-        ------
-        ResultError
-            If there is no such point.
-        """
-        title = f"{self.at(point).attributes['title']}, point {point}"
-        return self.at(point, {"title": title, **(attributes or {})})
-
     def error(self, message: str) -> EqtError:
         """Return an error about this result."""
         return EqtError(f"{self.path}: {message}")
@@ -303,27 +286,6 @@ class KnownResult(ResultFile):
 
     custom_names: Mapping[str, str] = MappingProxyType({})
     """User's titles of laws and quantities, by label and name."""
-
-    def rename(self, names: Mapping[str, str]) -> list[str]:
-        """Call laws and quantities otherwise, in figures and tables; those that are not here.
-
-        Parameters
-        ----------
-        names
-            By a law's label or title, or by the name of a quantity.
-        """
-        titles = {self.label_of(name): printable(title) for name, title in names.items()}
-        self.custom_names = titles
-        vars(self).pop("title_of", None)
-        return [
-            name
-            for name, known in zip(names, titles, strict=True)
-            if known not in self.labels and not self.knows(known)
-        ]
-
-    def knows(self, name: str) -> bool:
-        """Whether it is the name of a quantity of this result."""
-        return self.has(name)
 
     @property
     def titles(self) -> list[str]:

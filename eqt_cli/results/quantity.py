@@ -22,7 +22,7 @@ from eqt_cli.base.reporting import NOTHING, fixed
 from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.units import split
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.loop.signals import Better, Symbol, signal_of
+from eqt_cli.loop.signals import Better, Signal, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns
 
 # Windows of time over which quantities are taken --------------------------------------------------
@@ -207,10 +207,6 @@ class Quantity:
     rank
         Its place among the numbers that come first where laws are compared, or among the signals
         that a page draws; 0 of all others, and −1 of those that are omitted where space is limited.
-    place
-        Its place in the summary of a result; 0 if it is not there.
-    heading
-        Its short name there, where each part of a norm has a symbol of its own.
     notes
         Further attributes in a result file.
     stored_of
@@ -240,8 +236,6 @@ class Quantity:
     implied_by: str = ""
     role: Literal["", "error", "cost"] = ""
     rank: int = 0
-    place: int = 0
-    heading: str = ""
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
@@ -281,19 +275,20 @@ class Quantity:
 
     def hold(self, holds: Mapping[str, float]) -> float:
         """Return the time between two changes of its first signal, s; 0 if that is not held."""
-        signal = signal_of(self.signals[0]) if self.signals else None
-        return holds.get(signal.name, 0.0) if signal else 0.0
+        return holds.get(self._signal.name, 0.0) if self._signal else 0.0
+
+    @property
+    def _signal(self) -> Signal | None:
+        return signal_of(self.signals[0]) if self.signals else None
 
     @property
     def _of_norm(self) -> bool:
-        signal = signal_of(self.signals[0]) if self.signals else None
-        return signal is not None and bool(signal.norm)
+        return self._signal is not None and bool(self._signal.norm)
 
     @property
     def symbol(self) -> Symbol:
         """Symbol: its own, or that of its first signal; empty without a signal."""
-        signal = signal_of(self.signals[0]) if self.signals else None
-        return self.special_symbol or (signal.symbol if signal else NO_SYMBOL)
+        return self.special_symbol or (self._signal.symbol if self._signal else NO_SYMBOL)
 
     def cost(self, values: Any) -> Any:
         """Return the values, or their negatives if higher is better; its own inverse."""
@@ -492,16 +487,15 @@ def in_one_form(half_width: float, *values: float) -> list[str]:
     digits = (1 if known else 2) - math.floor(math.log10(half_width if known else largest))
     if DECIMAL[0] <= largest < DECIMAL[1]:
         return [fixed(x, min(12, max(0, digits))) for x in values]
-    return [_power(x, digits) for x in values]
-
-
-def _power(value: float, digits: int) -> str:
-    """Format a number as a power of ten, to so many decimal places of the number itself."""
-    if not math.isfinite(value):
-        return "-"
-    if abs(value) < 0.5 * 10.0**-digits:
-        return "0"
-    return f"{value:.{max(0, math.floor(math.log10(abs(value))) + digits)}e}"
+    texts = []
+    for value in values:
+        if not math.isfinite(value):
+            texts.append("-")
+        elif abs(value) < 0.5 * 10.0**-digits:
+            texts.append("0")
+        else:  # so many decimal places of the number itself
+            texts.append(f"{value:.{max(0, math.floor(math.log10(abs(value))) + digits)}e}")
+    return texts
 
 
 # Swept keys with their values as figures and tables show them -------------------------------------

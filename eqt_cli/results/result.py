@@ -5,7 +5,7 @@ import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -35,8 +35,95 @@ from eqt_cli.results.quantity import (
 # The class `Result`: reads the runs of a result and their numbers with their meaning --------------
 
 
-class StoredRuns(KnownResult):
-    """An open result with its runs. A run is good if its status is 0."""
+_OF_MOTIONS = {
+    "pose_error": (
+        Symbol(r"\|I - R_E\|_{\mathrm{F}}", "‖I − R_E‖"),
+        Symbol(r"\|p_E\|", "‖p_E‖"),
+        Symbol(r"\|%s_E\|", "‖%s_E‖"),
+    ),
+    "velocity_error": (
+        Symbol(r"\|\omega - \omega_d\|", "‖ω − ω_d‖"),
+        Symbol(r"\|v - v_d\|", "‖v − v_d‖"),
+        Symbol(r"\|V - V_d\|_{%s}", "‖V − V_d‖_%s"),
+    ),
+    "torque_norm": (
+        Symbol(r"\|\tau\|", "‖τ‖"),
+        Symbol(r"\|f\|", "‖f‖"),
+        Symbol(r"\|f_{%s}\|", "‖f_%s‖"),
+    ),
+}
+"""Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
+several vectors, by its initial."""
+FOR_SAMPLING = 20
+"""Number of stored runs that show the error of an integral over samples."""
+
+
+@dataclass(frozen=True)
+class PerRun:
+    """A quantity over a window, for every run of every law.
+
+    Attributes
+    ----------
+    quantity, window, unit
+        The quantity, its window, which ends with the runs at the latest, and its unit.
+    values : (controllers, runs)
+        NaN for runs that failed, have no such number, or have no stored trajectory; the horizon for
+        censored runs.
+    censored : (controllers, runs)
+        Whether the number of a run lies beyond the horizon.
+    runs
+        Number of evaluated runs of each controller: those with a trajectory, or all.
+    sampling
+        Error from the distance of the samples, 0 where it is none and NaN where it is not known,
+        and how many changes of a held value lie between two samples.
+    """
+
+    quantity: Quantity
+    window: Window
+    unit: str
+    values: Array
+    censored: Array
+    runs: int
+    sampling: tuple[float, int] = (math.nan, 0)
+
+    def sampling_note(self, least: float, unit: str) -> list[str]:
+        """State the error by the distance of the samples, if it is larger than this."""
+        error, missed = self.sampling
+        if not error > least:
+            return []
+        text = f"{significant(error, 2)} {unit}".strip()
+        by = f"; they miss {missed} of {missed + 1} held values, and alias a sensor's noise"
+        name = self.quantity.described
+        return [f"{name}: an error of up to {text} by the distance of samples{by * bool(missed)}."]
+
+    @property
+    def is_share(self) -> bool:
+        """Whether it is a share of runs or of the time, so that differences are points of 100."""
+        return self.quantity.counts or self.quantity.name.endswith("_share")
+
+    @property
+    def seen(self) -> Window:
+        """The window, or its last part for a number of the last share of the time."""
+        start, stop = self.window.start, self.window.stop
+        share = float(self.quantity.notes.get("share_of_time", 1.0))
+        return Window(stop - share * (stop - start), stop)
+
+    def __repr__(self) -> str:
+        """Return a description without the values."""
+        return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"
+
+
+class Result(KnownResult):
+    """An open result of one experiment, of a point of a sweep, or of a whole sweep.
+
+    It reads variables by name as `ResultFile` does, and provides the numbers of its runs. A run is
+    good if its status is 0.
+    """
+
+    _wished: tuple[tuple[str, str], ...] = ()
+    """Units of a user, each with the quantity that has it, or with "" for all."""
+
+    of_all_points = (*KnownResult.of_all_points, "_wished")
 
     # Runs.
 
@@ -123,33 +210,41 @@ class StoredRuns(KnownResult):
 
     def swept_key(self, name: str) -> SweptKey:
         """Return a swept key by the name of its coordinate."""
-        about = self.attributes_of(name)
-        label, unit = (printable(str(about.get(of, ""))) for of in ("label", "unit_of_key"))
-        return replace(self._values_of_key(name), label=label, unit_of_key=unit)
-
-    def _values_of_key(self, name: str) -> SweptKey:
-        values = self.coordinate(name)
-        key = self.long_name(name).removesuffix(", swept")
+        about, values = self.attributes_of(name), self.coordinate(name)
+        label, unit = (printable(str(about.get(text, ""))) for text in ("label", "unit_of_key"))
+        key = partial(
+            SweptKey, self.long_name(name).removesuffix(", swept"), label=label, unit_of_key=unit
+        )
         if values.dtype != object:
-            is_log = self.attributes_of(name).get("scale") == "log"
-            return SweptKey(key, values.astype(float), {}, is_log)
+            return key(values.astype(float), {}, about.get("scale") == "log")
         written = [printable(str(value)) for value in values]
         numbers = [number for text in written if (number := with_unit(text)) is not None]
         units = {unit for _, unit in numbers}
         if len(numbers) == len(written) and len(units) == 1:
-            return SweptKey(key, np.array([value for value, _ in numbers]), {}, unit=units.pop())
+            return key(np.array([value for value, _ in numbers]), {}, unit=units.pop())
         constants = [value for text in written if (value := constant_of(text)) is not None]
         if len(constants) == len(written):
-            return SweptKey(key, np.array([value for value, _ in constants]), dict(constants))
+            return key(np.array([value for value, _ in constants]), dict(constants))
         order: dict[str, float] = {}  # in the order of the points
         places = [order.setdefault(text, float(len(order))) for text in written]
         texts = {place: text for text, place in order.items()}
-        return SweptKey(key, np.array(places), texts, is_number=False)
+        return key(np.array(places), texts, is_number=False)
 
     def point(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
-        """Return a point of a sweep as the result of a single experiment with its name."""
+        """Return a point of a sweep as the result of a single experiment with its name.
+
+        Parameters
+        ----------
+        attributes
+            Attributes of the point, where the file has only those of the sweep.
+
+        Raises
+        ------
+        ResultError
+            If there is no such point.
+        """
         title = f"{self.at(point).attributes['title']}, {self.point_name(point)}"
-        return super().point(point, {"title": title, **(attributes or {})})
+        return self.at(point, {"title": title, **(attributes or {})})
 
     def point_name(self, point: int) -> str:
         """Describe a point of a sweep: ``kp 2, kd 0.5``; a case by its name only."""
@@ -257,121 +352,7 @@ class StoredRuns(KnownResult):
         turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
         return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
 
-    def split(self, norm: str) -> list[str]:
-        """Return the names of the stored parts of a norm, or else its own name."""
-        return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
-
-
-@cache
-def meaning_of(status: int) -> str:
-    """Describe a status in words."""
-    names = {each.value: each.name.lower().replace("_", " ") for each in Status}
-    return names.get(status, f"status {status}")
-
-
-def _fixed(values: Array) -> Array:
-    """Make an array read-only, because it is cached."""
-    values.setflags(write=False)
-    return values
-
-
-def lacks(signals: Sequence[str]) -> str:
-    """Return the words about missing signals over time, for messages."""
-    needed = " and ".join(f"'{name}'" for name in signals)
-    return (
-        f"the trajectories of {needed}, which the result does not hold; set store.trajectories to "
-        "all and run the experiment again"
-    )
-
-
-_OF_MOTIONS = {
-    "pose_error": (
-        Symbol(r"\|I - R_E\|_{\mathrm{F}}", "‖I − R_E‖"),
-        Symbol(r"\|p_E\|", "‖p_E‖"),
-        Symbol(r"\|%s_E\|", "‖%s_E‖"),
-    ),
-    "velocity_error": (
-        Symbol(r"\|\omega - \omega_d\|", "‖ω − ω_d‖"),
-        Symbol(r"\|v - v_d\|", "‖v − v_d‖"),
-        Symbol(r"\|V - V_d\|_{%s}", "‖V − V_d‖_%s"),
-    ),
-    "torque_norm": (
-        Symbol(r"\|\tau\|", "‖τ‖"),
-        Symbol(r"\|f\|", "‖f‖"),
-        Symbol(r"\|f_{%s}\|", "‖f_%s‖"),
-    ),
-}
-"""Symbols of the norms in rigid motions: of the rotation, of the only translation, and of one of
-several vectors, by its initial."""
-FOR_SAMPLING = 20
-"""Number of stored runs that show the error of an integral over samples."""
-
-
-@dataclass(frozen=True)
-class PerRun:
-    """A quantity over a window, for every run of every law.
-
-    Attributes
-    ----------
-    quantity, window, unit
-        The quantity, its window, which ends with the runs at the latest, and its unit.
-    values : (controllers, runs)
-        NaN for runs that failed, have no such number, or have no stored trajectory; the horizon for
-        censored runs.
-    censored : (controllers, runs)
-        Whether the number of a run lies beyond the horizon.
-    runs
-        Number of evaluated runs of each controller: those with a trajectory, or all.
-    sampling
-        Error from the distance of the samples, 0 where it is none and NaN where it is not known,
-        and how many changes of a held value lie between two samples.
-    """
-
-    quantity: Quantity
-    window: Window
-    unit: str
-    values: Array
-    censored: Array
-    runs: int
-    sampling: tuple[float, int] = (math.nan, 0)
-
-    def sampling_note(self, least: float, unit: str) -> list[str]:
-        """State the error by the distance of the samples, if it is larger than this."""
-        error, missed = self.sampling
-        if not error > least:
-            return []
-        text = f"{significant(error, 2)} {unit}".strip()
-        by = f"; they miss {missed} of {missed + 1} held values, and alias a sensor's noise"
-        name = self.quantity.described
-        return [f"{name}: an error of up to {text} by the distance of samples{by * bool(missed)}."]
-
-    @property
-    def is_share(self) -> bool:
-        """Whether it is a share of runs or of the time, so that differences are points of 100."""
-        return self.quantity.counts or self.quantity.name.endswith("_share")
-
-    @property
-    def seen(self) -> Window:
-        """The window, or its last part for a number of the last share of the time."""
-        start, stop = self.window.start, self.window.stop
-        share = float(self.quantity.notes.get("share_of_time", 1.0))
-        return Window(stop - share * (stop - start), stop)
-
-    def __repr__(self) -> str:
-        """Return a description without the values."""
-        return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"
-
-
-class Result(StoredRuns):
-    """An open result of one experiment, of a point of a sweep, or of a whole sweep.
-
-    It reads variables by name as `ResultFile` does, and provides the numbers of its runs.
-    """
-
-    _wished: tuple[tuple[str, str], ...] = ()
-    """Units of a user, each with the quantity that has it, or with "" for all."""
-
-    of_all_points = (*StoredRuns.of_all_points, "_wished")
+    # Units.
 
     def in_units(self, texts: Sequence[str]) -> "Result":
         """Return this result with its numbers and signals in other units.
@@ -472,19 +453,15 @@ class Result(StoredRuns):
         EqtError
             If there is no number of that name.
         """
-        if name not in self.metrics and not self._follows(name):
-            return self._computed_metric(name, controller)
-        values = np.where(self.good, self._number(name), np.nan) * self.factor(name)
+        if name in self.metrics or self._follows(name):
+            values = np.where(self.good, self._number(name), np.nan) * self.factor(name)
+        elif self.is_sweep:
+            values = np.stack([self.at(point).metric(name) for point in range(self.points)])
+        else:
+            quantity = self.comparable_named(name)
+            numbers = self.per_run(quantity, quantity.window)
+            values = np.where(numbers.censored, np.nan, numbers.values)
         return values if controller is None else values[..., controller, :]
-
-    def _computed_metric(self, name: str, controller: int | None) -> Array:
-        if self.is_sweep:
-            points = [self.at(point) for point in range(self.points)]
-            return np.stack([each.metric(name, controller) for each in points])
-        quantity = self.comparable_named(name)
-        numbers = self.per_run(quantity, quantity.window)
-        values = np.where(numbers.censored, np.nan, numbers.values)
-        return values if controller is None else values[controller]
 
     def _number(self, name: str) -> Array:
         """Return a number of every run as stored, or as it follows from another one."""
@@ -574,9 +551,22 @@ class Result(StoredRuns):
         label = quantity.label.replace(f"{{}} {part.name.replace('_', ' ')}", "{}")
         return replace(quantity, special_symbol=turning if part.turns else vector, label=label)
 
-    def knows(self, name: str) -> bool:
-        """As of what a result is of; and what can be computed from it."""
-        return super().knows(name) or name in self.comparable
+    def rename(self, names: Mapping[str, str]) -> list[str]:
+        """Call laws and quantities otherwise, in figures and tables; those that are not here.
+
+        Parameters
+        ----------
+        names
+            By a law's label or title, or by the name of a quantity.
+        """
+        titles = {self.label_of(name): printable(title) for name, title in names.items()}
+        self.custom_names = titles
+        vars(self).pop("title_of", None)
+        return [
+            name
+            for name, called in zip(names, titles, strict=True)
+            if not (called in self.labels or self.has(called) or called in self.comparable)
+        ]
 
     def part_units(self, name: str) -> list[str]:
         """Return the different units of the parts of a norm, as ``["N m", "N"]``.
@@ -627,7 +617,7 @@ class Result(StoredRuns):
         settling = self.attributes_of("settling_time") if self.has("settling_time") else {}
         if "threshold_rate" not in settling:
             without.add("settling_time")
-        listed = (*self.own_metrics, *(row.name for row in SUMMARY if row.name not in without))
+        listed = (*self.own_metrics, *(name for name in SUMMARY if name not in without))
         names = [part for name in listed for part in self.in_parts(name)]
         return [name for name in names if name in self.metrics]
 
@@ -734,8 +724,12 @@ class Result(StoredRuns):
         if stored is not None:
             columns = self[stored]
         elif self._has_signals(quantity):
-            runs, laws = self.stored_runs, range(len(self.labels))
-            columns = np.stack([self._computed(quantity, window, c) for c in laws])
+            runs, over = self.stored_runs, SampledRuns(self.times, self.described.holds)
+            columns = np.empty((len(self.labels), len(runs)))
+            for c in range(len(self.labels)):
+                signals = {signal: self.read(signal, controller=c) for signal in quantity.signals}
+                with np.errstate(all="ignore"):  # failed runs hold NaN
+                    columns[c] = quantity.measure(over, signals, window)
         elif self._follows(quantity.name):
             columns = self._number(quantity.name)
         else:
@@ -752,11 +746,6 @@ class Result(StoredRuns):
         error, missed = self._sampling(quantity, window, of_all)
         sampling = (error * factor, missed)
         return PerRun(quantity, window, unit, values * factor, censored, len(runs), sampling)
-
-    def _computed(self, quantity: Quantity, window: Window, controller: int) -> Array:
-        signals = {name: self.read(name, controller=controller) for name in quantity.signals}
-        with np.errstate(all="ignore"):  # failed runs hold NaN
-            return quantity.measure(SampledRuns(self.times, self.described.holds), signals, window)
 
     def _sampling(self, quantity: Quantity, window: Window, of_all: int) -> tuple[float, int]:
         """Return the error of an integral over samples, and how many changes they miss.
@@ -884,3 +873,25 @@ def mean_over_runs(values: Array) -> Array:
 def point_folder(*points: int) -> Path:
     """Return the folder within a result folder for files made from points of a sweep."""
     return Path("figures") / "_".join(["point", *map(str, points)])
+
+
+@cache
+def meaning_of(status: int) -> str:
+    """Describe a status in words."""
+    names = {each.value: each.name.lower().replace("_", " ") for each in Status}
+    return names.get(status, f"status {status}")
+
+
+def _fixed(values: Array) -> Array:
+    """Make an array read-only, because it is cached."""
+    values.setflags(write=False)
+    return values
+
+
+def lacks(signals: Sequence[str]) -> str:
+    """Return the words about missing signals over time, for messages."""
+    needed = " and ".join(f"'{name}'" for name in signals)
+    return (
+        f"the trajectories of {needed}, which the result does not hold; set store.trajectories to "
+        "all and run the experiment again"
+    )

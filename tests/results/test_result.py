@@ -94,8 +94,6 @@ def test_parts_of_norms(make_result):
     names = ("torque_norm", "torque_norm_rotation", "torque_norm_translation", "lyapunov")
     result = make_result(["eqt"], dict.fromkeys(names, levels))
     assert result.parts("torque_norm") == ["rotation", "translation"]
-    assert result.split("torque_norm") == ["torque_norm_rotation", "torque_norm_translation"]
-    assert result.split("lyapunov") == ["lyapunov"]
     assert [q.name for q in result.by_parts("effort")] == ["effort_rotation", "effort_translation"]
 
 
