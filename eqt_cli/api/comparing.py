@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -98,7 +98,11 @@ def compare(
     require_list("metrics", metrics)
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
-    parsed = [_window(window) for window in windows]
+    parsed = []
+    for window in windows:
+        if not isinstance(window, str | Window):
+            raise EqtError(f"windows: expected text such as '0:5', or a Window, got {window!r}")
+        parsed.append(Window.parse(window) if isinstance(window, str) else window)
     with open_at(path_from("result", result), point) as opened:
         results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
@@ -226,14 +230,6 @@ def compare_sweep(
         how = Resampling(confidence, resamples, seed)
         chosen = [results.labels.index(label) for label in chosen_labels(results, controllers)]
         return [compare_map(results, name, how, chosen, settling=share) for name in metrics]
-
-
-def _window(value: Any) -> Window:
-    if isinstance(value, Window):
-        return value
-    if isinstance(value, str):
-        return Window.parse(value)
-    raise EqtError(f"windows: expected text such as '0:5', or a Window, got {value!r}")
 
 
 def diff(first: ResultPath, second: ResultPath) -> Differences:

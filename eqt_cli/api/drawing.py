@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -93,9 +94,7 @@ def animate(
             text = f"{error}; the result holds plugins, which are executed only on request"
             advice = "read them with `eqt show --plugins`, then add {}"
             raise EqtError(text, Remedy(advice, "trust_plugins")) from error
-        within = Path(FIGURES) if point is None else point_folder(point)
-        home = opened.path.parent if out is None else Path(out)
-        folder = home / within if out is None else home
+        home, folder = _folders(opened, out, point)
         paths = {format: folder / f"run{run}.{format}" for format in formats}
         check_targets(paths.values(), home)
         for format, path in paths.items():
@@ -189,22 +188,14 @@ def plot(
             "measured" if measured else "paper" if isinstance(first, Result) else "reference"
         )
         wanted = {figure: options or {}} if isinstance(figure, str) else figure
-        within = Path(FIGURES) if point is None else point_folder(*_points(point))
-        if out is not None:
-            home = folder = Path(out)
-        elif isinstance(first, Result):
-            home, folder = first.path.parent, first.path.parent / within
-        else:
-            home = folder = Path(FIGURES, first.name)
+        home, folder = _folders(first, out, point)
         require_list("formats", formats)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
         targets += [folder / caption_name(name) for name in wanted if caption]
         check_targets(targets, home)
-        beside = (
-            None if measured is None else _recording(first, wanted, measured, mapping, log_format)
-        )
-        look = Style(tuple(style))
-        files = []
+        beside, files = None, []
+        if measured is not None:
+            beside = _recording(first, wanted, measured, mapping, log_format)
         with step(DRAWN, len(wanted)):
             for name, options in wanted.items():
                 files += render(
@@ -214,7 +205,7 @@ def plot(
                     formats,
                     width,
                     options,
-                    style=look,
+                    style=Style(tuple(style)),
                     measured=beside,
                     caption=caption,
                 )
@@ -281,11 +272,11 @@ def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) 
     EqtError
         If none of the results has a law or quantity of some name.
     """
-    results = [one for one in shown if isinstance(one, Result)]
-    unknown = [set(one.rename(titles)) for one in results] or [set(titles)]
+    results = [result for result in shown if isinstance(result, Result)]
+    unknown = [set(result.rename(titles)) for result in results] or [set(titles)]
     for name in titles:
-        if all(name in each for each in unknown):
-            known = [label for one in results for label in one.labels]
+        if all(name in names for names in unknown):
+            known = [label for result in results for label in result.labels]
             hint = suggestion(name, known) or f"; there are: {', '.join(dict.fromkeys(known))}"
             raise EqtError(f"titles: '{name}' is neither a controller nor a metric{hint}")
 
@@ -327,21 +318,19 @@ def _opened(
         raise EqtError("result: expected one or more results, got none")
     points = _points(point) or [None]
     with ExitStack() as stack:
-        opened = [_shown(one, number, stack) for one in listed for number in points]
-        results = [one for one in opened if isinstance(one, Result)]
-        if units and not results:
+        opened: list[Result | DesiredMotion] = []
+        for shown, number in product(listed, points):
+            if isinstance(shown, str | os.PathLike) and Path(shown).suffix not in YAML:
+                file = stack.enter_context(open_at(Path(shown), number))
+                if trust_plugins:
+                    _load_plugins(file)
+                opened.append(file.in_units(units))
+            else:
+                opened.append(desired_motion(experiment_at(shown, number)))
+        if units and not any(isinstance(shown, Result) for shown in opened):
             raise EqtError("--unit: applies to results; a reference keeps its own units")
-        for one in results if trust_plugins else ():
-            _load_plugins(one)
-        opened = [one.in_units(units) if isinstance(one, Result) else one for one in opened]
         _rename(opened, titles)
         yield opened
-
-
-def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | DesiredMotion:
-    if isinstance(one, str | os.PathLike) and Path(one).suffix not in YAML:
-        return stack.enter_context(open_at(Path(one), point))
-    return desired_motion(experiment_at(one, point))
 
 
 def desired_motion(experiment: Experiment) -> DesiredMotion:
@@ -359,6 +348,20 @@ def desired_motion(experiment: Experiment) -> DesiredMotion:
         (desired.times, desired.pose, desired.velocity, desired.torque),
         [*(problem.message for problem in problems), *jumps],
     )
+
+
+def _folders(
+    shown: Result | DesiredMotion,
+    out: str | os.PathLike[str] | None,
+    point: int | Sequence[int] | None,
+) -> tuple[Path, Path]:
+    """Return the folder in which eqt writes, and the folder of the figures in it."""
+    if out is not None:
+        return Path(out), Path(out)
+    if not isinstance(shown, Result):
+        return Path(FIGURES, shown.name), Path(FIGURES, shown.name)
+    within = Path(FIGURES) if point is None else point_folder(*_points(point))
+    return shown.path.parent, shown.path.parent / within
 
 
 def _load_plugins(result: Result) -> None:
