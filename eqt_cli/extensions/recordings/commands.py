@@ -254,11 +254,14 @@ def _print_log(checked: LogCheck) -> None:
         for one in checked.columns
     ]
     output.print_text(output.table(["column", "name", "use", "unit"], rows), "")
+    gaps = [f"{length:.4g} s after {begin:.6g} s" for begin, length in checked.gaps[:MOST_GAPS]]
+    if len(checked.gaps) > MOST_GAPS:
+        gaps.append(f"and {len(checked.gaps) - MOST_GAPS} more")
     lines = [
         f"poses     {checked.group}, format {checked.format}",
         f"rows      {checked.rows}, from {checked.begin:.9g} to {checked.end:.9g} s",
         f"rate      {checked.rate:.4g} Hz",
-        f"gaps      {_gaps(checked)}",
+        f"gaps      {f'{len(checked.gaps)}: ' if gaps else 'none'}{', '.join(gaps)}",
         f"mapping   {checked.mapping}",
     ]
     if checked.norms:
@@ -267,10 +270,3 @@ def _print_log(checked: LogCheck) -> None:
     output.print_text(*(f"note      {note}" for note in checked.notes))
     for problem in checked.problems:
         output.complain(problem)
-
-
-def _gaps(checked: LogCheck) -> str:
-    listed = [f"{length:.4g} s after {begin:.6g} s" for begin, length in checked.gaps[:MOST_GAPS]]
-    more = len(checked.gaps) - len(listed)
-    also = f", and {more} more" if more else ""
-    return f"{len(checked.gaps)}: {', '.join(listed)}{also}" if listed else "none"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -15,7 +15,6 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import write_all
-from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.results.dataset import derived
 from eqt_cli.results.result import Result
 
@@ -64,24 +63,9 @@ def flight(result: Result, law: str, run: int) -> Flight:
         raise result.error(f"run {run} of '{law}' failed, so that a file would lack its end")
     names = (f"{prefix}{name}" for name in ("pose", "velocity", "torque"))
     pose, velocity, wrench = (_of_run(result, name, law, run) for name in names)
-    signals = {each.name: each.values(pose, velocity) for each in derived(G)}
+    signals = {signal.name: signal.values(pose, velocity) for signal in derived(G)}
     if {"quaternion", "heading", "position"}.isdisjoint(signals):
         raise result.error(f"is on {G.name}, which is not the motion of one body")
-    return Flight(result.times, *_padded(G, signals, wrench))
-
-
-def _of_run(result: Result, name: str, law: str, run: int) -> Array:
-    result.check_stored(name, who="a run in a file needs")
-    dims, place = result.dims(name), result.stored_place(run)
-    chosen: dict[str, Any] = {dim: place for dim in dims if dim.endswith("run")}
-    if "controller" in dims:
-        known = law != REFERENCE or law in result.labels
-        chosen["controller"] = result.position_of(law) if known else 0
-    return result.read(name, **chosen)
-
-
-def _padded(G: MatrixLieGroup, signals: dict[str, Array], wrench: Array) -> Iterator[Array]:
-    """Yield position, quaternion, velocity, angular velocity, torque and force, in three axes."""
     count = len(wrench)
 
     def in_space(values: Array | None, *, last: bool = False) -> Array:
@@ -93,13 +77,26 @@ def _padded(G: MatrixLieGroup, signals: dict[str, Array], wrench: Array) -> Iter
 
     half = signals.get("heading", np.zeros(count)) / 2
     planar = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=-1)
-    yield in_space(signals.get("position"))
-    yield signals.get("quaternion", planar)
-    yield in_space(signals.get("linear_velocity"))
-    yield in_space(signals.get("angular_velocity"), last=True)
-    for unit in ("N m", "N"):
-        axes = [part.axes for part in G.parts if part.force_unit == unit]
-        yield in_space(wrench[:, axes[0]] if axes else None, last=unit == "N m")
+    acting = {part.force_unit: wrench[:, part.axes] for part in reversed(G.parts)}
+    return Flight(
+        times=result.times,
+        position=in_space(signals.get("position")),
+        quaternion=signals.get("quaternion", planar),
+        velocity=in_space(signals.get("linear_velocity")),
+        angular_velocity=in_space(signals.get("angular_velocity"), last=True),
+        torque=in_space(acting.get("N m"), last=True),
+        force=in_space(acting.get("N")),
+    )
+
+
+def _of_run(result: Result, name: str, law: str, run: int) -> Array:
+    result.check_stored(name, who="a run in a file needs")
+    dims, place = result.dims(name), result.stored_place(run)
+    chosen: dict[str, Any] = {dim: place for dim in dims if dim.endswith("run")}
+    if "controller" in dims:
+        known = law != REFERENCE or law in result.labels
+        chosen["controller"] = result.position_of(law) if known else 0
+    return result.read(name, **chosen)
 
 
 # The files ----------------------------------------------------------------------------------------
@@ -120,50 +117,37 @@ def export_run(result: Result, path: Path, laws: list[str], run: int) -> None:
     """
     if path.exists():
         raise EqtError(f"--export: {path} exists; remove it, or give another name")
-    known = [*FORMATS, MCAP]
-    if path.suffix not in known:
-        hint = suggestion(path.suffix, known) or f"; known: {', '.join(known)}"
-        raise EqtError(f"--export: unknown format '{path.suffix}'{hint}")
-    if path.suffix == MCAP:
-        flown = {law: flight(result, law, run) for law in [*(laws or result.labels), REFERENCE]}
-        content = _mcap(flown)
+    form, known = path.suffix, [".csv", ".tum", ".mat", ".mcap"]
+    if form not in known:
+        hint = suggestion(form, known) or f"; known: {', '.join(known)}"
+        raise EqtError(f"--export: unknown format '{form}'{hint}")
+    flown = [*laws] or result.labels
+    if form == ".mcap":
+        content = _mcap({law: flight(result, law, run) for law in [*flown, REFERENCE]})
     elif len(laws) > 1:
-        raise EqtError(f"--export: a {path.suffix} file holds one law; choose one by --controller")
+        raise EqtError(f"--export: a {form} file holds one law; choose one by --controller")
     else:
-        content = FORMATS[path.suffix](flight(result, (laws or result.labels)[0], run))
+        content = _single(flight(result, flown[0], run), form)
     write_all({path: content}, path.parent)
 
 
-def _table(of: Flight, names: str, *columns: Array, sep: str = ",", head: str = "") -> bytes:
+def _single(flown: Flight, form: str) -> bytes:
+    """Return a motion as CSV with the columns that `eqt log` reads, as TUM, or for MATLAB."""
     stream = BytesIO()
-    rows = np.column_stack([of.times, *columns])
-    np.savetxt(stream, rows, fmt="%.17g", delimiter=sep, header=head + names, comments="")
+    if form == ".mat":
+        from scipy.io import savemat
+
+        savemat(stream, vars(flown), oned_as="column")
+        return stream.getvalue()
+    if form == ".csv":
+        names, delimiter = "t,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz,tx,ty,tz,fx,fy,fz", ","
+        columns = [*vars(flown).values()]
+    else:  # evo compares such positions; w is the last of the quaternion
+        names, delimiter = "# timestamp x y z qx qy qz qw", " "
+        columns = [flown.times, flown.position, np.roll(flown.quaternion, -1, 1)]
+    rows = np.column_stack(columns)
+    np.savetxt(stream, rows, fmt="%.17g", delimiter=delimiter, header=names, comments="")
     return stream.getvalue()
-
-
-def _csv(of: Flight) -> bytes:
-    """Columns as `eqt log` reads them."""
-    names = "t,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz,tx,ty,tz,fx,fy,fz"
-    moves = of.position, of.quaternion, of.velocity, of.angular_velocity
-    return _table(of, names, *moves, of.torque, of.force)
-
-
-def _tum(of: Flight) -> bytes:
-    """Time, position, and quaternion with w last; positions are compared by evo."""
-    names = "timestamp x y z qx qy qz qw"
-    return _table(of, names, of.position, np.roll(of.quaternion, -1, 1), sep=" ", head="# ")
-
-
-def _mat(of: Flight) -> bytes:
-    from scipy.io import savemat
-
-    stream = BytesIO()
-    savemat(stream, vars(of), oned_as="column")
-    return stream.getvalue()
-
-
-FORMATS: dict[str, Callable[[Flight], bytes]] = {".csv": _csv, ".tum": _tum, ".mat": _mat}
-MCAP = ".mcap"
 
 
 def _mcap(flown: Mapping[str, Flight]) -> bytes:
@@ -175,23 +159,24 @@ def _mcap(flown: Mapping[str, Flight]) -> bytes:
         raise EqtError("MCAP needs rosbags (extra bags): pip install rosbags") from None
     store = get_typestore(Stores.ROS2_HUMBLE)
     make = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    topics = (
+        ("odometry", "nav_msgs/msg/Odometry", _odometry),
+        ("wrench", "geometry_msgs/msg/WrenchStamped", _wrenches),
+    )
     with TemporaryDirectory() as folder:
         bag = Path(folder, "bag")
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             names = [re.sub(r"\W", "_", law) for law in flown]
-            for number, (name, of) in enumerate(zip(names, flown.values(), strict=True)):
-                topic = name + f"_{number}" * (name in names[:number])
-                for kind, messages in {_ODOMETRY: _odometry, _WRENCH: _wrenches}.items():
-                    what = "odometry" if kind == _ODOMETRY else "wrench"
-                    connection = writer.add_connection(f"/{topic}/{what}", kind, typestore=store)
-                    for time, message in zip(of.times, messages(of, make), strict=True):
+            for number, (name, motion) in enumerate(zip(names, flown.values(), strict=True)):
+                if name in names[:number]:
+                    name = f"{name}_{number}"
+                for topic, kind, messages in topics:
+                    connection = writer.add_connection(f"/{name}/{topic}", kind, typestore=store)
+                    for time, message in zip(motion.times, messages(motion, make), strict=True):
                         data = store.serialize_cdr(message, kind)
                         writer.write(connection, round(1e9 * time), data)
         (file,) = bag.glob("*.mcap")
         return file.read_bytes()
-
-
-_ODOMETRY, _WRENCH = "nav_msgs/msg/Odometry", "geometry_msgs/msg/WrenchStamped"
 
 
 def _header(time: float, frame: str, make: Mapping[str, Any]) -> Any:
@@ -199,14 +184,14 @@ def _header(time: float, frame: str, make: Mapping[str, Any]) -> Any:
     return make["Header"](stamp=make["Time"](sec=seconds, nanosec=rest), frame_id=frame)
 
 
-def _odometry(of: Flight, make: Mapping[str, Any]) -> Iterator[Any]:
+def _odometry(flown: Flight, make: Mapping[str, Any]) -> Iterator[Any]:
     """The pose in space, and the twist in the body, as ROS has it."""
     from scipy.spatial.transform import Rotation
 
     unknown = np.zeros(36)
-    turn = Rotation.from_quat(np.roll(of.quaternion, -1, axis=-1))
-    velocity = turn.apply(of.velocity, inverse=True)
-    rows = (of.times, of.position, of.quaternion, velocity, of.angular_velocity)
+    turn = Rotation.from_quat(np.roll(flown.quaternion, -1, axis=-1))
+    velocity = turn.apply(flown.velocity, inverse=True)
+    rows = (flown.times, flown.position, flown.quaternion, velocity, flown.angular_velocity)
     for time, p, (w, x, y, z), v, omega in zip(*rows, strict=True):
         pose = make["Pose"](
             position=make["Point"](*p), orientation=make["Quaternion"](x=x, y=y, z=z, w=w)
@@ -220,8 +205,8 @@ def _odometry(of: Flight, make: Mapping[str, Any]) -> Iterator[Any]:
         )
 
 
-def _wrenches(of: Flight, make: Mapping[str, Any]) -> Iterator[Any]:
+def _wrenches(flown: Flight, make: Mapping[str, Any]) -> Iterator[Any]:
     """Force and torque in the body."""
-    for time, force, torque in zip(of.times, of.force, of.torque, strict=True):
+    for time, force, torque in zip(flown.times, flown.force, flown.torque, strict=True):
         wrench = make["Wrench"](force=make["Vector3"](*force), torque=make["Vector3"](*torque))
         yield make["WrenchStamped"](header=_header(time, "body", make), wrench=wrench)

@@ -109,10 +109,10 @@ class ShownMeasured:
         seen_at = self._time.samples(seen.times, self._error)
         run_at = self._time.samples(t, self._error)
 
-        def part(of: tuple[Array, Array], at: Array) -> tuple[Array, Array]:
-            return of[0][at], of[1][at]
-
-        return [(name, part(model, seen_at), part(run, run_at)) for name, model, run in rows]
+        return [
+            (name, (times[seen_at], values[seen_at]), (t[run_at], of_run[run_at]))
+            for name, (times, values), (_, of_run) in rows
+        ]
 
     def notes(self) -> list[str]:
         """Return notes on what is shown, how it was aligned, and what was not measured."""

@@ -263,7 +263,8 @@ def text_of_recording(path: Path, missing: str, kind: type[EqtError], limit: int
     """
 
     def read(path: Path, limit: int) -> str:
-        if len(table := table_of(flight_of(path))) > limit:
+        table = table_of(flight_of(path))
+        if len(table) > limit:
             raise TooLargeError(limit, len(table))
         return table
 
@@ -348,12 +349,13 @@ class ColumnUse:
 
 def topics_of(flight: Flight) -> Iterator[tuple[str, str, int, float, int]]:
     """Yield name, use, rows, rate in Hz, and gaps of all topics; a rate of those that are read."""
-    for each in (topic for topic in flight.topics if topic.rows):
-        steps, table = np.diff(each.times) / 1e9, sources_of(flight.format)
+    for topic in (topic for topic in flight.topics if topic.rows):
+        steps, fields = np.diff(topic.times) / 1e9, {*topic.fields}
         median = float(np.median(steps)) if len(steps) else np.nan
-        here = [s for s in table if s.kind == each.kind and {*s.fields.split()} <= {*each.fields}]
-        use = each.note or ", ".join(dict.fromkeys(s.quantity for s in here)) or "not used"
-        yield each.name, use, each.rows, 1 / median, int(np.sum(steps > GAP * median))
+        sources = [s for s in sources_of(flight.format) if s.kind == topic.kind]
+        names = dict.fromkeys(s.quantity for s in sources if {*s.fields.split()} <= fields)
+        use = topic.note or ", ".join(names) or "not used"
+        yield topic.name, use, topic.rows, 1 / median, int(np.sum(steps > GAP * median))
 
 
 @dataclass(frozen=True)
@@ -446,11 +448,13 @@ def largest_group(
     """Return the largest group whose poses the columns of a file can hold."""
     sheet = open_sheet(text, name, form, mapping)
     names = set(sheet.names)
-    fitting = [
-        group
-        for group in _groups_of_poses()
-        if (layout := recording.used_columns(names, group)) is not None and layout.layout == "parts"
-    ]
+    fitting = []
+    for group in (kind.named(name) for kind in groups.all() for name in kind.examples()):
+        # of rotations and positions, without velocities
+        if isinstance(group, EuclideanGroup) and set(group.column_units) <= {"m"}:
+            columns = recording.used_columns(names, group)
+            if columns is not None and columns.layout == "parts":
+                fitting.append(group)
     if not fitting:
         if len(sheet.names) == 1 and (other := next((c for c in ";\t" if c in sheet.names[0]), "")):
             shown = {";": "semicolons", "\t": "tabs"}[other]
@@ -467,13 +471,6 @@ def largest_group(
             "`columns: {qx: …}`, or give the group"
         )
     return max(fitting, key=lambda group: len(recording.pose_columns(group)))
-
-
-def _groups_of_poses() -> Iterator[EuclideanGroup]:
-    """Yield the groups whose elements are rotations and positions, without velocities."""
-    for group in (kind.named(each) for kind in groups.all() for each in kind.examples()):
-        if isinstance(group, EuclideanGroup) and set(group.column_units) <= {"m"}:
-            yield group
 
 
 def _uses(log: Log) -> Iterator[ColumnUse]:
@@ -551,12 +548,14 @@ class TrackingErrors(NamedTuple):
     @property
     def headline(self) -> str:
         """The answer in one line."""
-        one = self.sizes[0]
-        by, unit = (1e3, "mm") if one.unit == "m" and one.rms < 0.1 else (1.0, one.unit)
-        rms, most, rest = (f"{by * x:.3g} {unit}" for x in (one.rms, one.largest, one.remains))
-        late = f"{abs(one.delay):.3g} s {'late' if one.delay > 0 else 'early'}"
-        late = f"; {late}, without which {rest} remain" * (one.delay == one.delay)
-        return f"{one.quantity} error {rms} rms, at most {most}{late}"
+        size = self.sizes[0]
+        by, unit = (1e3, "mm") if size.unit == "m" and size.rms < 0.1 else (1.0, size.unit)
+        rms, most, rest = (f"{by * x:.3g} {unit}" for x in (size.rms, size.largest, size.remains))
+        headline = f"{size.quantity} error {rms} rms, at most {most}"
+        if np.isnan(size.delay):
+            return headline
+        side = "late" if size.delay > 0 else "early"
+        return f"{headline}; {abs(size.delay):.3g} s {side}, without which {rest} remain"
 
 
 def motions_of(one: Recording) -> dict[str, Series]:
@@ -684,23 +683,27 @@ def tracking_errors(
         t, numbers, goal = pair(q, delay, how)
         return t, difference(q, numbers, goal)
 
-    if (align or relative) and not {"position"} <= {*known} & {*wanted}:
+    def attitudes() -> list[Series]:
+        return [known["attitude"], wanted["attitude"]] if "attitude" in shared else []
+
+    shared = [q for q in QUANTITIES if q in known and q in wanted]
+    if (align or relative) and "position" not in shared:
         raise EqtError(f"{name}: align and relative need positions, measured and wanted")
-    both = [of["attitude"] for of in (known, wanted) if {"attitude"} <= {*known} & {*wanted}]
     if align:
         position = enough(name, pair("position", 0.0, association), 1)
-        frame = _frame(position, both, align, association)
-        known = {q: moved(q, one, *frame) for q, one in known.items()}
-    curves = {q: compared(q, 0.0, association) for q in QUANTITIES if q in known and q in wanted}
-    curves, sizes = {q: curve for q, curve in curves.items() if len(curve[0])}, list[ErrorSize]()
+        frame = _frame(position, attitudes(), align, association)
+        known = {q: moved(q, series, *frame) for q, series in known.items()}
     if relative:
-        both = [of["attitude"] for of in (known, wanted) if both]
         position = enough(name, pair("position", 0.0, association), 1 + relative)
-        curves = _relative(position, both, association, relative)
+        curves = _relative(position, attitudes(), association, relative)
+    else:
+        curves = {q: compared(q, 0.0, association) for q in shared}
+        curves = {q: (t, errors) for q, (t, errors) in curves.items() if len(t)}
     if not curves:
-        measured, goal = (", ".join(each) or "none" for each in (known, wanted))
+        measured, goal = (", ".join(names) or "none" for names in (known, wanted))
         advice = "name the topic of the setpoints (--setpoint), or give a second file"
         raise InputError(f"{name}: measured: {measured}; wanted: {goal}; {advice}")
+    sizes: list[ErrorSize] = []
     for q, (t, errors) in curves.items():
         lag = (np.nan, np.nan) if relative else _lag(partial(compared, q), len(t))
         sizes += _sizes(q, errors, lag)

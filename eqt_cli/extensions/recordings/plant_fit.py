@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -233,22 +233,15 @@ class _FitProblem:
         except ConfigError:
             return None
         with step(WINDOWS, len(self.cut)):
-            fits = []
+            fits, recording = [], self.windows.recording
             delay = float(numbers[-1]) if self.finds_delay else self.delay
             later = self.windows.later if by_delay or self.finds_delay else 0.0
+            loops, engine = [self.first, *plants], self.base.engine
             for window in self.cut:
-                one = errors(
-                    [self.first, *plants],
-                    steps,
-                    self.base.engine,
-                    self.windows.recording,
-                    window,
-                    delay,
-                    later,
-                )
-                if one is None:
+                prediction = errors(loops, steps, engine, recording, window, delay, later)
+                if prediction is None:
                     return None
-                fits.append(linear(one, self.windows.noise))
+                fits.append(linear(prediction, self.windows.noise))
             return fits
 
     def solved(self, start: Array) -> tuple[Array, list[Linear]]:
@@ -261,8 +254,8 @@ class _FitProblem:
 
         def residuals(numbers: Array) -> Array:
             fits = at(tuple(numbers.tolist()))
-            if fits is None:
-                return np.full(self._size, np.inf)  # least_squares then shortens the step
+            if fits is None:  # least_squares then shortens the step
+                return np.full(self.rows * int(np.isfinite(self.windows.noise).sum()), np.inf)
             return np.concatenate([one.residuals for one in fits])
 
         def derivatives(numbers: Array) -> Array:
@@ -307,9 +300,9 @@ class _FitProblem:
         return np.asarray(values)
 
     @property
-    def _size(self) -> int:
-        rows = sum(window.rows.stop - window.rows.start for window in self.cut)
-        return rows * int(np.isfinite(self.windows.noise).sum())
+    def rows(self) -> int:
+        """The number of rows of all windows."""
+        return sum(window.rows.stop - window.rows.start for window in self.cut)
 
     def correct_states(self, fits: list[Linear]) -> float:
         """Correct the first states; return the largest correction in units of the noise."""
@@ -374,25 +367,21 @@ def fit(
         notes += delayed(problem.linearised(numbers, by_delay=True) or [], fitted=True)
     low, high = intervals(fits) + numbers
     columns = zip(keys, start, numbers, low, high, strict=True)
+    residuals = []
+    for part, unit, axes in windows.parts:
+        squares = [np.mean(sizes[axes] ** 2) for sizes in (before, after, windows.noise)]
+        residuals.append(Residual(part, unit, *map(float, np.sqrt(squares))))
     return PlantFit(
         name,
         [FittedNumber(key, *map(float, values)) for key, *values in columns],
-        list(_residuals(windows, before, after)),
+        residuals,
         singular.tolist(),
         len(fits),
-        sum(window.rows.stop - window.rows.start for window in problem.cut),
+        problem.rows,
         windows.horizon,
         problem.at(numbers),
         notes=tuple(notes),
     )
-
-
-def _residuals(windows: Windows, before: Array, after: Array) -> Iterator[Residual]:
-    for name, unit, axes in windows.parts:
-        sizes = [
-            float(np.sqrt(np.mean(each[axes] ** 2))) for each in (before, after, windows.noise)
-        ]
-        yield Residual(name, unit, *sizes)
 
 
 FITTED = "fitted.yaml"

@@ -295,19 +295,13 @@ class Windows:
     def _window(self, row: int) -> ReplayWindow:
         rows = slice(row, int(self._ends[row]) + 1)
         velocity = self.recording.velocities[row]
-        if np.isnan(velocity).any():
-            velocity = np.where(np.isnan(velocity), self._velocity(rows), velocity)
+        if np.isnan(velocity).any():  # the initial velocity of a parabola through the first poses
+            G, few = self.recording.group, slice(row, min(row + FIRST_ROWS, rows.stop))
+            t, poses = self.recording.times[few], self.recording.poses[few]
+            powers = np.stack([np.ones_like(t), t - t[0], (t - t[0]) ** 2], axis=1)
+            fitted = np.linalg.lstsq(powers, G.log(G.inverse(poses[0]) @ poses))[0]
+            velocity = np.where(np.isnan(velocity), fitted[1], velocity)
         return ReplayWindow(rows, self.recording.poses[row], velocity)
-
-    def _velocity(self, rows: slice) -> Array:
-        """Return the initial velocity of a parabola fitted to the first poses."""
-        G, few = self.recording.group, slice(rows.start, min(rows.start + FIRST_ROWS, rows.stop))
-        t = self.recording.times[few] - self.recording.times[rows.start]
-        poses = self.recording.poses[few]
-        solution = np.linalg.lstsq(
-            np.stack([np.ones_like(t), t, t**2], axis=1), G.log(G.inverse(poses[0]) @ poses)
-        )
-        return solution[0][1]
 
     @property
     def later(self) -> float:
@@ -317,10 +311,9 @@ class Windows:
     @property
     def parts(self) -> list[tuple[str, str, slice]]:
         """Name, unit and axes of each part of the pose, and of the velocity where recorded."""
-        parts, m = [], self.recording.group.dimension
-        for part in self.recording.group.parts:
-            parts.append((part.name, part.error_unit, part.axes))
-        for part in self.recording.group.parts:
+        G = self.recording.group
+        parts, m = [(part.name, part.error_unit, part.axes) for part in G.parts], G.dimension
+        for part in G.parts:
             axes = slice(m + part.axes.start, m + part.axes.stop)
             if np.isfinite(self.noise[axes]).all():
                 parts.append((f"{part.name} rate", part.velocity_unit, axes))
@@ -628,8 +621,8 @@ def growth(
     """
     recording, variances = windows.recording, windows.noise**2
     measured = np.isfinite(windows.noise)
-    parts = windows.parts
-    norms, by_noise, left, chosen = [], [], [], windows.spread(count)
+    parts, chosen = windows.parts, windows.spread(count)
+    norms, by_noise, left = [], [], []
     first = recording.times[chosen[0].rows]
     sampled = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
     horizons = first[sampled] - first[0]
@@ -672,13 +665,11 @@ def growth(
 def growth_table(result: Growth) -> TextTable:
     """Return the error of each part at each horizon: median, quantiles, rms, and that by noise."""
     header = ["horizon, s", "median", "10 %", "90 %", "rms", "noise"]
+    sizes = np.stack([result.median, result.low, result.high, result.rms, result.noise], axis=-1)
     blocks = []
-    for k, (part, unit) in enumerate(zip(result.parts, result.units, strict=True)):
-        columns = (result.median, result.low, result.high, result.rms, result.noise)
-        rows = [
-            [f"{horizon:.4g}", *(significant(column[k, h], 3) for column in columns)]
-            for h, horizon in enumerate(result.horizons)
-        ]
+    for part, unit, of_part in zip(result.parts, result.units, sizes, strict=True):
+        pairs = zip(result.horizons, of_part, strict=True)
+        rows = [[f"{horizon:.4g}", *(significant(x, 3) for x in row)] for horizon, row in pairs]
         blocks.append(Block(f"{part}, {unit}", rows))
     failed = f"; the runs of {result.failed} more failed" if result.failed else ""
     title = f"Error of the prediction of {result.name} over {result.windows} windows{failed}"
