@@ -213,8 +213,7 @@ def _lazily(signal: Derived, pose: xarray.Variable, velocity: xarray.Variable) -
         dtype = np.dtype(float)
 
         def __getitem__(self, key: Any) -> Any:
-            outer = IndexingSupport.OUTER
-            return explicit_indexing_adapter(key, self.shape, outer, self.chosen)
+            return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER, self.chosen)
 
         def chosen(self, key: tuple[Any, ...]) -> Array:
             runs, inner = key[: self.runs], key[self.runs :]

@@ -48,30 +48,19 @@ def check_attributes(result: ResultFile) -> None:
     for name, (expected, kind) in _EXPECTED.items():
         if name in result.attributes:
             try:
-                value = kind.validate_python(result.attributes[name], strict=True)
+                kind.validate_python(result.attributes[name], strict=True)
             except ValidationError:
                 raise result.refusal(f"its attribute '{name}' is not {expected}") from None
-            if isinstance(value, Experiment):
-                _check_labels(result, name, value)
     there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
     if there and len(there) < len(CROSS_CHECK):
         lacking = next(name for name in CROSS_CHECK if name not in there)
         raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
 
 
-def _check_labels(result: ResultFile, name: str, value: Experiment) -> None:
-    """Refuse an attribute about controllers that the file does not have."""
-    if "controller" not in result.coordinates:
-        return
-    for label in (*value.functions, *value.unclaimed, *value.not_matched):
-        if label not in result.coordinate("controller").tolist():
-            raise result.refusal(
-                f"its attribute '{name}' names '{label}', which is not a controller"
-            )
-
-
-def check_coordinates(result: ResultFile) -> None:
+def check_coordinates(result: KnownResult) -> None:
     """Refuse times that do not increase, runs that are not numbered, and invalid labels.
+
+    The attributes name only controllers that the file has.
 
     Raises
     ------
@@ -89,6 +78,11 @@ def check_coordinates(result: ResultFile) -> None:
             raise result.refusal("its controllers have no labels")
         if len(set(labels)) < len(labels):
             raise result.refusal("two of its controllers have one label")
+        known = result.described
+        for label in (*known.functions, *known.unclaimed, *known.not_matched):
+            if label not in labels:
+                text = f"its attribute 'experiment' names '{label}', which is not a controller"
+                raise result.refusal(text)
 
 
 def check_status(result: ResultFile, status: Array) -> None:

@@ -142,11 +142,6 @@ def test_author_and_notes_stand_at_the_top(make_result):
     assert '<td class="number">1.200\u00a0·\u00a010<sup>−8</sup></td>' in page  # and no 0.000
 
 
-def test_claims_have_their_verdicts(text):
-    assert "slightly slower attitude tracking" in text
-    assert '<span class="verdict supported">supported</span>' in text
-
-
 @pytest.mark.usefixtures("unarranged")
 def test_texts_of_a_stranger_stay_texts(make_result):
     values = make_result.constant([1.0] * 6, [2.0] * 6)
