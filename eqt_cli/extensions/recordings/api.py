@@ -127,13 +127,22 @@ def _read(
 ) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
     """Yield text, name, format and mapping; note a problem of the mapping at its place."""
     kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
-    parsed, problems = _mapping(mapping)
-    problems.raise_if_any()
+    columns, problems = LogMapping(), Problems()
+    if mapping is not None:
+        if isinstance(mapping, Mapping):
+            source = yaml_source.load(yaml_source.flow(mapping), "mapping")
+        else:
+            place = path_from("mapping", mapping, "a path or a mapping")
+            source = yaml_source.load(text_of(place, "check the path"), str(place))
+        problems = Problems(source.key_place)
+        columns = validated(LogMapping, source.data, problems) or columns
+        columns.check(problems)
+        problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = flight and logs.table_of(flight)
     text = text or recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
-        yield text, str(file), kind, parsed
+        yield text, str(file), kind, columns
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()
@@ -243,24 +252,6 @@ def _series(
     flight = flight._replace(topics=topics)
     series = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
     return {quantity: every[0] for quantity, every in series.items() if every}
-
-
-def _mapping(
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
-) -> tuple[LogMapping, Problems]:
-    """Parse a mapping; return it with its problems."""
-    if mapping is None:
-        return LogMapping(), Problems()
-    if isinstance(mapping, Mapping):
-        source = yaml_source.load(yaml_source.flow(mapping), "mapping")
-    else:
-        path = path_from("mapping", mapping, "a path or a mapping")
-        source = yaml_source.load(text_of(path, "check the path"), str(path))
-    problems = Problems(source.key_place)
-    parsed = validated(LogMapping, source.data, problems)
-    if parsed is not None:
-        parsed.check(problems)
-    return parsed or LogMapping(), problems
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------

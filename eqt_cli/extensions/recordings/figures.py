@@ -83,35 +83,39 @@ class ShownMeasured:
         if chosen.controllers and len(places) > 1:
             raise error_of(result, figure, f"shows one controller, got {len(places)}")
         (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
-        self.unit, self._time = result.units("time"), chosen.time
-        self.group = self.pair.recording.group
-        self._error = partial(error_of, result, figure)
+        self.unit, self.group = result.units("time"), self.pair.recording.group
+        self._samples = [
+            chosen.time.samples(motion.times, partial(error_of, result, figure))
+            for motion in (self.pair.recording, self.pair.simulated)
+        ]
 
     @property
-    def curves(self) -> list[tuple[str, tuple[Array, Array], tuple[Array, Array]]]:
-        """Rows of panels: a name, then times and values of the recording and of the run.
+    def times(self) -> tuple[Array, Array]:
+        """The times of the recording, and those of the run."""
+        measured, simulated = self._samples
+        return self.pair.recording.times[measured], self.pair.simulated.times[simulated]
+
+    @property
+    def curves(self) -> list[tuple[str, Array, Array]]:
+        """Rows of panels: a name, and values of the recording and of the run, at `times`.
 
         The values are poses, or coordinates of errors, velocities and wrenches.
         """
-        pair, seen = self.pair, self.pair.recording
-        here, wanted = pair.simulated.states, pair.reference.states
-        G, t = self.group, pair.simulated.times
-        errors = pair.errors
-        error = G.log(G.inverse(wanted.pose) @ here.pose)
+        G, seen, (pose, *_) = self.group, self.pair.recording, self.pair.errors
+        run, wanted = self.pair.simulated.states, self.pair.reference.states
+        error = G.log(G.inverse(wanted.pose) @ run.pose)
         rows = [
-            ("pose", (seen.times, seen.poses), (t, here.pose)),
-            ("error", (seen.times, errors[0].measured), (t, error)),
-            ("difference", (seen.times, errors[0].difference), (t, 0 * error)),
-            ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
-            ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
+            ("pose", seen.poses, run.pose),
+            ("error", pose.measured, error),
+            ("difference", pose.difference, 0 * error),
+            ("velocity", seen.velocities, run.velocity),
+            ("wrench", seen.wrenches, run.wrench),
         ]
-        rows = [row for row in rows if not np.isnan(row[1][1]).all()]
-        seen_at = self._time.samples(seen.times, self._error)
-        run_at = self._time.samples(t, self._error)
-
+        measured, simulated = self._samples
         return [
-            (name, (times[seen_at], values[seen_at]), (t[run_at], of_run[run_at]))
-            for name, (times, values), (_, of_run) in rows
+            (name, values[measured], of_run[simulated])
+            for name, values, of_run in rows
+            if not np.isnan(values).all()
         ]
 
     def notes(self) -> list[str]:
@@ -152,29 +156,31 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
 
     def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
         """Draw a row for each quantity; the coordinates of a part share a panel."""
-        parts = shown.group.parts
-        wanted = self.picked([name for name, *_ in shown.curves])
-        curves = [row for row in shown.curves if row[0] in wanted]
+        parts, curves, (measured_times, times) = shown.group.parts, shown.curves, shown.times
+        wanted = self.picked([name for name, *_ in curves])
+        curves = [row for row in curves if row[0] in wanted]
         places = [
             [f"{name} {part.name}" if _is_measured(part, seen) else EMPTY for part in parts]
-            for name, (_, seen), _ in curves
+            for name, seen, _ in curves
         ]
-        times = curves[0][2][0]
         drawing, panels = sheet(width, places, (float(times[0]), float(times[-1])), shown.unit)
-        for row, (name, measured, (t, run)) in zip(places, curves, strict=True):
-            for panel, part in ((p, of) for p, of in zip(row, parts, strict=True) if p != EMPTY):
+        gaps = shown.pair.recording.gaps + 1
+        for row, (name, measured, run) in zip(places, curves, strict=True):
+            kind = name if name == "difference" else "measured"
+            for panel, part in zip(row, parts, strict=True):
+                if panel == EMPTY:
+                    continue
                 axes = panels[panel]
                 values, label = part_curves(shown.group, part, name, run, degrees=self.degrees)
                 if name != "difference":
-                    self._draw(axes, "simulated", shown.group, part, (t, values))
-                near = np.stack([np.interp(measured[0], t, one) for one in values.T], axis=-1)
+                    self._draw(axes, "simulated", shown.group, part, (times, values))
+                near = np.stack([np.interp(measured_times, times, x) for x in values.T], axis=-1)
                 seen, _ = part_curves(
-                    shown.group, part, name, measured[1], degrees=self.degrees, near=near
+                    shown.group, part, name, measured, degrees=self.degrees, near=near
                 )
-                gaps = shown.pair.recording.gaps + 1
-                behind = np.insert(measured[0], gaps, np.nan), np.insert(seen, gaps, np.nan, axis=0)
-                kind = name if name == "difference" else "measured"
-                self._draw(axes, kind, shown.group, part, behind)
+                behind = np.insert(measured_times, gaps, np.nan)
+                curve = behind, np.insert(seen, gaps, np.nan, axis=0)
+                self._draw(axes, kind, shown.group, part, curve)
                 name_scale(axes, label)
         for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():
             if panel != EMPTY:
