@@ -64,23 +64,17 @@ def apply(name: str, *arguments: Any) -> Any:
     arrays = [as_array(argument) for argument in arguments]
     if not any(array.dtype == object for array in arrays):
         return _NUMPY[name](*arrays)
-    entries = np.broadcast(*arrays) if len(arrays) > 1 else ((entry,) for entry in arrays[0].flat)
-    shape = np.broadcast_shapes(*(array.shape for array in arrays))
-    out = np.empty(shape, dtype=object)
-    flat = [_apply_to_symbols(name, entry) for entry in entries]
-    for position, index in enumerate(np.ndindex(shape)):
-        out[index] = flat[position]
+    out = np.empty(np.broadcast_shapes(*(array.shape for array in arrays)), dtype=object)
+    for index, values in zip(np.ndindex(out.shape), np.broadcast(*arrays), strict=True):
+        symbols = [value for value in values if not isinstance(value, int | float | np.generic)]
+        if not symbols:
+            out[index] = _NUMPY[name](*values)[()]  # `where` returns an array
+            continue
+        table = _symbol_tables.get(type(symbols[0]), {})
+        if name not in table:
+            raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")
+        out[index] = table[name](*values)
     return out
-
-
-def _apply_to_symbols(name: str, values: tuple[Any, ...]) -> Any:
-    symbols = [value for value in values if not isinstance(value, int | float | np.generic)]
-    if not symbols:
-        return _NUMPY[name](*values)[()]  # `where` returns an array
-    table = _symbol_tables.get(type(symbols[0]), {})
-    if name not in table:
-        raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")
-    return table[name](*values)
 
 
 def unwrapped(x: Any) -> Any:
@@ -143,8 +137,8 @@ def where(condition: Any, a: Any, b: Any) -> Any:
 
 def outside(x: Any, low: Any, high: Any) -> Any:
     """1 where any entry along the last axis is below low or above high, else 0."""
-    each = where(less(x, low), 1.0, where(less(high, x), 1.0, 0.0))
-    return where(less(0.5, each.sum(axis=-1)), 1.0, 0.0)
+    beyond = where(less(x, low), 1.0, where(less(high, x), 1.0, 0.0))
+    return where(less(0.5, beyond.sum(axis=-1)), 1.0, 0.0)
 
 
 def where_number(a: Any, b: Any) -> Any:

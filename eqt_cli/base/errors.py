@@ -33,12 +33,11 @@ def printable(text: str, keep: str = "", escape: Callable[[str], str] = escape) 
     """
     if text.isprintable():
         return text
-    return "".join(c if c in keep or _is_visible(c) else escape(c) for c in text)
-
-
-def _is_visible(character: str) -> bool:
-    """Whether a character has a shape or a width; all spaces have a width."""
-    return character.isprintable() or unicodedata.category(character) == "Zs"
+    return "".join(
+        # All spaces have a width.
+        c if c in keep or c.isprintable() or unicodedata.category(c) == "Zs" else escape(c)
+        for c in text
+    )
 
 
 Word = Callable[[str], str]
@@ -71,7 +70,7 @@ OTHER_FOLDER = Remedy("choose another folder with {}", "out")
 
 def _advised(text: str, lines: Sequence[str], remedies: Sequence[Remedy], word: Word) -> str:
     """Return a text, the lines below it and the advice, all safe to show."""
-    advice = ", or ".join(one.advice.replace("{}", word(one.argument), 1) for one in remedies)
+    advice = ", or ".join(r.advice.replace("{}", word(r.argument), 1) for r in remedies)
     message = "\n".join(printable(line) for line in (text, *lines))
     return message + ("\n" if lines else "; ") + printable(advice) if advice else message
 

@@ -14,7 +14,7 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, reduce
 from itertools import combinations
@@ -50,7 +50,7 @@ class Piecewise:
     value
         The function, of floats, arrays or symbols.
     compared
-        Returns the pairs of arguments that it compares, from their number; None stands for 0.
+        The pairs of arguments that it compares, all if none are listed; None stands for 0.
     takes
         The arguments in words.
     count
@@ -58,7 +58,7 @@ class Piecewise:
     """
 
     value: Callable[..., Any]
-    compared: Callable[[int], Iterable[tuple[int, int | None]]]
+    compared: Sequence[tuple[int, int | None]]
     takes: str
     count: int | None
 
@@ -85,34 +85,30 @@ def _atan2(y: Any, x: Any) -> Any:
     return where(steep, above - angle, where(smooth_less(x, 0.0), angle + behind, angle))
 
 
-def _every_pair(count: int) -> Iterable[tuple[int, int | None]]:
-    return combinations(range(count), 2)
-
-
 PIECEWISE = {
-    "min": Piecewise(lambda *x: reduce(minimum, x), _every_pair, "two or more arguments", None),
-    "max": Piecewise(lambda *x: reduce(maximum, x), _every_pair, "two or more arguments", None),
-    "sign": Piecewise(_sign, lambda _: [(0, None)], "one argument", 1),
+    "min": Piecewise(lambda *x: reduce(minimum, x), [], "two or more arguments", None),
+    "max": Piecewise(lambda *x: reduce(maximum, x), [], "two or more arguments", None),
+    "sign": Piecewise(_sign, [(0, None)], "one argument", 1),
     "step": Piecewise(
         lambda x, start: _where(x, start, 0.0, 1.0),
-        lambda _: [(0, 1)],
+        [(0, 1)],
         "two arguments, as in 'step(t, 1)', which is 0 before t = 1 and 1 after",
         2,
     ),
     "smoothstep": Piecewise(
         _smoothstep,
-        lambda _: [(0, 1), (0, 2)],
+        [(0, 1), (0, 2)],
         "three arguments, as in 'smoothstep(t, 1, 3)', which rises from 0 at 1 to 1 at 3",
         3,
     ),
     "atan2": Piecewise(
         _atan2,
-        lambda _: [(0, None)],
+        [(0, None)],
         "two arguments, as in 'atan2(y, x)', the angle of the point (x, y) in rad",
         2,
     ),
     "where": Piecewise(
-        _where, lambda _: [(0, 1)], "a comparison and two values, as in 'where(t < 1, 0, 2)'", 4
+        _where, [(0, 1)], "a comparison and two values, as in 'where(t < 1, 0, 2)'", 4
     ),
 }
 """The functions with kinks or steps, at which engines end a step."""
@@ -463,10 +459,15 @@ class Expression:
         instants: set[float] = set()
 
         def visit(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
-            if node.operands and node.what in PIECEWISE:
-                instants.update(_roots(str(node.what), operands))
-                return None
-            return _linear(node, operands)
+            if not node.operands or node.what not in PIECEWISE:
+                return _linear(node, operands)
+            pairs = combinations(range(len(operands)), 2)
+            for first, second in PIECEWISE[str(node.what)].compared or pairs:
+                left = operands[first]
+                right = (0.0, 0.0) if second is None else operands[second]
+                if left and right and left[1] != right[1]:
+                    instants.add((right[0] - left[0]) / (left[1] - right[1]))
+            return None
 
         with np.errstate(all="ignore"):
             fold(self.tree, visit)
@@ -662,11 +663,3 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
     if all(slope == 0 for _, slope in known):
         return _combined(node, tuple(value for value, _ in known)), 0.0
     return None
-
-
-def _roots(function: str, operands: tuple[_Linear | None, ...]) -> Iterator[float]:
-    """Yield the times at which two compared arguments of a function are equal."""
-    for one, other in PIECEWISE[function].compared(len(operands)):
-        left, right = operands[one], (0.0, 0.0) if other is None else operands[other]
-        if left and right and left[1] != right[1]:
-            yield (right[0] - left[0]) / (left[1] - right[1])

@@ -23,7 +23,7 @@ from difflib import get_close_matches
 from itertools import islice
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Remedy
 
@@ -268,17 +268,13 @@ def is_intact(view: mmap) -> bool | None:
     end = len(view) - len(SEAL) - 4
     if end < 0 or view[end:-4] != SEAL:
         return None
-    return _crc(view, end) == int.from_bytes(view[-4:], "little")
-
-
-def _crc(view: mmap, end: int) -> int:
     checksum = 0
     with memoryview(view) as whole:  # whose parts are no copies
         for start in range(0, end, 2**24):
             checksum = zlib.crc32(whole[start : min(start + 2**24, end)], checksum)
             if DROP is not None:  # what was read need not stay in the memory of this process
                 view.madvise(DROP, start, min(2**24, len(view) - start))
-    return checksum
+    return checksum == int.from_bytes(view[-4:], "little")
 
 
 def is_intact_file(path: Path) -> bool | None:
@@ -340,15 +336,6 @@ def refusals(
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
         reason = reason[:1].lower() + reason[1:]
         raise kind(f"{subject}: cannot be {action}: {reason}", advice) from error
-
-
-def require_writable(folder: Path) -> None:
-    """Raise an `OSError` for a folder that cannot be written to, or cannot be made."""
-    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
-    if not there.is_dir():
-        raise NotADirectoryError("not a directory")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise PermissionError("permission denied")
 
 
 YAML = (".yaml", ".yml")
@@ -470,14 +457,6 @@ def check_kind(path: Path, expected: str) -> None:
         raise foreign(path, kind or "", expected)
 
 
-def check_within(home: Path, path: Path) -> None:
-    """Check a file in a folder, and all folders between; `home` itself may be a link."""
-    below = path.relative_to(home).parts
-    for count in range(1, len(below)):
-        check_kind(home.joinpath(*below[:count]), FOLDER)
-    check_kind(path, FILE)
-
-
 def check_entries(folder: Path, patterns: Sequence[Entry]) -> None:
     """Refuse a folder in which an entry has a name of eqt's but is of another kind.
 
@@ -509,13 +488,16 @@ def remove_written(path: Path, pattern: Entry) -> list[Path]:
             return []
         path.unlink()
         return [path]
-    if kind_of(path) != FOLDER or (pattern.record and not _has_record(path / pattern.record)):
+    if kind_of(path) != FOLDER:
         return []
-    gone = remove_left_over(path, pattern.entries)
+    record = path / pattern.record  # the folder itself, if it needs none
+    if pattern.record and (kind_of(record) != FILE or read_record(record, "digest") is None):
+        return []
+    removed = remove_left_over(path, pattern.entries)
     for inner, entry in _entries(path, pattern.entries):
-        gone += remove_written(inner, entry)
+        removed += remove_written(inner, entry)
     if any(path.iterdir()):
-        return gone
+        return removed
     path.rmdir()
     return [path]
 
@@ -523,20 +505,16 @@ def remove_written(path: Path, pattern: Entry) -> list[Path]:
 def remove_left_over(folder: Path, patterns: Sequence[Entry]) -> list[Path]:
     """Remove unfinished files of eqt that killed processes left behind; return their paths."""
     files = [entry for entry in patterns if isinstance(entry, FilePattern)]
-    left = list[Path]()
+    removed = list[Path]()
     for path in _listed(folder):
         name = name_to_be(path.name)
         if name and _pattern_of(name, files) and kind_of(path) == FILE:
             path.unlink()
-            left.append(path)
+            removed.append(path)
         entry = _pattern_of(path.name, patterns)
         if isinstance(entry, FolderPattern) and kind_of(path) == FOLDER:
-            left += remove_left_over(path, entry.entries)
-    return left
-
-
-def _has_record(path: Path) -> bool:
-    return kind_of(path) == FILE and read_record(path, "digest") is not None
+            removed += remove_left_over(path, entry.entries)
+    return removed
 
 
 def _entries(folder: Path, patterns: Sequence[Entry]) -> Iterator[tuple[Path, Entry]]:
@@ -581,13 +559,20 @@ def check_targets(paths: Iterable[Path], home: Path) -> None:
             if path.is_dir():
                 example = path / "report.html"
                 raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
-            check_within(home, path)
+            for parent in reversed(path.relative_to(home).parents):
+                if parent != Path():  # `home` itself may be a link
+                    check_kind(home / parent, FOLDER)
+            check_kind(path, FILE)
             if path.exists() and not is_eqts(path):
                 raise EqtError(
                     f"{path}: exists, but eqt did not write it",
                     Remedy("choose another place with {}", "out"),
                 )
-            require_writable(path.parent)
+            existing = next(folder for folder in path.absolute().parents if folder.exists())
+            if not existing.is_dir():
+                raise NotADirectoryError("not a directory")
+            if not os.access(existing, os.W_OK | os.X_OK):
+                raise PermissionError("permission denied")
 
 
 def write_all(contents: Mapping[Path, bytes], home: Path) -> None:
@@ -629,7 +614,7 @@ _MARKS = (
     re.compile(rb"# found by eqt (tune|worst|fit|log)\n"),
     re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
-_PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "
+_PDF_MARK = b"/Creator (eqt "
 
 
 def is_eqts(path: Path) -> bool:
@@ -643,21 +628,16 @@ def is_eqts(path: Path) -> bool:
     if kind_of(path) != FILE:
         return False
     with path.open("rb") as stream:
-        head = stream.read(_HEAD)
-        if head.startswith(_PDF):
-            # In blocks: a mapped file that another process shortens would kill this one.
-            return _holds(stream, head, _PDF_MARK)
-    return any(mark.match(head) for mark in _MARKS)
-
-
-def _holds(stream: BinaryIO, read: bytes, mark: bytes) -> bool:
-    """Whether a mark is in the bytes that were read, or in the rest of the file."""
-    while read:
-        if mark in read:
-            return True
-        more = stream.read(2**20)
-        read = read[-len(mark) :] + more if more else b""
-    return False
+        block = stream.read(_HEAD)
+        if not block.startswith(b"%PDF"):
+            return any(mark.match(block) for mark in _MARKS)
+        # In blocks: a mapped file that another process shortens would kill this one.
+        while _PDF_MARK not in block:
+            more = stream.read(2**20)
+            if not more:
+                return False
+            block = block[-len(_PDF_MARK) :] + more
+    return True
 
 
 # Names in result files ----------------------------------------------------------------------------

@@ -25,10 +25,6 @@ from typing import Any, ClassVar, Generic, TypeVar
 from eqt_cli.base.errors import ComponentError, EqtError, alike, suggestion
 from eqt_cli.base.files import refusals, text_in
 
-# The base class of components, their registries, and the origin of their errors -------------------
-#
-# Components (groups, controllers, figures, …) are found by scanning modules; none is named here.
-
 
 def option_of_field(name: str) -> str:
     """Return the option of a field: `from` for ``from_``, because Python reserves the former."""
@@ -97,10 +93,6 @@ class Registry(Generic[T]):
         return {_name(component): component for component in components}
 
     @cached_property
-    def _core(self) -> dict[str, type[T]]:
-        return {n: each for module in self.modules for n, each in self._in_module(module).items()}
-
-    @cached_property
     def _of_extensions(self) -> dict[str, str]:
         """The modules of the components in extensions, which are imported when they are used."""
         return {
@@ -146,21 +138,26 @@ class Registry(Generic[T]):
                 yield member
 
     def _check_complete(self, component: type[T], where: str = "") -> None:
-        missing = sorted({*getattr(component, "__abstractmethods__", ()), *_unset(component)})
+        missing = set(getattr(component, "__abstractmethods__", ()))
+        for base in component.__mro__:  # class variables that a base declares without a value
+            for name, kind in vars(base).get("__annotations__", {}).items():
+                if "ClassVar" in str(kind) and not hasattr(component, name):
+                    missing.add(name)
         if missing:
             raise ComponentError(
-                f"{where}{self.kind} '{_name(component)}' does not define {', '.join(missing)}; "
-                f"see eqt_cli.extend.{self.base.__name__}"
+                f"{where}{self.kind} '{_name(component)}' does not define "
+                f"{', '.join(sorted(missing))}; see eqt_cli.extend.{self.base.__name__}"
             )
 
-    def _known(self) -> set[str]:
+    @property
+    def _without_plugins(self) -> set[str]:
         """Names of the components of eqt, its extensions, and other distributions."""
-        return {*self._core, *self._of_extensions, *self._installed}
+        return {*map(_name, self.core()), *self._of_extensions, *self._installed}
 
     def names(self) -> list[str]:
         """Return all names, built-in and installed components first, plugins last, each sorted."""
-        known = self._known()
-        return sorted(known) + sorted(set(self._plugins) - known)
+        first = self._without_plugins
+        return sorted(first) + sorted(set(self._plugins) - first)
 
     def get(self, name: str) -> type[T]:
         """Return the component called `name`.
@@ -179,7 +176,7 @@ class Registry(Generic[T]):
 
     def core(self) -> list[type[T]]:
         """Return the components of eqt itself, without extensions and other distributions."""
-        return list(self._core.values())
+        return [kind for module in self.modules for kind in self._in_module(module).values()]
 
     def all(self) -> list[type[T]]:
         """Return every component, in the order of `names`."""
@@ -188,14 +185,14 @@ class Registry(Generic[T]):
     def defined_by(self, texts: Iterable[str]) -> list[str]:
         """Return the names of the components that the texts of plugins define."""
         modules = {_module_name(sha256(text.encode()).hexdigest()) for text in texts}
-        return [name for name, each in self._plugins.items() if each.__module__ in modules]
+        return [name for name, kind in self._plugins.items() if kind.__module__ in modules]
 
     def add_from(self, module: ModuleType, source: str) -> list[str]:
         """Register the components that a plugin module defines, and return their names."""
         added = []
         for component in self._components(module):
             name = _name(component)
-            if same := alike(name, self._known()):
+            if same := alike(name, self._without_plugins):
                 but = f", in other capitals ('{same}')" if same != name else ""
                 raise ComponentError(
                     f"plugin {source}: {self.kind} '{name}' already exists in eqt{but}; "
@@ -206,19 +203,11 @@ class Registry(Generic[T]):
         return added
 
 
-def _unset(component: type) -> Iterator[str]:
-    """Names of class variables that a base declares without a value, and that have none."""
-    for base in component.__mro__:
-        for name, kind in vars(base).get("__annotations__", {}).items():
-            if "ClassVar" in str(kind) and not hasattr(component, name):
-                yield name
-
-
 @lru_cache(maxsize=1)
 def extensions() -> dict[str, Any]:
     """Return the extensions by name; each names its components and commands, without their code."""
     package = importlib.import_module("eqt_cli.extensions")
-    names = sorted(each.name for each in pkgutil.iter_modules(package.__path__))
+    names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
     return {name: importlib.import_module(f"eqt_cli.extensions.{name}") for name in names}
 
 
@@ -256,7 +245,14 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
     with refusals(f"plugin {path}", "read", kind=ComponentError):
         text = text_in(path) if source is None else source
     digest = sha256(text.encode()).hexdigest()
-    module = _loaded_plugins.get(digest) or _executed(path, text, digest)
+    if (module := _loaded_plugins.get(digest)) is None:
+        module = ModuleType(_module_name(digest))
+        module.__file__ = str(path)
+        sys.modules[module.__name__] = module  # dataclasses look their module up there
+        try:
+            exec(compile(text, str(path), "exec"), module.__dict__)
+        except Exception as error:
+            raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
     # Messages quote lines of the text, even where the file is another one or does not exist.
     name = str(module.__file__)
     linecache.cache[name] = len(text), None, text.splitlines(keepends=True), name
@@ -276,17 +272,6 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
 
 def _module_name(digest: str) -> str:
     return f"{_PLUGIN}{digest[:12]}"
-
-
-def _executed(path: Path, text: str, digest: str) -> ModuleType:
-    module = ModuleType(_module_name(digest))
-    module.__file__ = str(path)
-    sys.modules[module.__name__] = module  # dataclasses look their module up there
-    try:
-        exec(compile(text, str(path), "exec"), module.__dict__)
-    except Exception as error:
-        raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
-    return module
 
 
 def is_foreign(module: str) -> bool:
@@ -415,4 +400,4 @@ KINDS = {
 def registry(kind: str) -> Registry[Any]:
     """Return the registry of a kind, by its plural."""
     importlib.import_module(f"eqt_cli.{KINDS[kind]}")
-    return next(each for each in _registries if each.plural == kind)
+    return next(registry for registry in _registries if registry.plural == kind)

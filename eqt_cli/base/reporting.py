@@ -61,7 +61,10 @@ class Reporter:
 
     def remark(self, warning: EqtWarning) -> None:
         """Show a remark, which is no error."""
-        warnings.warn(warning, stacklevel=_frames_of_eqt())
+        frame, level = inspect.currentframe(), 1
+        while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
+            frame, level = frame.f_back, level + 1  # up to the user's line
+        warnings.warn(warning, stacklevel=level)
 
 
 class _Step(Reporter):
@@ -164,14 +167,6 @@ def working_for(words: str) -> Iterator[None]:
         _subject.reset(token)
 
 
-def _frames_of_eqt() -> int:
-    """Return the number of frames of eqt on the stack, so that a warning names the user's line."""
-    frame, count = inspect.currentframe(), 0
-    while frame is not None and frame.f_code.co_filename.startswith(_PACKAGE):
-        frame, count = frame.f_back, count + 1
-    return count
-
-
 # Text tables: blocks of rows under a header, independent of contents and output formats -----------
 
 
@@ -262,8 +257,8 @@ class TextTable:
         keys, others = remaining[: self.keys], remaining[self.keys :]
         room = max(1, most - len(keys))
         pieces = [others[k : k + room] for k in range(0, len(others), room)] or [[]]
-        made = [self.of_columns([*keys, *piece]) for piece in pieces]
-        return [replace(table, notes=[]) for table in made[:-1]] + made[-1:]
+        *first, last = [self.of_columns([*keys, *piece]) for piece in pieces]
+        return [*(replace(table, notes=[]) for table in first), last]
 
     @property
     def rows(self) -> list[list[str]]:
