@@ -579,21 +579,32 @@ EXPECTED = "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}"
 
 
 class Sweep(Design):
-    """Every combination of the points of its blocks.
+    """Every combination of the points of its blocks, or some of these points.
 
     Parameters
     ----------
     blocks
         Designs over different keys.
-    data
-        The section that describes them: a list, or a single block by itself.
+    section
+        What describes them in a configuration: a list, or a single block by itself.
+    points
+        The combinations that count, numbered from 0 in this order; None for all.
     """
 
     name: ClassVar[str]  # not set, because a sweep is the whole section and no kind of block
 
-    def __init__(self, blocks: list[Design], data: Any) -> None:
-        self.blocks, self.data = blocks, data
+    def __init__(
+        self, blocks: list[Design], section: Any, points: Sequence[int] | None = None
+    ) -> None:
+        self.blocks, self.section, self.points = blocks, section, points
         self.keys = tuple(key for block in blocks for key in block.keys)
+
+    @property
+    def data(self) -> Any:
+        """What tells it from other sweeps, as data for JSON."""
+        if self.points is None:
+            return self.section
+        return {"points": list(self.points), "of": self.section}
 
     @cached_property
     def sets(self) -> tuple[str, ...]:
@@ -604,10 +615,6 @@ class Sweep(Design):
     def always(self) -> tuple[str, ...]:
         """The keys that every point changes."""
         return tuple(key for block in self.blocks for key in block.always)
-
-    def only(self, points: Sequence[int]) -> "Sweep":
-        """Return a sweep of some of its points, numbered from 0."""
-        return _Some(self, points)
 
     @classmethod
     def read(cls, section: Any, problems: Problems) -> Self | None:
@@ -621,21 +628,18 @@ class Sweep(Design):
             for key in dict.fromkeys((*block.keys, *block.sets)):
                 if other := next((k for k in seen if overlap(k, key)), None):
                     what = "is swept" if other == key else f"overlaps with {other}, which is swept"
-                    at_key = problems.at(index, *_key_path(block, key))
+                    path = block.first_place(key)
+                    if path[-1] != key:  # the place of its first value
+                        path = path[:-1]
+                    at_key = problems.at(index, block.name, *path)
                     at_key.add(f"{key} {what} by an earlier block; remove one of them")
                     return None
             seen += (*block.keys, *block.sets)
         return None if problems else counted(cls(list(blocks.values()), section), problems)
 
-    @classmethod
-    def part(cls, section: Any, problems: Problems) -> Self | None:
-        """Return a sweep whose section may also be a single block."""
-        if isinstance(section, list):
-            return cls.read(section, problems)
-        block = _block(section, problems)
-        return None if block is None else cls([block], section)
-
     def __len__(self) -> int:
+        if self.points is not None:
+            return len(self.points)
         return prod(len(block) for block in self.blocks)
 
     def values(self, point: int) -> tuple[Any, ...]:
@@ -656,11 +660,12 @@ class Sweep(Design):
         for index, (block, inner) in enumerate(self._split(point)):
             if key in block.keys or key in block.sets:
                 path = (block.name, *block.place(inner, key))
-                return (index, *path) if isinstance(self.data, list) else path
+                return (index, *path) if isinstance(self.section, list) else path
         raise KeyError(key)
 
     def _split(self, point: int) -> list[tuple[Design, int]]:
         """Return every block with its own point."""
+        point = point if self.points is None else self.points[point]
         parts = []
         for block in reversed(self.blocks):
             point, inner = divmod(point, len(block))
@@ -676,23 +681,6 @@ class Sweep(Design):
         return {"anyOf": [BLOCK, {"type": "array", "minItems": 1, "items": BLOCK}]}
 
 
-class _Some(Sweep):
-    """Some points of a sweep."""
-
-    def __init__(self, whole: Sweep, points: Sequence[int]) -> None:
-        super().__init__(whole.blocks, {"points": list(points), "of": whole.data})
-        self._whole, self._points = whole, points
-
-    def __len__(self) -> int:
-        return len(self._points)
-
-    def place(self, point: int, key: str) -> KeyPath:
-        return self._whole.place(self._points[point], key)
-
-    def _split(self, point: int) -> list[tuple[Design, int]]:
-        return super()._split(self._points[point])
-
-
 def _block(entry: Any, problems: Problems) -> Design | None:
     if not isinstance(entry, Mapping) or len(entry) != 1:
         names = ", ".join(designs.names())
@@ -702,12 +690,6 @@ def _block(entry: Any, problems: Problems) -> Design | None:
     with problems.catching(name):
         return designs.get(name).read(section, problems.at(name))
     return None
-
-
-def _key_path(block: Design, key: str) -> KeyPath:
-    """Return the place where a block gives a key its values."""
-    path = block.first_place(key)
-    return (block.name, *(path if path[-1] == key else path[:-1]))
 
 
 # Designs one after the other, over the same keys --------------------------------------------------
@@ -733,8 +715,16 @@ class Concat(Design):
         if not isinstance(section, list) or not section:
             problems.add(f"expected a list of blocks, got {shown(section)}")
             return None
-        parts = [Sweep.part(entry, problems.at(index)) for index, entry in enumerate(section)]
-        design = cls([part for part in parts if part is not None])
+        parts = []
+        for index, entry in enumerate(section):
+            if isinstance(entry, list):
+                part = Sweep.read(entry, problems.at(index))
+            else:
+                block = _block(entry, problems.at(index))
+                part = None if block is None else Sweep([block], entry)
+            if part is not None:
+                parts.append(part)
+        design = cls(parts)
         if not problems:
             design.check(problems)
         return None if problems else counted(design, problems)

@@ -121,7 +121,10 @@ def solver_from(section: dict[str, Any], chosen: bool, problems: Problems) -> So
     """
     name = section.get("engine")
     with problems.catching("engine"):
-        _require_available(name)
+        if not isinstance(name, str):
+            raise InputError(f"expected the name of an engine, got {shown(name)}")
+        if unavailable := engines.get(name).unavailable():
+            raise InputError(unavailable)
     kinds = engines.core()
     if all(kind.name != name for kind in kinds) or set(section) - set(_keys(kinds)):
         kinds = engines.all()
@@ -150,15 +153,6 @@ def _keys(kinds: Iterable[type[Engine]]) -> list[str]:
     """Return the keys of the section, where these are the engines."""
     owners: list[type[Any]] = [SolverChecks, *kinds]
     return ["engine", *dict.fromkeys(key for owner in owners for key in option_names(owner))]
-
-
-def _require_available(name: Any) -> None:
-    """Raise an `InputError` if there is no engine of this name, or it is not available."""
-    if not isinstance(name, str):
-        raise InputError(f"expected the name of an engine, got {shown(name)}")
-    unavailable = engines.get(name).unavailable()
-    if unavailable:
-        raise InputError(unavailable)
 
 
 # A checked experiment: the loops of its laws, the initial states, and the solver ------------------
@@ -481,12 +475,13 @@ def _metrics_of(
     """Return the metrics that are listed, or those of the plugins whose signals a loop has."""
     if listed is None:
         names = metrics.defined_by(plugins.values())
-        made = filter(None, (Kind(metrics).read(n, problems.at("metrics")) for n in names))
-        return [each for each in made if not each.unknown(loops)]
-    names = [each.name for each in listed if each is not None]
+        listed = [Kind(metrics).read(name, problems.at("metrics")) for name in names]
+        return [metric for metric in listed if metric and not metric.unknown(loops)]
+    valid = [metric for metric in listed if metric is not None]
+    names = [metric.name for metric in valid]
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
         problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
-    return [each for each in listed if each is not None]
+    return valid
 
 
 class _Sections:
@@ -542,7 +537,9 @@ class _Sections:
                 continue
             wrong = self.point.refusal(law, G) if self.point and G is not None else ""
             if isinstance(task, str) and law.tasks and task not in law.tasks:
-                wrong = _wrong_task(law, task)
+                fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
+                wrong = f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} "
+                wrong += f"use {fitting}"
             if wrong:
                 here.add(wrong)
                 continue
@@ -634,8 +631,8 @@ class _Sections:
                 )
         if self.problems:
             return desired
-        said: list[Any] = [entry.law.direction for entry in laws.values()]
-        along = next((each for each in said if each), None)
+        directions: list[Any] = [entry.law.direction for entry in laws.values()]
+        along = next(filter(None, directions), None)
         if along is None and pushes is not None:
             along = only_direction(pushes)
         plant = plant._replace(along=along)
@@ -744,14 +741,11 @@ def _sections(
     known = known_keys(Config, ())
     for key in source.data:
         if key not in known:
-            problems.at(key).add(unknown_key(key, known, _elsewhere(key)))
+            # The section's key that is written without its section: gains.kp for kp.
+            sections = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
+            elsewhere = next((f"{name}.{key}" for name in sections), None)
+            problems.at(key).add(unknown_key(key, known, elsewhere))
     return dict.fromkeys(known) | fields_of(Config, source.data, problems, group, source.made)
-
-
-def _elsewhere(key: str) -> str | None:
-    """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
-    sections = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
-    return next((f"{name}.{key}" for name in sections), None)
 
 
 def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
@@ -788,8 +782,3 @@ class _Entry:
         """The section; options that follow the gains stay away, and follow them again."""
         section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
         return {name: value for name, value in section.items() if name not in self.followed}
-
-
-def _wrong_task(law: Controller, task: str) -> str:
-    fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
-    return f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} use {fitting}"

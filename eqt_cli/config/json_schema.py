@@ -4,7 +4,7 @@ It has every registered component.
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, TypeAlias, get_args, get_type_hints
@@ -32,14 +32,17 @@ def scale_of(config: Any, key: str) -> Scale | None:
     *steps, option = parse_key(key)
     kind: Any = Config
     for step in steps:
-        config = _within(config, step)
+        try:
+            config = config[step]
+        except (KeyError, IndexError, TypeError):
+            config = None
         if isinstance(step, str):
             kind = GainsSection if step == "gains" else _hints(kind).get(step)
-        if isinstance(config, dict) and (of := _kind_in(kind)):
+        if isinstance(config, dict) and (part := _kind_in(kind)):
             name = config.get("kind", config.get("engine"))
-            kind = next((each for each in of.registry.all() if each.name == name), None)
+            kind = next((kind for kind in part.registry.all() if kind.name == name), None)
     metadata = getattr(_hints(kind).get(option), "__metadata__", ())
-    return next((each for each in metadata if isinstance(each, Scale)), None)
+    return next((entry for entry in metadata if isinstance(entry, Scale)), None)
 
 
 def _kind_in(hint: Any) -> Kind | None:
@@ -47,13 +50,6 @@ def _kind_in(hint: Any) -> Kind | None:
     if isinstance(hint, Kind):
         return hint
     return next(filter(None, map(_kind_in, get_args(hint))), None)
-
-
-def _within(config: Any, step: str | int) -> Any:
-    try:
-        return config[step]
-    except (KeyError, IndexError, TypeError):
-        return None
 
 
 def _hints(kind: Any) -> dict[Any, Any]:
@@ -173,9 +169,9 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a block of a sweep: a design by name, over keys of the configuration."""
     sections = "|".join(name for name in Config.model_fields if not not_swept(name))
     swept = {
-        each.key: {"description": each.meaning}
-        for each in keys_of(schema)
-        if not not_swept(each.key) and each.key != "ensemble.runs"
+        key.key: {"description": key.meaning}
+        for key in keys_of(schema)
+        if not not_swept(key.key) and key.key != "ensemble.runs"
     }
 
     def axes(axis: dict[str, Any]) -> dict[str, Any]:
@@ -186,10 +182,14 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
             "additionalProperties": False,
         }
 
-    kinds = {
-        design.name: {"description": summary(design), **_design(design, axes, schema["$defs"])}
-        for design in designs.all()
-    }
+    kinds = {}
+    for design in designs.all():
+        text = {"description": summary(design)}
+        options = options_of(design, schema["$defs"])
+        section = {"type": "object", **options, "additionalProperties": False}
+        if design.whole_section:
+            section = options["properties"][design.whole_section] | text
+        kinds[design.name] = text | _around(section, axes)
     return {
         "type": "object",
         "description": "One block; blocks multiply, and the first one changes slowest.",
@@ -198,16 +198,6 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
         "maxProperties": 1,
         "additionalProperties": False,
     }
-
-
-def _design(design: Any, axes: Axes, shared: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of the section of a design."""
-    options = options_of(design, shared)
-    if design.whole_section:
-        option = options["properties"][design.whole_section]
-        return _around(option | {"description": summary(design)}, axes)
-    whole = {"type": "object", **options, "additionalProperties": False}
-    return _around(whole, axes)
 
 
 def _around(schema: Any, axes: Axes) -> Any:
@@ -270,7 +260,15 @@ def keys_of(schema: Schema) -> list[Key]:
             visit(place["items"], f"{prefix}[0]")
 
     visit(schema, "")
-    return [_joined(key, alternatives, schema) for key, alternatives in entries.items()]
+    keys = []
+    for key, alternatives in entries.items():  # which several kinds may have, such as `kind`
+        name = key.rpartition(".")[2]
+        value = value_of({"anyOf": [entry for entry, _ in alternatives]}, schema)
+        defaults = [default_of(name, entry, required) for entry, required in alternatives]
+        texts = dict.fromkeys(described(entry, schema) for entry, _ in alternatives)
+        meaning = " ".join(" ".join(filter(None, texts)).split())
+        keys.append(Key(key, value, " or ".join(dict.fromkeys(defaults)), meaning))
+    return keys
 
 
 def keys_of_component(component: type) -> list[Key]:
@@ -289,29 +287,16 @@ def within(keys: Sequence[Key], requested: str) -> list[Key]:
         If there is no such key.
     """
     plain = re.sub(r"\[\d+\]", "[0]", requested)
-    inside = [
-        each
-        for each in keys
-        if each.key == plain or each.key.startswith((f"{plain}.", f"{plain}["))
-    ]
+    inner = f"{plain}.", f"{plain}["
+    inside = [key for key in keys if key.key == plain or key.key.startswith(inner)]
     if not inside:
-        names = [each.key for each in keys]
+        names = [key.key for key in keys]
         last = [name for name in names if name.rpartition(".")[2] == plain]
         hint = f"; did you mean '{last[0]}'?" if last else suggestion(plain, names)
         top = [name for name in names if not re.search(r"[.\[]", name)]
         known = hint or f"; known are: {', '.join(top)}"
         raise EqtError(f"no key '{requested}' in a configuration{known}")
     return inside
-
-
-def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -> Key:
-    """Return a key that several alternatives may have, such as `kind`."""
-    name = key.rpartition(".")[2]
-    together = {"anyOf": [entry for entry, _ in entries]}
-    meanings = dict.fromkeys(described(entry, schema) for entry, _ in entries)
-    defaults = dict.fromkeys(default_of(name, entry, required) for entry, required in entries)
-    meaning = " ".join(" ".join(filter(None, meanings)).split())
-    return Key(key, value_of(together, schema), " or ".join(defaults), meaning)
 
 
 def dereferenced(entry: Schema, schema: Schema) -> Schema:
@@ -341,30 +326,27 @@ def default_of(key: str, entry: Schema, required: list[str]) -> str:
     if key in required:
         return "required"
     default = entry.get("default")
-    return "optional" if default in (None, {}, []) else f"`{_plain(default)}`"
-
-
-def _plain(value: Any) -> str:
-    return str(yaml.safe_dump(value, default_flow_style=True)).strip().removesuffix("\n...")
+    if default in (None, {}, []):
+        return "optional"
+    text = str(yaml.safe_dump(default, default_flow_style=True)).strip().removesuffix("\n...")
+    return f"`{text}`"
 
 
 def value_of(entry: Schema, schema: Schema) -> str:
     """Return the possible values in words."""
-    words = dict.fromkeys(word for each in choices(entry, schema) for word in _words(each, schema))
+    words: dict[str, None] = {}
+    for choice in choices(entry, schema):
+        if "enum" in choice:
+            words |= dict.fromkeys(f"`{name}`" for name in choice["enum"])
+        else:
+            words[_word(choice, schema)] = None
     words.pop("null", None)
     if "number" in words:
         words.pop("constant", None)
     if set(words) == {"number", "text"}:
-        words = {"expression": None}
+        return "expression"
     names = list(words) or ["name", "mapping"]  # of a kind that plugins alone have
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
-
-
-def _words(option: Schema, schema: Schema) -> Iterator[str]:
-    if "enum" in option:
-        yield from (f"`{word}`" for word in option["enum"])
-    else:
-        yield _word(option, schema)
 
 
 def _word(option: Schema, schema: Schema) -> str:
@@ -373,7 +355,8 @@ def _word(option: Schema, schema: Schema) -> str:
     kind = option.get("type")
     if kind == "array":
         inner = value_of(option.get("items", {}), schema)
-        return _LISTS.get(inner, f"list of {_plural(inner)}")
+        plural = re.sub(r"(name|number|list|mapping|expression)\b", r"\1s", inner)
+        return _LISTS.get(inner, f"list of {plural}")
     if kind == "string" and "constant expression" in option.get("description", ""):
         return "constant"
     words = {"object": "mapping", "integer": "whole number", "boolean": "`true`, `false`"}
@@ -382,7 +365,3 @@ def _word(option: Schema, schema: Schema) -> str:
 
 
 _LISTS = {"number": "list", "list": "matrix", "list of expressions": "matrix of expressions"}
-
-
-def _plural(words: str) -> str:
-    return re.sub(r"(name|number|list|mapping|expression)\b", r"\1s", words)

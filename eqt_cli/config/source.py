@@ -42,26 +42,6 @@ from eqt_cli.engines.engine import engines
 # Describes the parts of a loop, as a signal path and as a sentence --------------------------------
 
 
-def signal_path(config: Mapping[str, Any]) -> str:
-    """Return the signal path of a resolved configuration; "" for the ideal loop.
-
-    ``reference → law → hold 0.1 s → limit → plant (drag) → velocity (noise every 0.2 s) → law``;
-    an estimate, where there is one, stands between sensors and law.
-    """
-    control, actuators, inertia, forces, measured, estimators = _parts(config)
-    stages = ["law"]
-    if control:
-        delay = f", delay {control['delay']}" if control.get("delay") else ""
-        stages.append(f"hold {control['period']:g} s{delay}")
-    inside = ", ".join([*["true inertia"] * inertia, *forces])
-    stages += [*actuators, f"plant ({inside})" if inside else "plant"]
-    if stages == ["law", "plant"] and not measured:
-        return ""
-    inputs = [", ".join(measured)] if measured else []
-    inputs += [f"estimate ({kind})" for kind in estimators]
-    return " → ".join(["reference", *stages, *inputs, "law"])
-
-
 def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     """Return what readers of a result show of its experiment, as `results.origin.Experiment`.
 
@@ -72,23 +52,22 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     departures
         Departures of its vehicle from the theorems.
     """
-    words, rtol = loop_in_words(config), config["solver"].get("rtol")
+    (path, words), rtol = loop_in_words(config), config["solver"].get("rtol")
     rows = [entry["thrusters"] for entry in config.get("actuators") or () if "thrusters" in entry]
-    forces = [
-        each for of in ("model", "plant") for each in (config.get(of) or {}).get("forces") or ()
-    ]
-    ups = [each.get("up") for each in forces if each["kind"] == "restoring"]
+    sections = [config.get(section) or {} for section in ("model", "plant")]
+    forces = [force for section in sections for force in section.get("forces") or ()]
+    ups = [force.get("up") for force in forces if force["kind"] == "restoring"]
     return {
         "down": any(map(_is_down, ups)),
         "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
         "rtol": rtol if isinstance(rtol, float) else None,
         "seed": config["ensemble"]["seed"],
-        "signal_path": signal_path(config),
+        "signal_path": path,
         "loop": words,
         "departures": (departures or words) if words else "",
         "thrusters": [
-            [[*map(float, each[key]), 0.0][:3] for key in ("at", "along")]
-            for each in next(filter(None, rows), ())
+            [[*map(float, thruster[key]), 0.0][:3] for key in ("at", "along")]
+            for thruster in next(filter(None, rows), ())
         ],
     }
 
@@ -100,37 +79,41 @@ def _is_down(up: Any) -> bool:
     return up[-1] == -max(map(abs, up)) < 0
 
 
-def loop_in_words(config: Mapping[str, Any]) -> str:
-    """Describe how a loop departs from the paper's; "" for the ideal loop.
+def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
+    """Describe how a loop departs from the paper's, as a path and as a sentence; else "" each.
 
-    ``Loop: sampled every 0.1 s; actuators: lag; measured pose: noise.``
+    ``reference → law → hold 0.1 s → limit → plant (drag) → velocity (noise every 0.2 s) → law``,
+    where an estimate stands between sensors and law; and
+    ``Loop: sampled every 0.1 s; actuators: limit; forces: drag; measured velocity (…).``
     """
-    control, actuators, inertia, forces, measured, estimators = _parts(config)
-    departures = []
-    if control:
-        late = "".join(f", {words}" for words in _late(control.get("delay")))
-        departures.append(f"sampled every {control['period']:g} s{late}")
-    departures += [f"actuators: {', '.join(actuators)}"] * bool(actuators)
-    departures += ["inertia error"] * inertia
-    departures += [f"forces: {', '.join(forces)}"] * bool(forces)
-    departures += [f"measured {words}" for words in measured]
-    departures += [f"estimate: {kind}" for kind in estimators]
-    return f"Loop: {'; '.join(departures)}." if departures else ""
-
-
-def _parts(
-    config: Mapping[str, Any],
-) -> tuple[Any, list[str], bool, list[str], list[str], list[str]]:
-    """Return clock, actuators, whether the inertia differs, forces, measurements and estimators."""
-    plant, sensors = config.get("plant") or {}, config.get("sensors") or {}
-    return (
-        config.get("control"),
-        _kinds(config.get("actuators")),
-        plant.get("inertia") is not None,
-        _kinds(plant.get("forces")),
-        [f"{name} ({_measured(sensors[name])})" for name in sensors if sensors[name]],
-        _kinds([config.get("estimator")]),
-    )
+    stages, departures = ["reference", "law"], list[str]()
+    if control := config.get("control"):
+        stages.append(f"hold {control['period']:g} s")
+        departures.append(f"sampled every {control['period']:g} s")
+        if delay := control.get("delay"):
+            stages[-1] += f", delay {delay}"
+            departures[-1] += f", {_late(delay)}"
+    if actuators := _kinds(config.get("actuators")):
+        stages += actuators
+        departures.append(f"actuators: {', '.join(actuators)}")
+    plant = config.get("plant") or {}
+    inside = forces = _kinds(plant.get("forces"))
+    if plant.get("inertia") is not None:
+        inside = ["true inertia", *forces]
+        departures.append("inertia error")
+    if forces:
+        departures.append(f"forces: {', '.join(forces)}")
+    stages.append(f"plant ({', '.join(inside)})" if inside else "plant")
+    sensors = (config.get("sensors") or {}).items()
+    if measured := [f"{name} ({_measured(entries)})" for name, entries in sensors if entries]:
+        stages.append(", ".join(measured))
+        departures += [f"measured {words}" for words in measured]
+    for kind in _kinds([config.get("estimator")]):
+        stages.append(f"estimate ({kind})")
+        departures.append(f"estimate: {kind}")
+    if not departures:
+        return "", ""
+    return " → ".join([*stages, "law"]), f"Loop: {'; '.join(departures)}."
 
 
 def _measured(entries: Any) -> str:
@@ -146,21 +129,21 @@ def _measured(entries: Any) -> str:
         options: dict[str, Any] = {}
         for entry in sensors:
             options |= {} if isinstance(entry, str) else entry
-        lost = options.get("dropout") or 0
-        when = [f"every {options['period']:g} s"] if options.get("period") else []
-        when += _late(options.get("delay"))
-        when += [f"{100 * lost:g} % lost"] if lost else []
+        when = []
+        if period := options.get("period"):
+            when.append(f"every {period:g} s")
+        if delay := options.get("delay"):
+            when.append(_late(delay))
+        if lost := options.get("dropout"):
+            when.append(f"{100 * lost:g} % lost")
         text = " ".join(filter(None, [", ".join(_kinds(sensors)), ", ".join(when)]))
-        descriptions.append(f"{part}: " * bool(part) + text)
+        descriptions.append(f"{part}: {text}" if part else text)
     return "; ".join(descriptions)
 
 
-def _late(delay: int | str | None) -> list[str]:
-    """Describe a delay of whole periods, or of a time; nothing without one."""
-    if not delay:
-        return []
-    time = delay if isinstance(delay, str) else f"{delay} period{'s' * (delay > 1)}"
-    return [f"{time} late"]
+def _late(delay: int | str) -> str:
+    """Describe a delay of whole periods, or of a time."""
+    return f"{delay} late" if isinstance(delay, str) else f"{delay} period{'s' * (delay > 1)} late"
 
 
 def _kinds(entries: Any) -> list[str]:
@@ -333,7 +316,9 @@ def source_of(results: ResultFile) -> ConfigSource:
     """Return the configuration inside an open result, with the plugins of its run."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
-    files = _json(str(results.attributes.get("files", "{}")))
+    files: Any = None
+    with suppress(ValueError, RecursionError):
+        files = json.loads(str(results.attributes.get("files", "{}")))
     for name, texts in (("plugins", plugins), ("files", files)):
         if not isinstance(texts, dict) or not all(isinstance(t, str) for t in texts.values()):
             raise results.refusal(f"its attribute '{name}' does not hold texts by their names")
@@ -346,13 +331,6 @@ def source_of(results: ResultFile) -> ConfigSource:
         files=files,
         holds_files=True,
     )
-
-
-def _json(text: str) -> Any:
-    """Return the data of a text in JSON; None if it is invalid."""
-    with suppress(ValueError, RecursionError):
-        return json.loads(text)
-    return None
 
 
 def _apply(config: ConfigSource, override: str, place: str) -> None:
@@ -552,8 +530,15 @@ def data_file(source: ConfigSource, name: str, reader: str = "") -> str:
             if source.of_folder and not path.resolve().is_relative_to(source.folder.resolve()):
                 raise InputError(f"{path}: is outside the result folder {source.folder}")
             is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
-        read = _starts_of if is_result else _text_of_file
-        source.files[name] = (of_extension(reader) if reader else read)(path)
+        if reader:
+            text = of_extension(reader)(path)
+        elif is_result:
+            text = _starts_of(path)
+        else:
+            relative = "paths are relative to the configuration's folder"
+            smaller = "keep the rows and columns that the configuration needs"
+            text = recording_text(path, relative, InputError, DATA_BYTES, smaller)
+        source.files[name] = text
     return source.files[name]
 
 
@@ -564,12 +549,6 @@ def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dic
         with problems.catching(option):
             texts[name] = data_file(source, name, part.reader)
     return part.with_files(texts), texts
-
-
-def _text_of_file(path: Path) -> str:
-    relative = "paths are relative to the configuration's folder"
-    smaller = "keep the rows and columns that the configuration needs"
-    return recording_text(path, relative, InputError, DATA_BYTES, smaller)
 
 
 def _starts_of(path: Path) -> str:

@@ -173,10 +173,10 @@ class Study:
 
     def experiment(self, point: int) -> Experiment:
         """Return the experiment at a point."""
-        return self._cached(point) if self.sweep else self.base
+        return self._built(point) if self.sweep else self.base
 
     @cached_property
-    def _cached(self) -> Any:
+    def _built(self) -> Callable[[int], Experiment]:
         return lru_cache(maxsize=CACHED_POINTS)(
             lambda point: build(at_point(self.source, self.sweep, point), trust_plugins=True)
         )
@@ -274,20 +274,20 @@ class Study:
 
     def piece(self, index: int) -> Study:
         """Return the points of one shape as a study; the study itself if all are equal."""
-        return self._piece(index) if self.is_ragged else self
+        if self.sweep is None or not self.is_ragged:
+            return self
+        if index not in self._cut:
+            store = {"store": self.resolved["store"]}  # all pieces store the same
+            source = replace(self.source, data=self.source.data | store)
+            sweep = Sweep(self.sweep.blocks, self.sweep.section, self.shapes[index])
+            base = build(at_point(source, sweep, 0), trust_plugins=True)
+            plans = self.planned and Plans(self.planned.plans[index : index + 1])
+            self._cut[index] = Study(sweep, base, source, plans, self)
+        return self._cut[index]
 
     @cached_property
-    def _piece(self) -> Callable[[int], Study]:
-        return lru_cache(maxsize=None)(self._cut)
-
-    def _cut(self, index: int) -> Study:
-        assert self.sweep is not None
-        store = {"store": self.resolved["store"]}  # all pieces store the same
-        source = replace(self.source, data=self.source.data | store)
-        sweep = self.sweep.only(self.shapes[index])
-        base = build(at_point(source, sweep, 0), trust_plugins=True)
-        plans = self.planned and Plans(self.planned.plans[index : index + 1])
-        return Study(sweep, base, source, plans, self)
+    def _cut(self) -> dict[int, Study]:
+        return {}
 
     @cached_property
     def plans(self) -> Plans:
@@ -399,7 +399,9 @@ def law_names(study: Study) -> Array | None:
         for key in filter(values.__contains__, keys):
             data = with_value(data, parse_key(key), values[key])
         for index, entry in enumerate(data["controllers"]):
-            law = _law(entry)
+            if isinstance(entry, dict):
+                entry = {key: value for key, value in entry.items() if key not in OF_EVERY_LAW}
+            law: Controller = Kind(controllers).read(entry, Problems())
             identity = _identity(law)
             if identity not in known:
                 # Without memory: at random states, one with memory is compared at none.
@@ -432,15 +434,6 @@ class _Torques:
     def _of(self, law: Controller) -> Array:
         loop = replace(self.loop, controller=law)
         return law.torque(loop.tracking(0.0, loop.initial_state(*self.start)))
-
-
-def _law(entry: Any) -> Controller:
-    """Build the law of a valid entry of the configuration."""
-    if isinstance(entry, dict):
-        entry = {key: value for key, value in entry.items() if key not in OF_EVERY_LAW}
-    law: Controller | None = Kind(controllers).read(entry, Problems())
-    assert law is not None
-    return law
 
 
 def _identity(law: Controller) -> Hashable:
@@ -528,7 +521,13 @@ def study(
     free, common = common, common.by_engine(base.engine.name) if base.source.chosen else common
     plugins = base.source.stored_plugins  # other processes execute the same sources
     checked = Study(sweep, base, replace(common, stored_plugins=plugins))
-    _check_common(checked)
+    try:
+        checked.resolved  # noqa: B018  # builds and caches it
+    except ConfigError as error:
+        where = "without what only some of the cases change"
+        raise ConfigError(
+            replace(problem, message=f"{where}: {problem.message}") for problem in error.problems
+        ) from None
     if checked.is_ragged and len(checked) > MOST_GROUPS:
         raise EqtError(
             f"{source.place(('sweep',))}: {len(checked):,} points that differ in group, times or "
@@ -549,22 +548,6 @@ def _kinds(sweep: Sweep) -> list[int]:
     texts = [json.dumps(sweep.settings(point)) for point in range(len(sweep))]
     kinds = [json.dumps(json.loads(text, parse_float=bool, parse_int=bool)) for text in texts]
     return sorted(map(kinds.index, set(kinds)))[1:]
-
-
-def _check_common(checked: Study) -> None:
-    """Check the configuration without the settings that only some points change.
-
-    Raises
-    ------
-    ConfigError
-        With all problems.
-    """
-    try:
-        checked.resolved  # noqa: B018  # builds and caches it
-    except ConfigError as error:
-        where = "without what only some of the cases change"
-        problems = [replace(each, message=f"{where}: {each.message}") for each in error.problems]
-        raise ConfigError(problems) from None
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:
@@ -593,7 +576,7 @@ def require_sweepable(key: str) -> None:
 def _check_points(checked: Study, points: Sequence[int]) -> None:
     """Build points; a value that is wrong at many points is reported once."""
     problems: dict[InputProblem, None] = {}
-    first_of = {each: alike[0] for alike in checked.shapes[1:] for each in alike}
+    first_of = {point: alike[0] for alike in checked.shapes[1:] for point in alike}
     for point in points:
         reporter().advance(len(checked) / len(points))
         try:
@@ -603,10 +586,7 @@ def _check_points(checked: Study, points: Sequence[int]) -> None:
             if len(problems) >= MOST_PROBLEMS:
                 break
             continue
-        wrong = _unlike(experiment, checked.base) or _unlike_states(
-            checked, point, first_of.get(point, 0)
-        )
-        if wrong:
+        if wrong := _unlike(checked, experiment, first_of.get(point, 0)):
             place = checked.source.place(("sweep",))
             problems[InputProblem("sweep", f"point {point}: {wrong}", place)] = None
             break
@@ -614,27 +594,27 @@ def _check_points(checked: Study, points: Sequence[int]) -> None:
         raise ConfigError(problems)
 
 
-def _unlike(experiment: Experiment, base: Experiment) -> str | None:
-    """Return the reason why the results of two points do not fit into one array, or None."""
+def _unlike(checked: Study, experiment: Experiment, first: int) -> str | None:
+    """Return why the results of a point do not fit to those of the others, or None.
+
+    Parameters
+    ----------
+    first
+        The first point of its shape, with which it is solved.
+    """
+    base = checked.base
     if list(experiment.loops) != list(base.loops):
-        labels, first = (", ".join(one.loops) for one in (experiment, base))
         return (
-            f"the controllers are {labels}, but {first} at point 0; "
-            "give each a `label` that is the same at all points"
+            f"the controllers are {', '.join(experiment.loops)}, but {', '.join(base.loops)} at "
+            "point 0; give each a `label` that is the same at all points"
         )
     if experiment.source.chosen != base.source.chosen:
         return "solver.engine is given there or at point 0 only; give it at both"
     runs, base_runs = experiment.config.ensemble.runs, base.config.ensemble.runs
     if runs != base_runs:
         return f"ensemble.runs is {runs}, but {base_runs} at point 0; {RUNS}"
-    return None
-
-
-def _unlike_states(checked: Study, point: int, first: int) -> str | None:
-    """Return the reason why a point cannot be solved with the first one of its shape, or None."""
-    loops = checked.experiment(point).loops
     for label, loop in checked.experiment(first).loops.items():
-        length, expected = loops[label].state_length, loop.state_length
+        length, expected = experiment.loops[label].state_length, loop.state_length
         if length != expected:
             return (
                 f"the loop of controller '{label}' has {length} states, but {expected} at point "

@@ -10,7 +10,6 @@ from small_experiment import configuration
 
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.files import read_record, write_record
-from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import add_grids, study
 from eqt_cli.engines import compiler
@@ -254,8 +253,3 @@ def test_a_broken_record_of_a_folder_names_no_engine(eqt):
         record = read_record(Path("out/manifest.json"), "digest")
         write_record(Path("out/manifest.json"), record | {"config": wrong})
         assert eqt("run", "c.yaml", "--out", "out", "--quiet").code == 0
-
-
-def test_an_experiment_is_built_with_its_engine_written_down(experiment):
-    made = experiment("solver.engine=auto")
-    assert build(made.source).digest == made.digest

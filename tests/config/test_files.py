@@ -148,17 +148,3 @@ def test_angles_of_many_turns_that_are_written_as_numbers_are_told(config):
         "meant",
         "initial.pose.low: rotation of -30 rad is 4.8 turns; write '-30 deg' if degrees were meant",
     ]
-
-
-@pytest.mark.parametrize(
-    ("kind", "key", "written", "expected"),
-    [
-        ("fixed", "coordinates", "[30 deg, 0, 0]", [np.pi / 6, 0, 0]),
-        ("exp_normal", "centre", "[0, 30 deg, 0]", [0, np.pi / 6, 0]),
-        ("exp_normal", "std", "30 deg", np.pi / 6),
-    ],
-)
-def test_coordinates_of_starts_may_be_in_degrees(config, kind, key, written, expected):
-    asked = [f"initial={{pose: {{kind: {kind}, {key}: {written}}}}}"]
-    found = build(read_config(config, asked))
-    assert getattr(found.poses, key) == pytest.approx(expected, rel=1e-15)

@@ -298,19 +298,12 @@ def test_a_class_variable_that_a_base_only_declares(message, folder):
     )
 
 
-def test_the_name_of_one_of_eqts_own(message, law):
-    law.write_text(LAW.replace('"push"', '"eqt"'), encoding="utf-8")
+@pytest.mark.parametrize(("name", "said"), [("eqt", ""), ("EqT", ", in other capitals ('eqt')")])
+def test_the_name_of_one_of_eqts_own(message, law, name, said):
+    law.write_text(LAW.replace('"push"', f'"{name}"'), encoding="utf-8")
     assert message(**PUSH) == (
-        "c.yaml:10:11: plugins[0]: plugin law.py: controller 'eqt' already exists in eqt; "
-        "give yours another name"
-    )
-
-
-def test_the_name_of_one_of_eqts_own_in_other_capitals(message, law):
-    law.write_text(LAW.replace('"push"', '"EqT"'), encoding="utf-8")
-    assert message(**PUSH) == (
-        "c.yaml:10:11: plugins[0]: plugin law.py: controller 'EqT' already exists in eqt, in other "
-        "capitals ('eqt'); give yours another name"
+        f"c.yaml:10:11: plugins[0]: plugin law.py: controller '{name}' already exists in eqt{said}"
+        "; give yours another name"
     )
 
 

@@ -120,12 +120,6 @@ def test_rotation_and_translation_have_norms_of_their_own(run):
         assert mixed["settling_time"] == (RUN, "s")
         sizes = {"controller": 2, "run": 3, "time": 11, "row": 4, "col": 4, "axis": 6}
         assert dict(found.dimensions) == sizes
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
-    with xarray.open_dataset("out/results.h5", engine="h5netcdf") as ds:
-        assert ds.pose_error.units == "mixed"
-        assert ds.pose_error_translation.units == "m"
-        assert ds.sel(axis="vz").torque.dims == TIME
 
 
 def test_xarray_opens_it_with_labels_units_and_long_names(default_result):
@@ -178,17 +172,6 @@ def test_the_energy_balance_holds(whole):
 
 
 # What is kept -----------------------------------------------------------------------------------
-
-
-@pytest.mark.ci("computes the experiment again; some samples of some runs are kept in a fast test")
-@pytest.mark.parametrize(
-    ("override", "kept"), [("store.trajectories=none", ()), ("store.trajectories=99", TIME)]
-)
-def test_metrics_are_those_of_everything(results, whole, override, kept):
-    part = results(override, out="part")
-    assert [name for name in part.names if name in TRAJECTORIES] == (TRAJECTORIES if kept else [])
-    for name in [*METRICS, "initial_pose", "initial_velocity"]:
-        np.testing.assert_array_equal(part[name], whole[name], err_msg=name)
 
 
 def test_some_samples_of_some_runs_are_kept_and_compressed(results, whole):

@@ -5,10 +5,9 @@ import pytest
 from case_tables import from_yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import TypeAdapter
 
 from eqt_cli.base.errors import Problems
-from eqt_cli.config.designs import Choices, DrawnRange, Spaced, Sweep
+from eqt_cli.config.designs import Choices, DrawnRange, Sweep
 
 
 def sweep(*blocks):
@@ -98,7 +97,8 @@ def test_cases_change_what_they_name_and_multiply_like_any_block():
 
 
 def test_some_points_of_a_sweep_are_a_sweep():
-    found = sweep({"cases": {"ideal": {}, "late": {"b": 2}}}, {"grid": {"a": [1, 2]}}).only([3, 0])
+    whole = sweep({"cases": {"ideal": {}, "late": {"b": 2}}}, {"grid": {"a": [1, 2]}})
+    found = Sweep(whole.blocks, whole.section, [3, 0])
     assert points(found) == [{"case": "late", "a": 2}, {"case": "ideal", "a": 1}]
     assert found.place(0, "a") == (1, "grid", "a", 1)
 
@@ -188,12 +188,6 @@ def test_what_is_just_right_is_accepted(block):
     assert len(sweep(block)) > 0
 
 
-@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
-def test_a_seed_is_0_unless_told(kind):
-    options = {"points": 4, "axes": {"a": {"low": 0, "high": 1}}}
-    assert points(sweep({kind: options})) == points(sweep({kind: {**options, "seed": 0}}))
-
-
 @pytest.mark.parametrize("scale", ["linear", "log"])
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.6, 1.0])
 def test_a_drawn_value_knows_how_far_along_its_way_it_is(scale, share):
@@ -213,22 +207,3 @@ def test_a_whole_number_is_in_the_middle_of_its_part(value):
 )
 def test_choices_have_equal_parts_of_the_way_and_the_end_belongs_to_the_last(share, value):
     assert Choices(["p", "q", "r"]).at(share) == value
-
-
-@pytest.mark.parametrize("axis", [Spaced, DrawnRange])
-def test_an_editor_is_told_that_a_logarithm_takes_positive_numbers(axis):
-    [narrower, *_] = TypeAdapter(axis).json_schema()["allOf"]
-    assert narrower["if"] == {"properties": {"scale": {"const": "log"}}, "required": ["scale"]}
-    kinds = narrower["then"]["properties"]["low"]["anyOf"]
-    assert {"type": "number", "exclusiveMinimum": 0} in kinds
-    options = {"points": 3} if axis is Spaced else {}
-    for low, problems in ((0.0, Problems()), (1e-3, Problems())):
-        axis(low=low, high=1.0, scale="log", **options).check(problems)
-        assert bool(problems) == (low == 0.0)
-
-
-def test_an_editor_is_told_that_whole_numbers_have_whole_bounds():
-    [_, narrower] = TypeAdapter(DrawnRange).json_schema()["allOf"]
-    assert narrower["if"] == {"properties": {"integer": {"const": True}}, "required": ["integer"]}
-    whole = {"type": ["integer", "string"]}  # a text is an expression
-    assert narrower["then"] == {"properties": {"low": whole, "high": whole}}

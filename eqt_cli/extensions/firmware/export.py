@@ -413,7 +413,7 @@ def readme(laws: Sequence[ExportedLaw]) -> str:
         laws=laws,
         first=laws[0].name,
         real=laws[0].by.name,
-        loop=loop_in_words(experiment.resolved),
+        loop=loop_in_words(experiment.resolved)[1],
         # Labels that are no names in C.
         spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
         claim=_claim,
