@@ -505,7 +505,14 @@ class _Sections:
         self.source, self.trusted, self.problems = source, trusted, problems
         here, name = problems.at("group"), source.data.get("group")
         self.group = source.made("built group", here, partial(_group, source.data, here), name)
-        self.sections = _sections(source, self.group, problems)
+        known = known_keys(Config, ())
+        for key in [key for key in source.data if key not in known]:
+            # The section's key that is written without its section: gains.kp for kp.
+            owners = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
+            elsewhere = next((f"{name}.{key}" for name in owners), None)
+            problems.at(key).add(unknown_key(key, known, elsewhere))
+        valid = fields_of(Config, source.data, problems, self.group, source.made)
+        self.sections: dict[str, Any] = dict.fromkeys(known) | valid
         task, threshold = self.sections["task"], self.sections["settling_threshold"]
         self.point = task if isinstance(task, schema.PointSection) else None
         if self.point and isinstance(threshold, float):  # of the axis, as of a rotation
@@ -732,20 +739,6 @@ def _reads_gains(entry: Any) -> bool:
     reads: Any = kind.reads_gains
     # Code reads those of the law that it claims to be, if it claims any.
     return _reads_gains(options.get("as")) if isinstance(reads, property) else bool(reads)
-
-
-def _sections(
-    source: ConfigSource, group: MatrixLieGroup | None, problems: Problems
-) -> dict[str, Any]:
-    """The validated sections by name; None for those that are missing or broken."""
-    known = known_keys(Config, ())
-    for key in source.data:
-        if key not in known:
-            # The section's key that is written without its section: gains.kp for kp.
-            sections = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
-            elsewhere = next((f"{name}.{key}" for name in sections), None)
-            problems.at(key).add(unknown_key(key, known, elsewhere))
-    return dict.fromkeys(known) | fields_of(Config, source.data, problems, group, source.made)
 
 
 def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:

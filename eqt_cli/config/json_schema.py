@@ -142,27 +142,23 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
     for engine in engines.all():
         for name, option in options_of(engine, shared)["properties"].items():
             by_key.setdefault(name, {})[engine.name] = option
-    properties |= {name: _of_engines(options) for name, options in by_key.items()}
+    for name, options in by_key.items():
+        key = dict(next(iter(options.values())))
+        differs = len({str(option.get("default")) for option in options.values()}) > 1
+        if differs:
+            del key["default"]
+        texts = []
+        for engine_name, option in options.items():
+            texts.append(f"{engine_name}: {option.get('description', '')}")
+            if differs and "default" in option:
+                texts.append(f"Default: {option['default']}.")
+        properties[name] = key | {"description": " ".join(texts)}
     return {
         "type": "object",
         "description": section["description"],
         "properties": properties,
         "additionalProperties": False,
     }
-
-
-def _of_engines(options: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Return a key of some engines, with its meaning and its default for each of them."""
-    key = dict(next(iter(options.values())))
-    differing = len({str(option.get("default")) for option in options.values()}) > 1
-    if differing:
-        del key["default"]
-    texts = [
-        f"{engine}: {option.get('description', '')}"
-        + (f" Default: {option['default']}." if differing and "default" in option else "")
-        for engine, option in options.items()
-    ]
-    return key | {"description": " ".join(texts)}
 
 
 def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:

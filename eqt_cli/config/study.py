@@ -385,14 +385,15 @@ def law_names(study: Study) -> Array | None:
     keys = [key for key in sweep.sets if section_of(key) == "controllers"] if sweep else []
     if sweep is None or not keys:
         return None
-    known: dict[Hashable, str] = {}
-    for kind in controllers.all():
-        if not option_names(kind):
-            known.setdefault(_identity(kind()), kind.name)
-    G, laws = study.base.group, [loop.controller for loop in study.base.loops.values()]
-    comparable = all(law.gains_group(G) is G for law in laws) and len(keys) == len(sweep.sets)
-    alike = _Torques(study) if comparable else None
-    names = np.full((len(study), len(study.base.loops)), "", dtype=object)
+    base, G = study.base, study.base.group
+    laws = [kind() for kind in controllers.all() if not option_names(kind)]
+    known = {_identity(law): law.name for law in reversed(laws)}
+    torques: dict[str, Array] = {}
+    swept = [loop.controller for loop in base.loops.values()]
+    if len(keys) == len(sweep.sets) and all(law.gains_group(G) is G for law in swept):
+        fitting = (law for law in laws if base.config.task in law.tasks and law.fits(G))
+        torques = {law.name: _torque(law, base) for law in fitting}
+    names = np.full((len(study), len(base.loops)), "", dtype=object)
     for point in range(len(study)):
         values = sweep.settings(point)
         data: Any = {"controllers": study.source.data["controllers"]}
@@ -404,36 +405,28 @@ def law_names(study: Study) -> Array | None:
             law: Controller = Kind(controllers).read(entry, Problems())
             identity = _identity(law)
             if identity not in known:
-                # Without memory: at random states, one with memory is compared at none.
-                formula = law.code is None and type(law).memory is Controller.memory
-                known[identity] = alike.name(law) if alike and formula else ""
+                known[identity] = _law_of_torque(law, base, torques)
             names[point, index] = known[identity]
     return names
 
 
-class _Torques:
-    """The torques of the registered laws without options at some states of an experiment."""
+def _law_of_torque(law: Controller, base: Experiment, torques: Mapping[str, Array]) -> str:
+    """Return the first of some laws with the same torque, up to rounding; "" if there is none."""
+    # Without memory: at random states, one with memory is compared at none.
+    if not torques or law.code is not None or type(law).memory is not Controller.memory:
+        return ""
+    torque = _torque(law, base)
+    bound = ROUNDING * np.abs(torque).max()
+    equal = (name for name, other in torques.items() if np.abs(other - torque).max() <= bound)
+    return next(equal, "")
 
-    def __init__(self, study: Study) -> None:
-        base, random = study.base, np.random.default_rng(0)
-        loop, G = base.loop, base.group
-        Q, Qd = G.exp(random.standard_normal((2, STATES, G.dimension)))
-        V, Vd = random.standard_normal((2, STATES, G.dimension))
-        self.loop, self.start = loop, (Q, V, Qd, Vd)
-        fitting = (kind for kind in controllers.all() if base.config.task in kind.tasks)
-        laws = [kind() for kind in fitting if not option_names(kind)]
-        self.known = [(law.name, self._of(law)) for law in laws if law.fits(G)]
 
-    def name(self, law: Controller) -> str:
-        """Return the first law with the same torques, up to rounding; "" if there is none."""
-        expected = self._of(law)
-        bound = ROUNDING * np.abs(expected).max()
-        equal = (name for name, torque in self.known if np.abs(torque - expected).max() <= bound)
-        return next(equal, "")
-
-    def _of(self, law: Controller) -> Array:
-        loop = replace(self.loop, controller=law)
-        return law.torque(loop.tracking(0.0, loop.initial_state(*self.start)))
+def _torque(law: Controller, base: Experiment) -> Array:
+    """Return the torque of a law at some random states of an experiment."""
+    G, loop, random = base.group, replace(base.loop, controller=law), np.random.default_rng(0)
+    Q, Qd = G.exp(random.standard_normal((2, STATES, G.dimension)))
+    V, Vd = random.standard_normal((2, STATES, G.dimension))
+    return law.torque(loop.tracking(0.0, loop.initial_state(Q, V, Qd, Vd)))
 
 
 def _identity(law: Controller) -> Hashable:
@@ -535,19 +528,17 @@ def study(
         )
     with step("points checked", len(checked)):
         _check_points(checked, spread(len(checked), most_checked))
-    for point in _kinds(sweep) if base.source.chosen and not base.engine.calls_laws else ():
+    if not base.source.chosen or base.engine.calls_laws:
+        return checked
+    # Another setting of the keys, but for numbers, may need another engine than that of point 0.
+    texts = [json.dumps(sweep.settings(point)) for point in range(len(sweep))]
+    kinds = [json.dumps(json.loads(text, parse_float=bool, parse_int=bool)) for text in texts]
+    for point in sorted(map(kinds.index, set(kinds)))[1:]:
         engine = build(at_point(free, sweep, point), trust_plugins=trust_plugins).engine.name
         if engine != base.engine.name:
             source = source.by_engine(engine)
             return study(source, trust_plugins=trust_plugins, most_checked=most_checked)
     return checked
-
-
-def _kinds(sweep: Sweep) -> list[int]:
-    """Return a point for each setting of swept keys but for numbers; without that of point 0."""
-    texts = [json.dumps(sweep.settings(point)) for point in range(len(sweep))]
-    kinds = [json.dumps(json.loads(text, parse_float=bool, parse_int=bool)) for text in texts]
-    return sorted(map(kinds.index, set(kinds)))[1:]
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:
