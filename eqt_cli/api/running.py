@@ -17,7 +17,7 @@ from eqt_cli.api.loading import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
 from eqt_cli.config.remarks import remark_on
-from eqt_cli.config.source import config_in
+from eqt_cli.config.source import read_config
 from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors
 from eqt_cli.runs.folder import CONFIG, ResultFolder
@@ -157,7 +157,9 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     0
     """
     ResultFolder(Path(folder)).check()
-    experiment = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
+    source = read_config(Path(folder, CONFIG))
+    source.of_folder = True
+    experiment = study(source, trust_plugins=trust_plugins)
     done = pack_folder(experiment, Path(folder))
     return StoredResult(done.folder.path, outcome=done)
 

@@ -311,17 +311,14 @@ class InNotebook(ABC):
     def _repr_html_(self) -> str:
         rows = self.records()
         names = list(dict.fromkeys(name for row in rows for name in row))
-        cells = [[row.get(name, "") for name in names] for row in rows[:MOST_LINES]]
-        table = "".join(
-            f"<tr>{''.join(f'<{tag}>{escape(_cell(cell))}</{tag}>' for cell in line)}</tr>"
-            for tag, line in [("th", names), *(("td", line) for line in cells)]
-        )
+        lines = ["".join(f"<th>{escape(str(name))}</th>" for name in names)]
+        for row in rows[:MOST_LINES]:
+            values = [row.get(name, "") for name in names]
+            cells = [brief(value) if isinstance(value, float) else str(value) for value in values]
+            lines.append("".join(f"<td>{escape(cell)}</td>" for cell in cells))
+        table = "".join(f"<tr>{line}</tr>" for line in lines)
         more = f"<p>… {len(rows) - MOST_LINES} more rows</p>" * (len(rows) > MOST_LINES)
         return f"<pre>{escape(repr(self))}</pre><table>{table}</table>{more}"
-
-
-def _cell(value: Any) -> str:
-    return brief(value) if isinstance(value, float) else str(value)
 
 
 def count_of(number: int, noun: str) -> str:

@@ -6,6 +6,7 @@ eqt_cli.api` (0.38 s), for a dozen units.
 
 import re
 from functools import lru_cache
+from math import prod
 from typing import TypeAlias
 
 Dimension: TypeAlias = tuple[int, int, int, int, int]
@@ -83,24 +84,16 @@ def size_of(unit: str) -> tuple[float, Dimension] | None:
     text = " ".join(unit.replace("**", "^").translate(_ALIKE).split())
     if not re.fullmatch(_UNIT, text):
         return None
-    bracket = re.match(r"\((.*)\)(?:\^(-?\d))?", text)
-    size, dimension = 1.0, (0, 0, 0, 0, 0)
-    if bracket:
-        inner, power = size_of(bracket[1]), int(bracket[2] or 1)
+    factors: list[tuple[float, Dimension, int]] = []
+    if bracket := re.match(r"\((.*)\)(?:\^(-?\d))?", text):
+        inner = size_of(bracket[1])
         assert inner is not None  # it is a product of known symbols
-        size, dimension = _times(size, dimension, inner, power)
+        factors.append((*inner, int(bracket[2] or 1)))
         text = text[bracket.end() :]
     for slash, symbol, exponent in re.findall(rf"(/?) *({_SYMBOL})(?![A-Za-z])(?:\^(-?\d))?", text):
-        power = int(exponent or 1) * (-1 if slash else 1)
-        size, dimension = _times(size, dimension, _SYMBOLS[symbol], power)
-    return size, dimension
-
-
-def _times(
-    size: float, dimension: Dimension, other: tuple[float, Dimension], power: int
-) -> tuple[float, Dimension]:
-    a, b, c, d, e = (x + power * y for x, y in zip(dimension, other[1], strict=True))
-    return size * other[0] ** power, (a, b, c, d, e)
+        factors.append((*_SYMBOLS[symbol], int(exponent or 1) * (-1 if slash else 1)))
+    a, b, c, d, e = (sum(power * base[k] for _, base, power in factors) for k in range(5))
+    return prod(size**power for size, _, power in factors), (a, b, c, d, e)
 
 
 def split(text: str) -> tuple[str, str] | None:

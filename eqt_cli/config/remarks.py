@@ -53,8 +53,8 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
 
 def remark_on(experiment: Experiment) -> None:
     """Tell the reporter the remarks on an experiment of which runs or loops are computed."""
-    for known in remarks(experiment):
-        reporter().remark(known)
+    for remark in remarks(experiment):
+        reporter().remark(remark)
 
 
 Placed = Iterator[tuple[KeyPath, str]]

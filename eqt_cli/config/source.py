@@ -270,13 +270,6 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
     return config
 
 
-def config_in(folder: Path, name: str) -> ConfigSource:
-    """Return the configuration in a result folder with parts; raises as `read_config` does."""
-    source = read_config(folder / name)
-    source.of_folder = True
-    return source
-
-
 def overridden(config: ConfigSource, overrides: Sequence[str] | Mapping[str, str]) -> ConfigSource:
     """Apply overrides as in `read_config`, and return the configuration itself.
 
