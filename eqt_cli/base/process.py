@@ -122,7 +122,7 @@ class Requests:
 
     def _interruption(self, number: int) -> Interrupted:
         """Return the exception; if it is released before `end`, it was swallowed."""
-        error = Interrupted(number)
+        error = Interrupted(number)  # a variable of `handle` would live on in its traceback
         self._loss = weakref.finalize(error, self._raise_again, number)
         return error
 

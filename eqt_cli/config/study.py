@@ -276,17 +276,17 @@ class Study:
         """Return the points of one shape as a study; the study itself if all are equal."""
         if self.sweep is None or not self.is_ragged:
             return self
-        if index not in self._cut:
+        if index not in self._pieces:
             store = {"store": self.resolved["store"]}  # all pieces store the same
             source = replace(self.source, data=self.source.data | store)
             sweep = Sweep(self.sweep.blocks, self.sweep.section, self.shapes[index])
             base = build(at_point(source, sweep, 0), trust_plugins=True)
             plans = self.planned and Plans(self.planned.plans[index : index + 1])
-            self._cut[index] = Study(sweep, base, source, plans, self)
-        return self._cut[index]
+            self._pieces[index] = Study(sweep, base, source, plans, self)
+        return self._pieces[index]
 
     @cached_property
-    def _cut(self) -> dict[int, Study]:
+    def _pieces(self) -> dict[int, Study]:
         return {}
 
     @cached_property

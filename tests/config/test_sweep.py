@@ -81,11 +81,6 @@ def test_what_parts_that_are_added_always_change():
     assert (found.sets, found.always) == (("a", "b", "c"), ("a",))
 
 
-def test_concat_of_parts_of_different_lengths():
-    found = sweep({"concat": [{"grid": {"a": list(range(n))}} for n in (3, 1, 2)]})
-    assert [point["a"] for point in points(found)] == [0, 1, 2, 0, 0, 1]
-
-
 def test_cases_change_what_they_name_and_multiply_like_any_block():
     found = sweep({"cases": {"ideal": {}, "late": {"b.c": 2, "d": 1}}}, {"grid": {"a": [1, 2]}})
     assert [found.point(k)["case"] for k in range(4)] == ["ideal", "ideal", "late", "late"]
