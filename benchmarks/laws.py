@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks import cases
 from eqt_cli.engines.library import with_comparison_sides
-from eqt_cli.engines.native import Native, trace
+from eqt_cli.engines.native import Native, programs
 
 CASE = "reviewers"
 """The configuration with the laws of other papers beside the paper's own."""
@@ -67,7 +67,7 @@ def laws(runs: int | None, repeats: int) -> list[LawTime]:
             of_the_paper=law in own,
             runs=problem.runs,
             states=loops[law].state_length,
-            comparisons=with_comparison_sides(trace(loops[law]).field)[1],
+            comparisons=with_comparison_sides(programs(loops[law]).field)[1],
             steps=steps[law],
             cpu=least[law],
         )

@@ -32,7 +32,7 @@ STAGES = {
     "eqt_cli.engines.native:sampled": COMPILING,
     "eqt_cli.engines.native:running": COMPILING,
     "eqt_cli.engines.library:integration": COMPILING,
-    "eqt_cli.engines.library:evaluation": COMPILING,
+    "eqt_cli.engines.library:_evaluate": COMPILING,
     "eqt_cli.runs.compute_part:measured": "signals and metrics",
     "eqt_cli.runs.compute_part:write": "writing the parts",
 }

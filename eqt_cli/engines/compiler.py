@@ -247,12 +247,8 @@ class Cache:
         path = self.folder / _name(key, content, ending)
         replace_file(path, content)
         path.chmod(0o600)  # whatever the umask lets others write to
-        self._forget_the_oldest()
-
-    def _forget_the_oldest(self) -> None:
-        """Remove the least recently used files, including unfinished ones of killed processes."""
         used = []
-        for path in self.folder.iterdir():
+        for path in self.folder.iterdir():  # also unfinished ones of killed processes
             with suppress(OSError):  # another process has removed it
                 used.append((path.lstat().st_mtime, path))
         for _, path in sorted(used)[:-MOST_FILES]:
@@ -280,10 +276,11 @@ def user_cache() -> Cache | None:
             return Cache(folder)
         status, place = folder.lstat(), folder.resolve()
         if stat.S_ISDIR(status.st_mode) and _is_private(status):
-            unsafe = next((each for each in place.parents if not _is_safe(each.stat())), None)
-            if unsafe is None:
-                return Cache(place)
-            _tell(unsafe)
+            for parent in place.parents:
+                if not _is_safe(parent.stat()):
+                    _tell(parent)
+                    return None
+            return Cache(place)
     return None
 
 
@@ -435,8 +432,14 @@ def commands() -> list[tuple[str, ...]]:
 
     The variable CC has precedence; else cc, clang, gcc, and the clang of the package ziglang.
     """
-    if chosen := _words(os.environ.get("CC", "")):
-        return [chosen]
+    called = os.environ.get("CC", "")
+    try:
+        words = shlex.split(called, posix=not WINDOWS)
+    except ValueError as error:
+        said = str(error).rstrip(".").lower()
+        raise TraceError(f"the variable CC is not a command: {called}: {said}", CHOOSE) from error
+    if words:
+        return [tuple(word.strip('"') for word in words) if WINDOWS else tuple(words)]
     return _installed(os.environ.get("PATH", ""))
 
 
@@ -448,15 +451,6 @@ def _installed(folders: str) -> list[tuple[str, ...]]:
     zig = [(sys.executable, "-m", "ziglang", "cc")] if find_spec("ziglang") else []
     # Others on Windows may be for another system than Python's.
     return [*zig, *compilers] if WINDOWS else [*compilers, *zig]
-
-
-def _words(called: str) -> tuple[str, ...]:
-    try:
-        words = shlex.split(called, posix=not WINDOWS)
-    except ValueError as error:
-        said = str(error).rstrip(".").lower()
-        raise TraceError(f"the variable CC is not a command: {called}: {said}", CHOOSE) from error
-    return tuple(word.strip('"') for word in words) if WINDOWS else tuple(words)
 
 
 def missing() -> str | None:
@@ -557,11 +551,8 @@ def _state(command: tuple[str, ...]) -> str | None:
     processor = _processor()
     if not processor:
         return None
-    files = [
-        (str(path), status.st_mtime_ns, status.st_size)
-        for path in _files(command)
-        for status in [path.stat()]
-    ]
+    status = [(str(path), path.stat()) for path in _files(command)]
+    files = [(path, file.st_mtime_ns, file.st_size) for path, file in status]
     return digest(repr((command, files, processor)))
 
 

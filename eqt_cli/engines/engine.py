@@ -166,38 +166,36 @@ class Problem:
         errors = self.errors.of(known)
         return errors if np.array_equal(which, np.arange(len(known))) else errors.of(which)
 
-    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
-        """Return the sensor errors at a control instant, with E, in these runs."""
-        drawn = self.drawn(runs)
-        return drawn and drawn.measured(self.loop.group, slice(None), tick)
-
     @property
     def begun(self) -> tuple[ClosedLoop, Array]:
         """The loop at the start of the runs, and their states after a sampled law has acted."""
         loop, states, t = self.batched_loop(), self.states, float(self.times[0])
         if loop.vehicle.control is not None:
-            states = loop.after_instant(t, states, self.errors_at(0))
+            drawn = self.drawn()
+            errors = drawn and drawn.measured(loop.group, slice(None), 0)
+            states = loop.after_instant(t, states, errors)
         return loop.holding(t), states
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:
         """Join the runs of several problems, whose loops have the same structure and times."""
-        first = problems[0]
-        parameters = [
-            {
-                name: problem.varying.get(name, np.broadcast_to(shared, (runs, *shared.shape)))
-                for name, shared in leaves(problem.loop).items()
-            }
-            for problem in problems
-            for runs in [problem.runs]
-        ]
-        rows = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
-        shared = leaves(first.loop)
-        varying = {name: each for name, each in rows.items() if (each != shared[name]).any()}
+        first, varying = problems[0], dict[str, Array]()
+        numbers = [problem.leaves_of_runs() for problem in problems]
+        for name, shared in leaves(first.loop).items():
+            rows = np.concatenate([leaves_of_runs[name] for leaves_of_runs in numbers])
+            if (rows != shared).any():
+                varying[name] = rows
         states = np.concatenate([problem.states for problem in problems])
-        known = [drawn for each in problems if (drawn := each.drawn()) is not None]
-        errors = Errors(*map(np.concatenate, zip(*known, strict=True))) if known else None
+        drawn = [errors for problem in problems if (errors := problem.drawn()) is not None]
+        errors = Errors(*map(np.concatenate, zip(*drawn, strict=True))) if drawn else None
         return Problem(first.loop, states, first.times, varying, errors)
+
+    def leaves_of_runs(self) -> dict[str, Array]:
+        """Return every leaf of the loop by path, a row for each run, ``(runs, …)``."""
+        return {
+            path: self.varying.get(path, np.broadcast_to(shared, (self.runs, *shared.shape)))
+            for path, shared in leaves(self.loop).items()
+        }
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
         """Return the loop with its varying leaves along a leading run axis.
@@ -283,14 +281,6 @@ class Solution:
     status: Array
     steps: Array
     messages: list[str]
-
-    @staticmethod
-    def empty(problem: Problem) -> Solution:
-        """Return a solution to be filled in; its memory is first touched then."""
-        runs, n = problem.states.shape
-        states = np.empty((runs, len(problem.times), n))
-        steps = np.zeros(runs, dtype=np.int64)
-        return Solution(states, np.zeros(runs, dtype=np.int32), steps, [""] * runs)
 
 
 Progress = Callable[[float], None]
@@ -486,22 +476,25 @@ def walked(
     integrator: Integrator, groups: Sequence[Array], progress: Progress, threads: int
 ) -> Solution:
     """Return the solution of all groups of runs, by at most this number of threads."""
-    solution = Solution.empty(integrator.problem)
-    left, lock = iter(groups), threading.Lock()
+    problem, waiting, lock = integrator.problem, iter(groups), threading.Lock()
+    runs, n = problem.states.shape
+    states = np.empty((runs, len(problem.times), n))  # whose memory is touched where it is filled
+    status, steps = np.zeros(runs, dtype=np.int32), np.zeros(runs, dtype=np.int64)
+    solution = Solution(states, status, steps, [""] * runs)
 
     def report(runs: float) -> None:
         with lock:
             progress(runs)
 
     def work() -> None:
-        mine = copy(integrator)  # for this thread
+        of_thread = copy(integrator)
         with np.errstate(all="ignore"):  # a state that is not finite ends its run
             while True:
                 with lock:
-                    runs = next(left, None)
-                if runs is None:
+                    group = next(waiting, None)
+                if group is None:
                     return
-                _walk(mine, solution, runs, report)
+                _walk(of_thread, solution, group, report)
 
     threads = min(threads, len(groups))
     if threads == 1:
@@ -514,7 +507,7 @@ def walked(
                 future.result()
         except BaseException:
             with lock:
-                list(left)  # no further group is begun; current ones end
+                list(waiting)  # no further group is begun; current ones end
             raise
     return solution
 

@@ -97,19 +97,15 @@ def reference_over_horizon(
             instants = instants[instants <= times[-1]]
     with np.errstate(all="ignore"):
         s = system.tracking(times, states)
-        torque = s.tau_d + 0 * s.P
-        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], spent)
-        if not len(instants):
-            return shown
-        where = np.searchsorted(times, instants)
-        sides = [
-            system.tracking(np.nextafter(instants, towards), states[where])
-            for towards in (-np.inf, np.inf)
-        ]
-        parts = loop.group.parts
-        units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
-        jumps = list(_jumps(shown, instants, units, *sides))
-    return replace(shown, jumps=sorted(jumps))
+        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, s.tau_d + 0 * s.P, [], spent)
+        if len(instants):
+            there = states[np.searchsorted(times, instants)]
+            left = system.tracking(np.nextafter(instants, -np.inf), there)
+            right = system.tracking(np.nextafter(instants, np.inf), there)
+            parts = loop.group.parts
+            units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
+            shown = replace(shown, jumps=sorted(_jumps(shown, instants, units, left, right)))
+    return shown
 
 
 def _jumps(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate
@@ -57,11 +57,12 @@ def integration_source(
         "EQT_COMPARISONS": comparisons,
         "EQT_MEMORY": 0 if at_samples is None else at_samples.memory,
     }
-    every = set(range(lengths["state"]))
+    states = range(lengths["state"])
+    seen = states if at_samples is None else at_samples.states
     emitted = [
         _defined(sizes),
-        _flags("eqt_all", every, lengths["state"]),
-        _flags("eqt_seen", every if at_samples is None else at_samples.states, lengths["state"]),
+        _array("char eqt_all", [1 for _ in states]),
+        _array("char eqt_seen", [int(place in seen) for place in states]),
         f"static {c_function(fused(program), 'eqt_field')}",
     ]
     names = ["dop853.h", "advance.h", "store.h"]
@@ -119,10 +120,8 @@ def _measuring(at_samples: SampleProgram) -> str:
     called = ", ".join(
         [*(arguments[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]
     )
-    stretches = ", ".join(map(str, at_samples.stretches))
     return (
-        f"{_defined(sizes)}"
-        f"static const int64_t eqt_lengths[] = {{{stretches}}};\n"
+        f"{_defined(sizes)}{_array('int64_t eqt_lengths', at_samples.stretches)}"
         f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
         f"static {c_function(at_samples.program, 'eqt_look_at')}"
     )
@@ -144,15 +143,17 @@ def evaluation_source(program: Program, stretches: Sequence[int], lanes: int) ->
     places = [0, *accumulate(lengths)]
     arguments = [f"(in) + {start}" for start in starts[:-1]]
     arguments += [f"(out) + {place}" for place in places[:-1]]
-    defined = (
-        f"#define EQT_SOURCES {len(stretches)}\n#define EQT_INPUTS {starts[-1]}\n"
-        f"#define EQT_ARRAYS {len(lengths)}\n#define EQT_OUTPUTS {places[-1]}\n"
-        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, stretches))}}};\n"
-        f"static const int64_t eqt_found_lengths[] = {{{', '.join(map(str, lengths))}}};\n"
-        f"#define EQT_CALL(in, out) eqt_program({', '.join(arguments)})\n"
-    )
+    sizes: dict[str, int | str] = {
+        "EQT_SOURCES": len(stretches),
+        "EQT_INPUTS": starts[-1],
+        "EQT_ARRAYS": len(lengths),
+        "EQT_OUTPUTS": places[-1],
+        "EQT_CALL(in, out)": f"eqt_program({', '.join(arguments)})",
+    }
+    arrays = _array("int64_t eqt_lengths", stretches) + _array("int64_t eqt_found_lengths", lengths)
     emitted = f"static {c_function(named, 'eqt_program')}"
-    return "\n".join([_head(lanes), defined, emitted, _text("rows.h"), _text("evaluate.h")])
+    texts = [_defined(sizes) + arrays, emitted, _text("rows.h"), _text("evaluate.h")]
+    return "\n".join([_head(lanes), *texts])
 
 
 def with_comparison_sides(program: Program) -> tuple[Program, int]:
@@ -184,13 +185,12 @@ def with_comparison_sides(program: Program) -> tuple[Program, int]:
     return Program(inputs, tuple(values), tuple(outputs)), len(compared)
 
 
-def _defined(sizes: Mapping[str, int]) -> str:
-    return "".join(f"#define {name} {size}\n" for name, size in sizes.items())
+def _defined(macros: Mapping[str, int | str]) -> str:
+    return "".join(f"#define {name} {text}\n" for name, text in macros.items())
 
 
-def _flags(name: str, chosen: Set[int], length: int) -> str:
-    flags = ", ".join(str(int(place in chosen)) for place in range(length))
-    return f"static const char {name}[] = {{{flags}}};\n"
+def _array(name: str, numbers: Sequence[int]) -> str:
+    return f"static const {name}[] = {{{', '.join(map(str, numbers))}}};\n"
 
 
 def _head(lanes: int) -> str:
@@ -209,12 +209,6 @@ def _text(name: str) -> str:
 
 THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
 """Outcomes of a run, as in advance.h."""
-
-Evaluation = Callable[[int, int, Sequence["Rows"]], dict[str, Array]]
-"""Gives a program's arrays, ``(runs, samples, …)`` each, by name.
-
-It takes the numbers of runs and of samples, and the program's inputs, a stretch after the other.
-"""
 
 
 def _each(kind: Any, names: str) -> list[tuple[str, Any]]:
@@ -341,18 +335,20 @@ def _evaluations(
     return _Evaluations(runs, samples, len(inputs), _sources(inputs, arrays), places), outputs
 
 
-@lru_cache(maxsize=64)
-def evaluation(program: Program, stretches: tuple[int, ...]) -> Evaluation:
-    """Compile a program whose inputs are cut into stretches of these lengths."""
-    function = _evaluate(program, stretches)
+def evaluated(
+    program: Program, runs: int, samples: int, inputs: Sequence[Rows]
+) -> dict[str, Array]:
+    """Return the arrays of a program, ``(runs, samples, …)`` each, by name.
 
-    def evaluated(runs: int, samples: int, inputs: Sequence[Rows]) -> dict[str, Array]:
-        arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in inputs]
-        batch, outputs = _evaluations(program, runs, samples, inputs, arrays)
-        function(ctypes.byref(batch))
-        return outputs
-
-    return evaluated
+    Parameters
+    ----------
+    inputs
+        Its inputs, one stretch after the other.
+    """
+    arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in inputs]
+    batch, outputs = _evaluations(program, runs, samples, inputs, arrays)
+    _evaluate(program, tuple(rows.length for rows in inputs))(ctypes.byref(batch))
+    return outputs
 
 
 # Walks through many spans by one call -------------------------------------------------------------

@@ -27,7 +27,6 @@ from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.components.laws import CodeCall
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
-from eqt_cli.components.vehicle_parts import Clock
 from eqt_cli.engines import compiler, library
 from eqt_cli.engines.engine import (
     SUSPECT,
@@ -97,12 +96,7 @@ class LoopPrograms:
 
 @lru_cache(maxsize=64)
 def programs(loop: ClosedLoop) -> LoopPrograms:
-    """Return the programs of a loop, traced once."""
-    return trace(loop)
-
-
-def trace(loop: ClosedLoop) -> LoopPrograms:
-    """Trace a closed loop to its programs.
+    """Return the programs of a closed loop, traced once.
 
     Raises
     ------
@@ -155,7 +149,7 @@ class InstantPrograms:
         """
         control = loop.vehicle.control
         assert control is not None and self.law is not None
-        chain = Chain(dict(self.input.inputs))
+        chain = Chain(self.input.inputs)
         inputs = {group: chain.places_of(group) for group, _ in self.input.inputs}
         law_input = chain.then(self.input, inputs)
         places = {INPUT + each.name: law_input[each.source] for each in self.law.inputs}
@@ -171,7 +165,7 @@ class InstantPrograms:
         outputs = {"torque": answer[TORQUE]} | ({"memory": memory} if memory else {}) | measured
         if not loop.vehicle.solves:
             outputs = chain.then(self.after, {**inputs, "memory": memory, **outputs})
-        return chain.program({name: ((len(places),), places) for name, places in outputs.items()})
+        return chain.program(outputs)
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
@@ -180,7 +174,7 @@ def law_of(loop: ClosedLoop) -> LawProgram:
     Raises
     ------
     TraceError
-        If it does what programs cannot, as in `trace`.
+        If it does what programs cannot, as in `programs`.
     """
     with _explained(loop):
         return law_program(loop, with_outputs=True)
@@ -192,7 +186,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
     Raises
     ------
     TraceError
-        If a component does what programs cannot, as in `trace`.
+        If a component does what programs cannot, as in `programs`.
     """
 
     def law_input(inputs: Arrays) -> Mapping[str, Array]:
@@ -200,12 +194,16 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         errors = _errors(loop, inputs)
         state = symbolic.measured(t, state, errors)
         law = symbolic.law_input(t, state, errors)
-        named = law._asdict() | ({"state": state} if holds else {})
-        arrays = {name: np.asarray(value) for name, value in named.items() if value is not None}
-        signals = {name: value if name == "t" else value[0] for name, value in arrays.items()}
-        if call is None:
-            return signals
-        return signals | {ROWS: loop.controller.code_rows(loop.group, law)[0]}
+        signals = {
+            name: np.asarray(value) if name == "t" else value[0]
+            for name, value in law._asdict().items()
+            if value is not None
+        }
+        if loop.changes_by_measuring:
+            signals["state"] = state[0]
+        if loop.controller.code_call is not None:
+            signals[ROWS] = loop.controller.code_rows(loop.group, law)[0]
+        return signals
 
     def after(inputs: Arrays) -> Mapping[str, Array]:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
@@ -215,7 +213,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         solved = inputs["solved"][None] if "solved" in inputs else None
         return {"state": symbolic.after_answer(t, state, inputs["torque"][None], memory, solved)[0]}
 
-    m, holds, call = loop.group.dimension, loop.changes_by_measuring, loop.controller.code_call
+    m = loop.group.dimension
     inputs = inputs_of(loop, loop.state_length)
     measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
     remembered = sum(loop.controller.memory(loop.group).values())
@@ -287,13 +285,8 @@ def _lengths(loop: ClosedLoop) -> tuple[int, ...]:
 
 def parameter_rows(problem: Problem) -> Array:
     """Return every run's leaves in a row, in the order in which they are traced."""
-    columns = []
-    for name, shared in leaves(problem.loop).items():
-        values = problem.varying.get(name)
-        if values is None:
-            values = np.broadcast_to(shared, (problem.runs, *shared.shape))
-        columns.append(values.reshape(problem.runs, -1))
-    return np.concatenate(columns, axis=1)
+    columns = problem.leaves_of_runs().values()
+    return np.concatenate([values.reshape(problem.runs, -1) for values in columns], axis=1)
 
 
 def held_rows(loop: ClosedLoop, times: Array) -> Array:
@@ -338,11 +331,10 @@ LEFT = library.SWITCHING + 1
 """Outcome of a run that has ended at an instant."""
 
 
-def _walked_span(span: Span, clock: Clock) -> tuple[float | int, ...]:
-    """Return the entries of `library.WALKED`."""
-    at = (-1, 0) if span.tick is None else (span.tick, int(clock.is_due(span.tick)))
-    times = (span.start, span.stop, *span.within, span.longest)
-    return (*times, span.first, span.later, int(span.sampled_start), *at)
+def _at_one_time(program: Program, runs: int, inputs: list[Rows]) -> dict[str, Array]:
+    """Return the arrays of a program for some runs, ``(runs, …)`` each."""
+    arrays = library.evaluated(program, runs, 1, inputs)
+    return {name: values[:, 0] for name, values in arrays.items()}
 
 
 class Lanes(Integrator):
@@ -354,8 +346,6 @@ class Lanes(Integrator):
         The programs of the loop.
     settings
         ``rtol`` and ``atol``, the tolerances of a step, and ``most_steps``, of a run.
-    walks
-        Whether C may walk through many spans of a sampled loop.
     at_samples
         Program that looks at each sample; without it, states are stored.
     """
@@ -367,21 +357,24 @@ class Lanes(Integrator):
         problem: Problem,
         law: LoopPrograms,
         settings: Mapping[str, float],
-        walks: bool = False,
         at_samples: SampleProgram | None = None,
     ) -> None:
         super().__init__(problem)
         self._law, self._advance = law, library.integration(law.field, at_samples)
-        self._compiled: dict[int, library.Evaluation] = {}
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
         self._span_starts = np.array([span.start for span in problem.spans])
         self._all_held = held_rows(problem.loop, self._span_starts)
         control = problem.loop.vehicle.control
         self._listed = np.empty(0, library.WALKED)
-        if walks and control is not None:
-            listed = [_walked_span(span, control.clock) for span in problem.spans]
-            self._listed = np.array(listed, library.WALKED)
+        if control is not None and not problem.loop.vehicle.solves:
+            rows: list[tuple[float | int, ...]] = []
+            for span in problem.spans:
+                times = (span.start, span.stop, *span.within, span.longest)
+                samples = (span.first, span.later, int(span.sampled_start))
+                is_due = span.tick is not None and control.clock.is_due(span.tick)
+                rows.append((*times, *samples, -1 if span.tick is None else span.tick, int(is_due)))
+            self._listed = np.array(rows, library.WALKED)
 
     def begin(self, runs: Array) -> None:
         """Begin these runs with no step taken, and the length of the first one unknown."""
@@ -400,19 +393,18 @@ class Lanes(Integrator):
         program = self._law.after_instant if around is None else around.input if call else None
         if samples is None or program is None:
             return None
-        count = len(runs)
-        self._whole = np.empty((count, loop.state_length))
-        arrays = {"times": self.problem.times, "held": self._all_held, "samples": samples}
-        ends = {"counts": self._counts, "ends": self._ends, "times": self._times}
+        self._whole = np.empty((len(runs), loop.state_length))
         walk = library.Walk(
             self._law.field,
             self._listed,
-            arrays,
+            {"times": self.problem.times, "held": self._all_held, "samples": samples},
             to_next_run=samples[0].size,
             parameters=self._parameters,
             states=self._whole,
             steps=self._steps,
-            **ends,
+            counts=self._counts,
+            ends=self._ends,
+            times=self._times,
             **self._settings,
         )
         inputs = [
@@ -424,7 +416,7 @@ class Lanes(Integrator):
         measured = []
         if self.errors_at(0) is not None:
             parts = self.errors.of_runs
-            measured = [Rows(part[0].reshape(count, -1), by_run=True) for part in parts]
+            measured = [Rows(part[0].reshape(len(runs), -1), by_run=True) for part in parts]
         outputs = walk.evaluate(program, [*inputs, *measured], len(measured))
         if around is not None and call is not None:
             outputs = self._call_code(walk, call, around, outputs, inputs)
@@ -514,7 +506,7 @@ class Lanes(Integrator):
         else:
             inputs += measured
         assert program is not None
-        return self._evaluated(program, runs, inputs)["state"]
+        return _at_one_time(program, runs, inputs)["state"]
 
     def _answer(
         self, t: float, states: Array, around: InstantPrograms, inputs: list[Rows]
@@ -522,9 +514,9 @@ class Lanes(Integrator):
         """Return the commanded torque, the law's memory and the measured states, a row per run."""
         runs, none = len(states), np.empty((len(states), 0))
         if self._law.command is not None:
-            outputs = self._evaluated(self._law.command, runs, inputs)
+            outputs = _at_one_time(self._law.command, runs, inputs)
             return outputs["torque"], outputs.get("memory", none), outputs.get("state", states)
-        outputs = self._evaluated(around.input, runs, inputs)
+        outputs = _at_one_time(around.input, runs, inputs)
         states = outputs.pop("state", states)
         rows = outputs.pop(ROWS, None)
         law_input = LawInput(**outputs)._replace(t=t)
@@ -570,14 +562,6 @@ class Lanes(Integrator):
             **self._settings,
         )
         return ended
-
-    def _evaluated(self, program: Program, runs: int, inputs: list[Rows]) -> dict[str, Array]:
-        """Return the arrays of a program for these runs at one time, ``(runs, …)`` each."""
-        if id(program) not in self._compiled:  # hashing all its operations takes long
-            lengths = tuple(each.length for each in inputs)
-            self._compiled[id(program)] = library.evaluation(program, lengths)
-        outputs = self._compiled[id(program)](runs, 1, inputs)
-        return {name: values[:, 0] for name, values in outputs.items()}
 
     def _failure(self, run: Any) -> Failure:
         """Return how and when a run has ended."""
@@ -714,7 +698,7 @@ class Native(Engine):
 
     def integrator(self, problem: Problem) -> Lanes:
         """Return the integrator of lanes, whose steps depend on their own run only."""
-        return Lanes(problem, programs(problem.loop), self._settings, self._walks(problem))
+        return Lanes(problem, programs(problem.loop), self._settings)
 
     @property
     def _settings(self) -> dict[str, float]:
@@ -740,18 +724,13 @@ class Native(Engine):
         All runs are one block if Python walks them through several spans.
         """
         runs, loop = np.arange(problem.runs), problem.loop
-        walks = self._walks(problem)
+        walks = loop.vehicle.control is not None and not loop.vehicle.solves
         if len(problem.spans) > 1 and not walks:
             return [runs]
         states = len(problem.times) * loop.state_length
         errors = 2 * problem.control_instants * loop.group.dimension
         fitting = BLOCK_BYTES * (2 if walks else 1) // (8 * (states + errors))
         return np.array_split(runs, -(-problem.runs // (max(1, fitting) * threads)))
-
-    def _walks(self, problem: Problem) -> bool:
-        """Whether C walks through the spans of a sampled loop."""
-        vehicle = problem.loop.vehicle
-        return vehicle.control is not None and not vehicle.solves
 
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
@@ -767,8 +746,7 @@ class Native(Engine):
             Rows(parameter_rows(problem), by_run=True),
             Rows(held_rows(loop, times), by_sample=True),
         ]
-        evaluated = library.evaluation(program, tuple(each.length for each in inputs))
-        return evaluated(problem.runs, len(times), inputs)
+        return library.evaluated(program, problem.runs, len(times), inputs)
 
     def measured(
         self,
@@ -802,15 +780,14 @@ class Native(Engine):
         ends, law = replace(problem, times=times[[0, -1]]), programs(loop)
         lanes = MeasuringLanes(ends, law, self._settings, measures, times, inputs)
         solution = walked(lanes, self.groups(ends, workers), progress, workers)
-        last = library.evaluation(measures.ended, (len(measures.starts),))
-        numbers = last(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
+        numbers = _at_one_time(measures.ended, problem.runs, [Rows(lanes.memory, by_run=True)])
         ends_at = np.cumsum([math.prod(shape) for _, shape in measures.stored])
         stretches = np.split(lanes.stored, ends_at, axis=-1)
         arrays = {
             name: stretch.reshape(*stretch.shape[:2], *shape)
             for (name, shape), stretch in zip(measures.stored, stretches, strict=False)
         }
-        return Measured(solution, {name: each[:, 0] for name, each in numbers.items()}, arrays)
+        return Measured(solution, numbers, arrays)
 
 
 def refusal(loops: Iterable[ClosedLoop] = ()) -> TraceError | None:

@@ -405,7 +405,11 @@ class Blocks(Integrator):
         self._accepted, self._non_finite_at = span.start, math.nan
 
         def field(t: float, y: Array) -> Array:
-            self._count(t, limit)
+            if self._evaluations >= limit:
+                reason = f"step limit: {limit} evaluations (solver.max_steps)"
+                raise _Failed(Failure(Status.STEP_LIMIT, reason, self._accepted))
+            self._evaluations += 1
+            self.reached(t)
             derivative: Array = self._field(span.inside(t), y.reshape(shape)).ravel()
             if not np.isfinite(derivative).all():
                 self._non_finite_at = t
@@ -452,13 +456,6 @@ class Blocks(Integrator):
         at_grid = result.y if interpolated_at is not None else result.y[:, [0, -1]]
         states_at = at_grid.T.reshape(-1, *shape).swapaxes(0, 1)
         return states_at[:, 1 : 1 + span.later], states_at[:, -1]
-
-    def _count(self, t: float, limit: float) -> None:
-        if self._evaluations >= limit:
-            reason = f"step limit: {limit} evaluations (solver.max_steps)"
-            raise _Failed(Failure(Status.STEP_LIMIT, reason, self._accepted))
-        self._evaluations += 1
-        self.reached(t)
 
     def _failed(self, reason: str) -> _Failed:
         if not math.isnan(self._non_finite_at):

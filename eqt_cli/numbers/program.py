@@ -95,6 +95,13 @@ class Program:
     outputs: tuple[Output, ...]
 
     @cached_property
+    def _hash(self) -> int:
+        return hash((self.inputs, self.values, self.outputs))
+
+    def __hash__(self) -> int:
+        return self._hash  # which takes long, and what is compiled is found by it
+
+    @cached_property
     def operations(self) -> int:
         """The number of operations."""
         return sum(isinstance(value, Operation) for value in self.values)
@@ -174,6 +181,9 @@ class _Trace(dict[Any, Symbol]):
         if symbol is None:
             self[key] = symbol = Symbol(self, "constant", (), number)
         return symbol
+
+    def symbol(self, value: Any) -> Symbol:
+        return value if isinstance(value, Symbol) else self.constant(float(value))
 
     def operation(self, name: str, *operands: Symbol) -> Symbol:
         key = name, *[operand.index for operand in operands]
@@ -311,9 +321,7 @@ def _selected(condition: Any, a: Any, b: Any) -> Symbol:
 def _symbols(*values: Any) -> list[Symbol]:
     """Return symbols and numbers, at least one of them a symbol, as symbols."""
     trace = next(value.trace for value in values if isinstance(value, Symbol))
-    return [
-        value if isinstance(value, Symbol) else trace.constant(float(value)) for value in values
-    ]
+    return [trace.symbol(value) for value in values]
 
 
 _less = _compared("less")
@@ -350,14 +358,8 @@ def traced(
         for index in range(length):
             trace["input", group, index] = symbols_of[group][index] = Symbol(trace, "input")
     arrays = {name: np.asarray(array, dtype=object) for name, array in function(symbols_of).items()}
-    entries = {
-        name: [
-            entry if isinstance(entry, Symbol) else trace.constant(float(entry))
-            for entry in array.flat
-        ]
-        for name, array in arrays.items()
-    }
-    symbols = _needed([entry for each in entries.values() for entry in each])
+    entries = {name: [*map(trace.symbol, array.flat)] for name, array in arrays.items()}
+    symbols = _needed([entry for listed in entries.values() for entry in listed])
     places = {symbol: place for place, symbol in enumerate(symbols)}
     keys = list(trace)
     values = tuple(
@@ -381,50 +383,43 @@ def _needed(roots: list[Symbol]) -> list[Symbol]:
     Of two operands the deeper one comes first: then fewer values wait for the other.
     """
     ordered: dict[Symbol, None] = {}
-    left = roots[::-1]
-    while left:
-        needed = [operand for operand in left[-1].operands if operand not in ordered]
+    waiting = roots[::-1]
+    while waiting:
+        needed = [operand for operand in waiting[-1].operands if operand not in ordered]
         if needed:
-            left += needed if len(needed) == 1 else sorted(needed, key=_depth)
+            waiting += sorted(needed, key=operator.attrgetter("depth"))
         else:
-            ordered[left.pop()] = None
+            ordered[waiting.pop()] = None
     return list(ordered)
-
-
-_depth = operator.attrgetter("depth")
 
 
 # Joins programs, and fuses their operations, without changing a bit -------------------------------
 
 
-ChainPlaces: TypeAlias = list[int]
-"""The places of the numbers of a group in a chain."""
-
-
 class Chain:
-    """A program under construction.
+    """A program under construction, whose values have places.
 
     Parameters
     ----------
     inputs
-        The length of each group of inputs, by its name.
+        The name and the length of each group of inputs.
     """
 
-    def __init__(self, inputs: Mapping[str, int]) -> None:
+    def __init__(self, inputs: Iterable[tuple[str, int]]) -> None:
         self._inputs = dict(inputs)
         self._values: list[Value] = []
         self._places: dict[object, int] = {}
 
-    def places_of(self, group: str, entries: slice = slice(None)) -> ChainPlaces:
+    def places_of(self, group: str, entries: slice = slice(None)) -> list[int]:
         """Return the places of some of a group of inputs."""
         numbers = range(self._inputs[group])[entries]
         return [self._place(Input(group, number)) for number in numbers]
 
-    def constant(self, number: float) -> ChainPlaces:
+    def constant(self, number: float) -> list[int]:
         """Return the place of a constant."""
         return [self._place(Constant(number))]
 
-    def then(self, program: Program, inputs: Mapping[str, Sequence[int]]) -> dict[str, ChainPlaces]:
+    def then(self, program: Program, inputs: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
         """Append a program with these places as inputs; return those of its outputs, by name."""
         places: list[int] = []
         for value in program.values:
@@ -436,9 +431,9 @@ class Chain:
                 places.append(self._place(value))
         return {each.name: [places[entry] for entry in each.entries] for each in program.outputs}
 
-    def program(self, outputs: Mapping[str, tuple[tuple[int, ...], Sequence[int]]]) -> Program:
-        """Return the program whose outputs have these shapes and places."""
-        needed = {place for _, entries in outputs.values() for place in entries}
+    def program(self, outputs: Mapping[str, Sequence[int]]) -> Program:
+        """Return the program whose outputs are vectors of these places."""
+        needed = {place for places in outputs.values() for place in places}
         for place in reversed(range(len(self._values))):
             value = self._values[place]
             if place in needed and isinstance(value, Operation):
@@ -449,8 +444,8 @@ class Chain:
             for value in (self._values[place] for place in moved)
         )
         listed = tuple(
-            Output(name, shape, tuple(moved[entry] for entry in entries))
-            for name, (shape, entries) in outputs.items()
+            Output(name, (len(places),), tuple(moved[place] for place in places))
+            for name, places in outputs.items()
         )
         return Program(tuple(self._inputs.items()), values, listed)
 
@@ -463,22 +458,13 @@ class Chain:
         return self._places[key]
 
 
-class _Fused(NamedTuple):
-    """A sum or difference with a product in it: ± product ± other."""
-
-    product: int
-    other: int
-    minus_product: bool
-    minus_other: bool
-
-
 def fused(program: Program) -> Program:
     """Return the program with ``fma`` operations, a b + c; its values differ by rounding.
 
     Products are fused that only one sum or difference needs; of two in a sum, the later one.
     """
     chosen = _chosen(program)
-    left_out = {each.product for each in chosen.values()}
+    left_out = {product for product, *_ in chosen.values()}
     values: list[Value] = []
     places: dict[int, int] = {}
 
@@ -493,12 +479,12 @@ def fused(program: Program) -> Program:
         if place in left_out:
             continue
         if place in chosen:
-            sum_ = chosen[place]
-            product = program.values[sum_.product]
-            assert isinstance(product, Operation)
-            a, b = product.operands
-            c = signed(sum_.other, sum_.minus_other)
-            value = Operation("fma", (signed(a, sum_.minus_product), places[b], c))
+            product, addend, minus_product, minus_addend = chosen[place]
+            multiplied = program.values[product]
+            assert isinstance(multiplied, Operation)
+            a, b = multiplied.operands
+            c = signed(addend, minus_addend)
+            value = Operation("fma", (signed(a, minus_product), places[b], c))
         elif isinstance(value, Operation):
             value = value.moved(places)
         places[place] = add(value)
@@ -506,8 +492,11 @@ def fused(program: Program) -> Program:
     return Program(program.inputs, tuple(values), outputs)
 
 
-def _chosen(program: Program) -> dict[int, _Fused]:
-    """Return the sums and differences to fuse, by their places."""
+def _chosen(program: Program) -> dict[int, tuple[int, int, bool, bool]]:
+    """Return the sums and differences to fuse, ± product ± addend, by their places.
+
+    Each is the places of product and addend, and whether each of them is subtracted.
+    """
     used = Counter(place for output in program.outputs for place in output.entries)
     for value in program.values:
         if isinstance(value, Operation):
@@ -522,9 +511,9 @@ def _chosen(program: Program) -> dict[int, _Fused]:
         if isinstance(value, Operation) and value.name in ("add", "subtract"):
             (first, second), minus = value.operands, value.name == "subtract"
             if second in products and (first not in products or second > first):
-                chosen[place] = _Fused(second, first, minus, False)
+                chosen[place] = (second, first, minus, False)
             elif first in products:
-                chosen[place] = _Fused(first, second, False, minus)
+                chosen[place] = (first, second, False, minus)
     return chosen
 
 

@@ -8,7 +8,7 @@ from eqt_cli.components.laws import controllers
 from eqt_cli.components.sensors import Errors
 from eqt_cli.config.preflight import build
 from eqt_cli.config.source import read_config
-from eqt_cli.engines.native import at_instants, law_of, sampled, trace
+from eqt_cli.engines.native import at_instants, law_of, programs, sampled
 from eqt_cli.loop.law_program import INPUT, NUMBER
 from eqt_cli.loop.signals import at_state
 from eqt_cli.numbers.leaves import leaves
@@ -41,7 +41,7 @@ def test_c_gives_the_same_field_as_the_law(loop_with, make, controller_class, st
     loop.controller.check(loop.group, problems)
     if problems:
         pytest.skip(f"not for {group}")
-    program = trace(loop).field
+    program = programs(loop).field
     for state in states(loop, (3,)):
         found = in_c(program, **given(loop, 0.3, state))["derivative"]
         expected = loop.holding(0.3).vector_field(0.3, state)
@@ -76,7 +76,7 @@ def test_c_gives_the_same_gains_and_l_between_knots(tmp_path, states, in_c):
     path.write_text(MOVING, encoding="utf-8")
     [loop] = build(read_config(path)).loops.values()
     [state] = states(loop, (1,))
-    field, shown = trace(loop).field, sampled(signals, loop, (len(state),))
+    field, shown = programs(loop).field, sampled(signals, loop, (len(state),))
     for since, t in ((0.0, 0.13), (2 / 7, 0.4), (12 / 7, 2.0)):
         held = loop.holding(since)
         inputs = {"state": state, "time": [t], "parameters": flat(leaves(loop))}
@@ -109,15 +109,15 @@ def test_c_gives_the_same_sampled_loop(tmp_path, states, in_c):
     path = tmp_path / "flight.yaml"
     path.write_text(SAMPLED, encoding="utf-8")
     [loop] = build(read_config(path)).loops.values()
-    programs, random = trace(loop), np.random.default_rng(1)
+    compiled, random = programs(loop), np.random.default_rng(1)
     n, b = 0.1 * random.standard_normal(3), random.standard_normal(3)
     E, measured = loop.group.exp(n), np.concatenate([n, b])
     for state in states(loop, (3,)):
         state = state + 0.1 * random.standard_normal(state.shape)  # what is on its way, too
         held = loop.holding(0.3)
-        found = in_c(programs.field, **given(loop, 0.3, state))["derivative"]
+        found = in_c(compiled.field, **given(loop, 0.3, state))["derivative"]
         np.testing.assert_allclose(found, held.vector_field(0.3, state), rtol=0, atol=ROUNDING)
-        found = in_c(programs.after_instant, **given(loop, 0.3, state, errors=measured))["state"]
+        found = in_c(compiled.after_instant, **given(loop, 0.3, state, errors=measured))["state"]
         expected = held.after_instant(0.3, state, Errors(E, b, np.empty(0)))
         np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
 
@@ -127,7 +127,7 @@ def test_an_instant_has_the_bits_of_the_law_by_itself(tmp_path, states, in_c):
     path = tmp_path / "flight.yaml"
     path.write_text(SAMPLED, encoding="utf-8")
     [loop] = build(read_config(path)).loops.values()
-    parts, whole, random = at_instants(loop), trace(loop).after_instant, np.random.default_rng(1)
+    parts, whole, random = at_instants(loop), programs(loop).after_instant, np.random.default_rng(1)
     measured = random.standard_normal(6)
     numbers = {NUMBER + name: values for name, values in parts.law.values(loop).items()}
     for state in states(loop, (3,)):

@@ -17,8 +17,7 @@ from exported_laws import emulated_arm
 
 import eqt_cli
 from eqt_cli.engines import compiler, library, native
-from eqt_cli.engines.library import evaluation_source as evaluation
-from eqt_cli.engines.library import integration_source as integration
+from eqt_cli.engines.library import evaluation_source, integration_source
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.results.result import open_result
 from eqt_cli.runs.batches import batches
@@ -91,7 +90,7 @@ def built(monkeypatch):
         chosen = dataclasses.replace(compiler.compiler(), **compiled_by)
         monkeypatch.setattr(compiler, "compiler", lambda: chosen)
         monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
-        for name in ("integration", "evaluation", "_evaluate", "_walk"):
+        for name in ("integration", "_evaluate", "_walk"):
             monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
 
     return by
@@ -235,7 +234,7 @@ def stored(study):
 def forget():
     """Let all laws be compiled, or loaded, as in another process."""
     library.integration.cache_clear()
-    library.evaluation.cache_clear()
+    library._evaluate.cache_clear()
 
 
 def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(run, invoke, monkeypatch):
@@ -286,11 +285,11 @@ def alone(batch, tmp_path_factory):
 def c_of(batch, lanes):
     """The C of a problem in one text."""
     programs = native.programs(batch.problem.loop)
-    texts = [integration(programs.field, lanes)]
+    texts = [integration_source(programs.field, lanes)]
     if after := programs.after_instant:
         stretches = [length for name, length in after.inputs if name != "errors"]
         stretches += [each.shape[1] for each in errors_of(batch.problem, 0)]
-        texts.append(evaluation(after, stretches, lanes))
+        texts.append(evaluation_source(after, stretches, lanes))
     return "\n".join(texts)
 
 

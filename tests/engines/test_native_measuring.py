@@ -74,7 +74,7 @@ def test_numbers_are_those_of_trajectories(changed, expected, threads, monkeypat
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_lanes_change_no_bit(changed, expected, lanes, monkeypatch):
     monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
-    for name in ("integration", "evaluation"):
+    for name in ("integration", "_evaluate"):
         monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
     assert_same(part_of(*changed), expected)
 
@@ -110,7 +110,7 @@ def test_laws_that_differ_in_numbers_are_compiled_once(monkeypatch, tmp_path, to
     ]
     compiler._library.cache_clear()
     library.integration.cache_clear()
-    library.evaluation.cache_clear()
+    library._evaluate.cache_clear()
     study = eqt_cli.load_experiment("configs/paper.yaml", few | {"controllers": laws})
     shared = shared_reference(study)
     counts = []

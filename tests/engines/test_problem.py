@@ -42,10 +42,6 @@ def test_instants_are_sample_times_but_for_rounding(instant, found):
     assert _nearest(np.array([instant]), times).tolist() == [found]
 
 
-def test_without_instants_there_is_nothing_to_move():
-    assert _nearest(np.empty(0), np.array([0.0])).size == 0
-
-
 class Resting(Integrator):
     def begin(self, runs):
         pass
@@ -163,7 +159,7 @@ def test_spans_know_the_control_instant_that_they_begin_with():
 
 
 def test_numbers_of_ends_of_runs_never_change():
-    """They stand in result files; an empty solution has the good one."""
+    """They stand in result files."""
     assert {end.name: end.value for end in Status} == {
         "OK": 0,
         "SOLVER_FAILED": 1,
@@ -175,8 +171,6 @@ def test_numbers_of_ends_of_runs_never_change():
         "DIVERGED": 7,
         "BY_ROUNDING": 8,
     }
-    problem = Problem(None, np.zeros((2, 1)), np.arange(3.0))
-    assert Solution.empty(problem).status.tolist() == [Status.OK] * problem.runs
 
 
 @pytest.mark.parametrize(
@@ -233,13 +227,11 @@ def test_runs_of_several_problems_are_those_of_one(measured):
     assert chosen.varying["speed"].ravel().tolist() == [5, 2]
     if measured:
         assert both.errors.velocity[:, 0, 0].tolist() == [1, 2, 3]
-        assert chosen.errors_at(1).velocity.ravel().tolist() == [3.25, 1.25]
-        assert chosen.errors_at(0, slice(1, 2)).velocity.ravel().tolist() == [1]
+        assert chosen.drawn(slice(1, 2)).velocity[:, 0, 0].tolist() == [1]
         assert chosen.drawn().velocity[..., 0].tolist() == [[3, 3.25], [1, 1.25]]
-        np.testing.assert_array_equal(chosen.errors_at(1).pose, [np.eye(3)] * 2)
     else:
         assert chosen.errors is None
-        assert chosen.errors_at(0) is None
+        assert chosen.drawn() is None
 
 
 def test_a_single_problem_can_be_joined():

@@ -330,10 +330,10 @@ def test_a_chain_simplifies_nothing_across_a_border(in_c):
     """-0 and infinity come through, where a product with a constant 0 or a sum would lose them."""
     first = traced(lambda given: {"y": given["x"] * 2.0, "none": np.zeros(1)}, {"x": 2})
     second = traced(lambda given: {"z": given["y"] + given["n"] * given["y"]}, {"y": 2, "n": 1})
-    chain = Chain({"x": 2})
+    chain = Chain([("x", 2)])
     middle = chain.then(first, {"x": chain.places_of("x")})
     last = chain.then(second, {"y": middle["y"], "n": middle["none"]})
-    whole = chain.program({"z": ((2,), last["z"])})
+    whole = chain.program({"z": last["z"]})
     for x in ([-0.0, 3.0], [np.inf, -0.0], [0.1, -0.3]):
         y = in_c(first, x=x)
         expected = in_c(second, y=y["y"], n=y["none"])["z"]
@@ -342,11 +342,11 @@ def test_a_chain_simplifies_nothing_across_a_border(in_c):
 
 def test_a_chain_has_equal_operations_once_and_no_others():
     both = traced(lambda given: {"y": given["x"] * given["x"], "z": given["x"] + 1.0}, {"x": 1})
-    chain = Chain({"x": 1})
+    chain = Chain([("x", 1)])
     x = chain.places_of("x")
     one, other = chain.then(both, {"x": x}), chain.then(both, {"x": x})
     assert one == other
-    whole = chain.program({"y": ((1,), one["y"])})
+    whole = chain.program({"y": one["y"]})
     assert whole.values == (Input("x", 0), Operation("multiply", (0, 0)))
 
 

@@ -122,7 +122,7 @@ def test_points_share_errors_and_each_run_has_its_own():
             (5, 3)
         )
         np.testing.assert_array_equal(errors.pose[place], n)
-        turn = problem.errors_at(4).pose[place]
+        turn = problem.drawn().measured(problem.loop.group, slice(None), 4).pose[place]
         np.testing.assert_allclose(turn, Rotation.from_rotvec(n[4]).as_matrix(), atol=1e-15)
 
 

@@ -22,7 +22,7 @@ from eqt_cli.config.study import Study
 from eqt_cli.engines import compiler
 from eqt_cli.engines import library as native_library
 from eqt_cli.engines.library import Rows
-from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, trace
+from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, programs
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS, evaluated
@@ -420,10 +420,9 @@ def compare(tmp_path, law, group):
         Rows(parameter_rows(problem), by_run=True),
         Rows(held_rows(loop, np.array([0.0]))[0]),
     ]
-    lengths = tuple(each.length for each in rows)
-    told = native_library.evaluation(parts.input, lengths)(problem.runs, 1, rows)
-    instant = native_library.evaluation(trace(loop).after_instant, lengths)
-    after = instant(problem.runs, 1, rows)["state"][:, 0]
+    told = native_library.evaluated(parts.input, problem.runs, 1, rows)
+    instant = native_library.evaluated(programs(loop).after_instant, problem.runs, 1, rows)
+    after = instant["state"][:, 0]
     memory, later = loop.memory(states), loop.memory(after)
     at = {INPUT + each.name: told[each.name][:, 0] for each in found.program.inputs}
     at |= {MEMORY + each.name: memory[each.source] for each in found.program.memory}
