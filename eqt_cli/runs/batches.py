@@ -159,10 +159,11 @@ def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
 @lru_cache(maxsize=8)
 def _drawn(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> dict[str, Array]:
     """Return the numbers drawn for the vehicle of each run, a row for each; all laws share them."""
-    experiments = [study.experiment(point) for point in points]
     rows = []
-    for experiment, random_of in zip(experiments, _randoms(experiments, runs), strict=True):
-        loop = experiment.loop
+    for point, run in zip(points, runs, strict=True):
+        experiment = study.experiment(point)
+        loop, seed = experiment.loop, experiment.config.ensemble.seed
+        random_of = partial(generator_at, seed, Stream.VEHICLE, run)
         rows.append(leaves(loop.vehicle.of_run(loop.group, random_of)))
     return {f"vehicle.{path}": np.array([row[path] for row in rows]) for path in rows[0]}
 
@@ -226,21 +227,14 @@ def _errors(
     problem: Problem, experiments: Sequence[Experiment], runs: Sequence[int]
 ) -> tuple[Draws, Array]:
     """Return the sensor errors of the distinct runs, and the row of each run among them."""
-    all_runs = [random_of.args for random_of in _randoms(experiments, runs)]
-    distinct = sorted(set(all_runs))
-    rows = {run: row for row, run in enumerate(distinct)}
-    loop, instants = problem.loop, problem.control_instants
-    draws = Draws(loop.group, loop.vehicle, instants, distinct)
-    return draws, np.array([rows[run] for run in all_runs])
-
-
-def _randoms(
-    experiments: Sequence[Experiment], runs: Sequence[int]
-) -> list[partial[np.random.Generator]]:
-    """Return the random streams for the vehicle of each run, each of its experiment."""
-    seeds = (experiment.config.ensemble.seed for experiment in experiments)
-    both = zip(seeds, runs, strict=True)
-    return [partial(generator_at, seed, Stream.VEHICLE, run) for seed, run in both]
+    streams = [
+        (experiment.config.ensemble.seed, Stream.VEHICLE, run)
+        for experiment, run in zip(experiments, runs, strict=True)
+    ]
+    distinct = sorted(set(streams))
+    rows = {stream: row for row, stream in enumerate(distinct)}
+    draws = Draws(problem.loop.group, problem.loop.vehicle, problem.control_instants, distinct)
+    return draws, np.array([rows[stream] for stream in streams])
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:
@@ -343,11 +337,7 @@ def cross_check(
         if time.thread_time() > deadline:
             raise _Skipped(f"it takes more than {MOST_SECONDS * runs:g} s of the processor")
 
-    groups = (
-        (index, group)
-        for index, piece in enumerate(pieces)
-        for group in by_kind(piece, chosen_entries(piece))
-    )
+    groups = [(k, group) for k, p in enumerate(pieces) for group in by_kind(p, chosen_entries(p))]
     for index, group in groups:
         problem = Problem.joined([batch.problem for _, batch in group])
         by_label = {label: np.concatenate(blocks) for label, blocks in stored[index].items()}

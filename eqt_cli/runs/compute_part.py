@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial, reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -132,8 +132,7 @@ def compute_part(
                     where = np.searchsorted(gathered.points, block.points)
                     reference = {name: values[where] for name, values in references.items()}
                 assert reference is not None
-                names, whole = gathered.names(block), gathered.wants_states(block)
-                gathered.add(block, *_solve(block, reference, names, whole, context))
+                gathered.add(block, *_solve(block, reference, *gathered.wanted(block), context))
     return gathered.table()
 
 
@@ -185,16 +184,15 @@ class PartArrays:
             if name in self.data:
                 self.data[name][:] = desired[name][:, self.samples]
 
-    def names(self, batch: Batch) -> tuple[str, ...]:
-        """Return the quantities to store of a batch: signals only if it has stored trajectories."""
-        wanted = {ValuePer.RUN}
-        if (self._stored[batch.rows] >= 0).any():
-            wanted.add(ValuePer.TRAJECTORY)
-        return tuple(entry.name for entry in self.quantities if entry.per in wanted)
+    def wanted(self, batch: Batch) -> tuple[list[str], bool]:
+        """Return the quantities to store of a batch: signals only if it has stored trajectories.
 
-    def wants_states(self, batch: Batch) -> bool:
-        """Whether some of these runs need signals or states besides numbers."""
-        return bool((np.maximum(self._stored, self._checked)[batch.rows] >= 0).any())
+        And whether some of its runs need signals or states besides numbers.
+        """
+        stored = (self._stored[batch.rows] >= 0).any()
+        kinds = {ValuePer.RUN, ValuePer.TRAJECTORY} if stored else {ValuePer.RUN}
+        names = [entry.name for entry in self.quantities if entry.per in kinds]
+        return names, bool(stored or (self._checked[batch.rows] >= 0).any())
 
     def add(self, batch: Batch, solution: Solution, values: dict[str, Array]) -> None:
         """Store the required quantities of a batch."""
@@ -620,6 +618,8 @@ class PartTask:
     """Finished parts in memory, by number."""
     _unsaved: dict[int, FinishedPart] = field(default_factory=dict, init=False)
     """Those of them that have no file yet, with the file that each will have."""
+    _references: dict[int, Desired] = field(default_factory=dict, init=False)
+    """References that have been read, by piece."""
 
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
@@ -664,7 +664,9 @@ class PartTask:
         whole = replace(table, attributes={**table.attributes, "digest": self.study.digest})
         path = self.files.part(item, failed)
         self._tables.pop(item, None)
-        if self.keeps and _bytes(whole, *self._tables.values()) <= MEMORY_BYTES:
+        tables = (whole, *self._tables.values())
+        size = sum(entry.data.nbytes for table in tables for entry in table.variables.values())
+        if self.keeps and size <= MEMORY_BYTES:
             self._tables[item], self._unsaved[item] = whole, FinishedPart(path, failed)
         else:
             write(path, whole)
@@ -699,21 +701,13 @@ class PartTask:
             }
             write(path, Table(stored))
 
-    @cached_property
-    def shared(self) -> Callable[[int], Desired | None]:
-        """Returns the reference that all points of a piece share; None if each has its own."""
-        return lru_cache(maxsize=None)(self._shared)
-
-    def _shared(self, index: int) -> Desired | None:
-        if self.study.piece(index).desired_varies:
-            return None
-        with open_results(self.files.reference(index)) as results:
-            return {name: results[name] for name in DESIRED}
+    def shared(self, index: int) -> Desired | None:
+        """Return the reference that all points of a piece share; None if each has its own."""
+        if index not in self._references and not self.study.piece(index).desired_varies:
+            with open_results(self.files.reference(index)) as results:
+                self._references[index] = {name: results[name] for name in DESIRED}
+        return self._references.get(index)
 
     def __getstate__(self) -> dict[str, Any]:
         state = {"study": self.study, "files": self.files, "chosen": self.chosen}
-        return state | {"_tables": {}, "_unsaved": {}}
-
-
-def _bytes(*tables: Table) -> int:
-    return sum(entry.data.nbytes for table in tables for entry in table.variables.values())
+        return state | {"_tables": {}, "_unsaved": {}, "_references": {}}

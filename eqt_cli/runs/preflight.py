@@ -207,7 +207,10 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
     def solve() -> float:
         started = time.monotonic()
         for batch in problems:
-            batch.engine.solve(_beginning(batch.problem, share), threads, within)
+            start, stop = batch.problem.times[[0, -1]]
+            ends_of_beginning = np.array([start, start + share * (stop - start)])
+            beginning = replace(batch.problem, times=ends_of_beginning)
+            batch.engine.solve(beginning, threads, within)
         return time.monotonic() - started
 
     solves, seconds, before, earlier = 1 + study.base.solver.estimates_errors, None, 0.0, 0.0
@@ -234,12 +237,6 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
     return None if seconds is None else seconds / len(part)
 
 
-def _beginning(problem: Problem, share: float) -> Problem:
-    """Return the problem over the first share of its horizon, with samples at its ends."""
-    start, stop = problem.times[[0, -1]]
-    return replace(problem, times=np.array([start, start + share * (stop - start)]))
-
-
 def result_size(study: Study) -> int:
     """Return the size of the variables of the result file, bytes."""
     layouts = [Layout(piece) for piece in study.pieces]
@@ -254,15 +251,14 @@ def result_size(study: Study) -> int:
 
 def parts_size(study: Study) -> int:
     """Return the size of the files of all parts, which exist until the result is packed, bytes."""
-    return sum(map(_parts_bytes, study.pieces))
-
-
-def _parts_bytes(study: Study) -> int:
-    layout, base = Layout(study), study.base
-    samples = base.config.time.samples
-    redone = min(base.solver.judgement.cross_check, study.plan.entries)
-    states = redone * samples * sum(loop.state_length for loop in base.loops.values())
-    return layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(study.plan)
+    total = 0
+    for piece in study.pieces:
+        layout, base = Layout(piece), piece.base
+        redone = min(base.solver.judgement.cross_check, piece.plan.entries)
+        numbers = sum(loop.state_length for loop in base.loops.values())
+        states = redone * base.config.time.samples * numbers
+        total += layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(piece.plan)
+    return total
 
 
 def check_resources(
