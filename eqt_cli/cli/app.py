@@ -51,20 +51,22 @@ def in_words() -> Iterator[None]:
 
 
 def _usage_message(error: Any, context: Any) -> str:
-    parameter = getattr(error, "param", None)
-    name = "" if parameter is None else _name(parameter)
+    parameter, name = getattr(error, "param", None), ""
+    if parameter is not None:  # as it is typed, or an argument as the help names it
+        is_option = parameter.param_type_name == "option"
+        name = str(parameter.opts[0] if is_option else parameter.metavar)
     if type(error).__name__ == "MissingParameter":
-        made = "; try `eqt config new --vehicle satellite --inertia 2,3,4 --bandwidth 1`"
-        return f"{name}: missing{made * ('CONFIG' in name)}"
-    said = error.message
+        create = "; try `eqt config new --vehicle satellite --inertia 2,3,4 --bandwidth 1`"
+        return f"{name}: missing{create if 'CONFIG' in name else ''}"
     for pattern, words in _REWRITTEN:
-        if match := re.fullmatch(pattern, said):
+        if match := re.fullmatch(pattern, error.message):
             message = match.expand(words)
             break
+    if name:
+        got = f", got '{_typed_value(parameter)}'" if message.startswith("expected ") else ""
+        return f"{name}: {message}{got}"
     typed = getattr(error, "option_name", None) or (match and match.groups() and match[1]) or ""
-    hint = _hint(typed, context) if message.startswith("unknown ") and not name else ""
-    got = f", got '{_typed_value(parameter)}'" if message.startswith("expected ") and name else ""
-    return ": ".join(filter(None, [name, message + got + hint]))
+    return message + (_hint(typed, context) if message.startswith("unknown ") else "")
 
 
 def _typed_value(parameter: Any) -> str:
@@ -76,11 +78,6 @@ def _typed_value(parameter: Any) -> str:
         if value.startswith(tuple(f"{option}=" for option in options)):
             return value.partition("=")[2]
     return ""
-
-
-def _name(parameter: Any) -> str:
-    """Return an option as typed, or an argument as named in the help."""
-    return str(parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar)
 
 
 def _hint(typed: str, context: Any) -> str:

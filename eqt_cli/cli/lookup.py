@@ -113,13 +113,18 @@ def _described(kind: str) -> list[dict[str, Any]]:
 
 
 def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
-    blocks = [_counted(listed)] if len(listed) > 1 else []
+    blocks = []
+    if len(listed) > 1:
+        width = max(map(len, listed))
+        lines = ["kinds, and how many of each; `eqt list KIND` shows one kind"]
+        lines += [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
+        blocks.append("\n".join(lines))
     for kind, entries in listed.items():
         width = max((len(entry["name"]) for entry in entries), default=0)
         base = f"eqt_cli.extend.{registry(kind).base.__name__}" if kind in KINDS else ""
-        lines = (
-            [kind] if entries or not base else [kind, f"  none; plugins derive them from {base}"]
-        )
+        lines = [kind]
+        if base and not entries:
+            lines.append(f"  none; plugins derive them from {base}")
         between = "  " if width <= MOST_BESIDE else "\n      "
         width = width if width <= MOST_BESIDE else 0
         for entry in entries:
@@ -128,13 +133,6 @@ def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
                 lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
         blocks.append("\n".join(lines))
     return "\n\n".join(blocks)
-
-
-def _counted(listed: dict[str, list[dict[str, Any]]]) -> str:
-    """Return the kinds, with the number of components of each."""
-    width = max(map(len, listed))
-    lines = [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
-    return "\n".join(["kinds, and how many of each; `eqt list KIND` shows one kind", *lines])
 
 
 # `eqt config`: configurations ---------------------------

@@ -116,13 +116,8 @@ def option(name: str, *letters: str, known: str | Sequence[str] | None = None, *
         Words that complete its value or, as the name of a kind, the components that do.
     """
     if known is not None:
-        more["autocompletion"] = completed_by(known)
+        more["autocompletion"] = lambda incomplete: completion.words(known, incomplete)
     return typer.Option(name, *letters, **_SHARED.get(name, {}), **more)
-
-
-def completed_by(known: str | Sequence[str]) -> Callable[[str], completion.Completions]:
-    """Return what completes one of these words or, for the name of a kind, that of a component."""
-    return lambda incomplete: completion.words(known, incomplete)
 
 
 class Command(TyperCommand):

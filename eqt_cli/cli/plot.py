@@ -49,9 +49,7 @@ def plot(
         ),
     ],
     figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
-    list_: Annotated[
-        bool, options.option("--list", is_eager=True, callback=lambda wish: _list(wish))
-    ] = False,
+    list_: Annotated[bool, options.option("--list", is_eager=True, callback=_list)] = False,
     set_: options.Set = None,
     option: Annotated[
         list[str] | None, options.option("--option", autocompletion=completion.figure_options)

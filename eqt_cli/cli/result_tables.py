@@ -46,28 +46,19 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
     The result is read before anything is printed, so that a damaged file leaves no partial output.
     """
-    lines: list[str | Text] = [
-        *heading,
-        *(_of_sweep(result) if result.is_sweep else [_headline(result), "", *_shares(result)]),
-        *_accuracy(result),
-    ]
-    remarks = [
-        *_disagreement(result),
-        *_inaccurate(result),
-        *(_failures(result) if result.status.any() else []),
-    ]
+    lines: list[str | Text] = [*heading]
+    if result.is_sweep:  # no table over all points, since that means little
+        from eqt_cli.analysis.maps import sweep_tables
+
+        for table in sweep_tables(result):
+            lines += [output.laid_out(table), ""]
+    else:
+        lines += [_headline(result), "", *_shares(result)]
+    lines += _accuracy(result)
+    remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]
     output.print_text(*lines)
     for remark in remarks:
         output.complain(remark)
-
-
-def _of_sweep(result: Result) -> Iterator[str | Text]:
-    """Yield the tables of a sweep; none over all points, since that means little."""
-    from eqt_cli.analysis.maps import sweep_tables
-
-    for table in sweep_tables(result):
-        yield output.laid_out(table)
-        yield ""
 
 
 def outcome_record(result: Result) -> dict[str, Any]:
@@ -226,30 +217,21 @@ def _accuracy(result: Result) -> Iterator[str]:
         yield result.cross_check.described
 
 
-def _disagreement(result: Result) -> Iterator[str]:
+def _doubts(result: Result) -> Iterator[str]:
+    """Yield remarks on a cross-check that does not hold, and on estimates above the tolerance."""
     check = result.cross_check
-    if check is None:
-        return
-    drift = result["group_drift"][result.good].max(initial=0.0)
-    if not check.holds:
+    if check and not check.holds:
         yield (
             "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
             "or look for kinks and discontinuities in the laws"
         )
-    elif drift > check.bound:
+    elif check and (drift := result["group_drift"][result.good].max(initial=0.0)) > check.bound:
         yield (
             f"eqt: poses leave the group by {drift:.2g}, more than the bound of the "
             f"cross-check, {check.bound:.1g}; tighten solver.rtol"
         )
-
-
-def _inaccurate(result: Result) -> Iterator[str]:
-    """Yield a remark if error estimates far exceed the tolerance."""
     estimates, rtol = result.metric("error_estimate"), result.described.rtol
-    if rtol is None or not np.isfinite(estimates).any():
-        return
-    above = int(np.count_nonzero(estimates > FAR_ABOVE * rtol))
-    if above:
+    if above := 0 if rtol is None else int(np.count_nonzero(estimates > FAR_ABOVE * rtol)):
         yield (
             f"eqt: the error estimates of {output.count_of(above, 'run')} exceed {FAR_ABOVE:g} "
             f"times solver.rtol = {rtol:g}; the largest is {np.nanmax(estimates):.2g}; tighten "

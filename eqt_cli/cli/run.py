@@ -454,17 +454,15 @@ def _print_summary(done: StoredResult, results: Result) -> None:
     print_outcome(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in done.outcome.seconds.items())
     over = "" if points is None else f"{output.count_of(points, 'point')}, "
-    tick = "✓ " * (not done.failed and output.room() is not None)
+    tick = "✓ " if not done.failed and output.room() is not None else ""
     output.print_text(f"{tick}{over}{output.count_of(done.runs, 'run')}{took}")
-    output.print_text(f"results  {done.file}", f"next     {_next(done, len(results.labels))}")
-
-
-def _next(done: StoredResult, laws: int) -> str:
-    """Return the next commands: the failures if all runs failed, else what tells and draws more."""
+    commands = [f"eqt {command} {done.path}" for command in ("compare", "plot", "report")]
     if done.failed == done.runs:
-        return f"eqt show {done.path} --failed"
-    commands = [*["compare"] * (laws > 1), "plot", "report"]
-    return "\n         ".join(f"eqt {command} {done.path}" for command in commands)
+        commands = [f"eqt show {done.path} --failed"]
+    elif len(results.labels) < 2:
+        commands = commands[1:]
+    following = "\n         ".join(commands)
+    output.print_text(f"results  {done.file}", f"next     {following}")
 
 
 def time_line(seconds: float | None, workers: int) -> str:

@@ -147,10 +147,18 @@ def _check_options(
 
 
 def _document(target: Path, result: Verification) -> dict[str, object]:
-    of, counts = result.experiment, {"runs": result.runs, "failed": result.failed_runs}
-    about = {"name": of.name, "group": of.group.name, "engine": of.engine.name}
-    said = {"causes": result.causes({}), "rows": result.records()}
-    return {"verified": str(target), **about, **counts, "holds": not result.failures, **said}
+    experiment = result.experiment
+    return {
+        "verified": str(target),
+        "name": experiment.name,
+        "group": experiment.group.name,
+        "engine": experiment.engine.name,
+        "runs": result.runs,
+        "failed": result.failed_runs,
+        "holds": not result.failures,
+        "causes": result.causes({}),
+        "rows": result.records(),
+    }
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
@@ -217,7 +225,7 @@ def margins(
     about = {"name": result.experiment.name, "group": result.experiment.group.name}
     loop = {"period": result.period, "left_out": result.left_out}
     document = about | loop | {"causes": causes, "laws": result.records()}
-    print_findings(document, *_margins_pieces(result), json=json)
+    print_findings(document, laid_out(_margins_table(result)), json=json)
     if quiet and not json:
         for cause in causes:
             complain(f"eqt: {config}: {cause}")
@@ -225,15 +233,20 @@ def margins(
         raise typer.Exit(4)
 
 
-def _margins_pieces(result: Margins) -> Iterator[str | Text]:
-    """Yield the printed text: the table, and notes on how to read it."""
-    titles, sampled = result.experiment.titles, result.period is not None
+def _margins_table(result: Margins) -> TextTable:
+    """Return the table, and notes on how to read it."""
+    sampled, gains = result.period is not None, _gains(result)
     eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
-    gains = _gains(result)
-    header = ["law", eigenvalue, "delay margin", *gains, "verdict"]
-    rows = [[titles[law.label], *_cells(law, result.period, gains)] for law in result.laws]
+    header, rows = ["law", eigenvalue, "delay margin", *gains, "verdict"], []
+    for law in result.laws:
+        size = "-" if law.changes else f"{law.size:.{6 if sampled else 3}g}"
+        factors = ["-"] * len(gains)
+        if law.growth.is_stable:
+            factors = [_factors(law.gains.get(name)) for name in gains]
+        title = result.experiment.titles[law.label]
+        rows.append([title, size, _delay(law), *factors, law.verdict])
     notes = list(_notes(result))
-    yield laid_out(TextTable("margins", "", header, [Block("", rows)], notes, spare=("both",)))
+    return TextTable("margins", "", header, [Block("", rows)], notes, spare=("both",))
 
 
 def _notes(result: Margins) -> Iterator[str]:
@@ -282,13 +295,6 @@ def _gains(result: Margins) -> list[str]:
 
     cascades = any(loop.controller.reads_flat_output for loop in result.experiment.loops.values())
     return [name for name in GAINS if cascades or name != "position"]
-
-
-def _cells(law: LawMargins, period: float | None, names: list[str]) -> list[str]:
-    """Return the cells of a row except the name."""
-    gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in names]
-    size = "-" if law.changes else f"{law.size:.{3 if period is None else 6}g}"
-    return [size, _delay(law), *gains, law.verdict]
 
 
 def _delay(law: LawMargins) -> str:
