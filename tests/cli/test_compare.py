@@ -189,11 +189,6 @@ def test_against_chooses_pairs(invoke, paper_result):
     ]
 
 
-def test_a_law_is_named_as_tables_write_it_too(invoke, paper_result):
-    asked = ["compare", paper_result, "--metric", "mean_torque", "--resamples", 9, "--against"]
-    assert invoke(*asked, "GT").stdout == invoke(*asked, "gt").stdout
-
-
 def test_against_an_unknown_controller(invoke, paper_result):
     done = invoke("compare", paper_result, "--against", "asim", code=2)
     assert done.stderr == "eqt: --against: no controller 'asim'; did you mean 'asym'?\n"
@@ -291,23 +286,6 @@ def test_list_shows_what_can_be_compared(invoke, paper_result):
     assert "decay_rate" in out and "energy_residual" in out
     document = json.loads(invoke("compare", paper_result, "--list", "--json").stdout)
     assert document[0] == {"metric": "mean_torque", "is": "mean ‖τ‖", "window": "any"}
-
-
-def test_intervals_narrow_with_confidence(invoke, paper_result):
-    def width(confidence):
-        out = invoke(
-            "compare", paper_result, "--json", "-m", "effort", "--confidence", confidence
-        ).stdout
-        level = json.loads(out)["levels"][0]
-        return level["high"] - level["low"]
-
-    # The ratio of normal quantiles, 1.645/1.960, up to the skewness of a mean of 60.
-    assert np.isclose(width("0.9") / width("0.95"), 0.839, atol=0.04)
-
-
-def test_confidence_is_a_share(invoke, paper_result):
-    done = invoke("compare", paper_result, "--confidence", "95", code=2)
-    assert done.stderr == "eqt: confidence 95: expected a number between 0 and 1, as 0.95\n"
 
 
 def test_a_claim_about_controllers_that_are_not_there_says_so(eqt, folder):

@@ -177,15 +177,6 @@ def test_force_says_what_it_removes(eqt):
     ]
 
 
-def test_another_experiment_is_refused(eqt, refused):
-    eqt("run", "c.yaml", "--quiet")
-    assert refused("run", "c.yaml", "--set", "gains.kp=2") == (
-        f"eqt: {Path('results/c')}: holds another experiment, which differs in\n"
-        "  gains.kp: 1.0 there, 2.0 here\n"
-        "choose another folder with --out, or replace it with --force\n"
-    )
-
-
 def test_a_result_runs_again_with_a_change(eqt):
     eqt("run", "c.yaml", "--quiet")
     assert eqt("run", "results/c", "--out", "again", "--set", "ensemble.runs=2").code == 0

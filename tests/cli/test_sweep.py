@@ -245,11 +245,6 @@ def test_the_table_holds_every_run_with_all_digits(eqt, sweeps):
     assert documents[-1]["settling_time"] is None or documents[-1]["settling_time"] >= 0
 
 
-def test_an_unknown_format_of_the_table(refused, result):
-    said = refused("show", result, "--table", "metrics", "--format", "cvs")
-    assert said == "eqt: --format: unknown format 'cvs'; did you mean 'csv'?\n"
-
-
 def test_a_value_that_is_given_twice(refused):
     assert refused("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50") == (
         "eqt: --grid gains.kp=0.5,1,0.50: sweep[0].grid.gains.kp[2]: 0.5 is listed twice; give "

@@ -250,10 +250,6 @@ def test_hypotheses_in_doubt_stand_in_the_summary(eqt):
     assert not any(line.startswith("unknown:") for line in legend)
 
 
-def test_a_configuration_with_mistakes_ends_with_2(refused):
-    assert "--set gains.kp=-1: gains.kp:" in refused("verify", "c.yaml", "--set", "gains.kp=-1")
-
-
 def test_a_sweep_is_left_out_and_that_is_said(eqt, folder):
     text = (folder / "c.yaml").read_text(encoding="utf-8")
     swept = text + "sweep: [{grid: {gains.kd: [1, 2]}}]\n"

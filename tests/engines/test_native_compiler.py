@@ -138,10 +138,6 @@ def test_without_a_compiler_a_message_says_how_to_get_one(on_path, without_zig, 
     assert refusal(EqtError, compiler.library, SOURCE) == expected
 
 
-def test_with_a_compiler_nothing_is_missing(on_path, with_zig):
-    assert compiler.missing() is None
-
-
 def test_a_compiler_that_does_not_work_gives_way_to_the_next(on_path, without_zig):
     on_path("cc", "echo 'error: no developer tools were found' >&2; exit 1")
     gcc = on_path("gcc", 'echo "#define __GNUC__ 12"; echo "#define __VERSION__ \\"12.2.0\\""')

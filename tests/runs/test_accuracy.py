@@ -41,11 +41,6 @@ def simulate(experiment):
     return start | {name: np.array([one[name] for one in found]) for name in found[0]}
 
 
-def values(simulated, name):
-    """A variable of a result, ``(controller, run)``."""
-    return simulated[name]
-
-
 @pytest.fixture
 def estimated(experiment):
     """Forty runs of each controller by the compiled engine, on which it estimates errors."""
@@ -58,7 +53,7 @@ def test_estimates_are_the_errors(estimated):
     The tighter solve has an error of its own, on average a tenth of what it measures.
     """
     simulated = simulate(estimated)
-    Q, V = (values(simulated, name) for name in ("initial_pose", "initial_velocity"))
+    Q, V = (simulated[name] for name in ("initial_pose", "initial_velocity"))
     for index, loop in enumerate(estimated.loops.values()):
         start = loop.initial_state(Q, V, estimated.initial_pose, estimated.initial_velocity)
         problem = Problem(loop, start, estimated.times)
@@ -66,24 +61,24 @@ def test_estimates_are_the_errors(estimated):
             estimated.engine.tightened(factor).solve(problem).states for factor in (1, 1e-6)
         )
         error = distance(loop, estimated.times, found, exact)
-        ratio = values(simulated, "error_estimate")[index] / error
+        ratio = simulated["error_estimate"][index] / error
         assert np.mean((ratio > 0.5) & (ratio < 2)) > 0.9
 
 
 def test_only_runs_over_the_limit_are_marked(estimated, experiment):
     unlimited = simulate(estimated)
-    estimate = values(unlimited, "error_estimate")
+    estimate = unlimited["error_estimate"]
     limit = float(np.median(estimate))
     limited = simulate(
         experiment(
             "ensemble.runs=40", "time.duration=5", f"solver.max_error={limit}", solver=NATIVE
         )
     )
-    status = values(limited, "status")
+    status = limited["status"]
     assert (status == np.where(estimate > limit, Status.ACCURACY, Status.OK)).all()
-    messages = values(limited, "message")
+    messages = limited["message"]
     assert ((messages != "") == (estimate > limit)).all()
-    np.testing.assert_array_equal(values(limited, "pose"), values(unlimited, "pose"))
+    np.testing.assert_array_equal(limited["pose"], unlimited["pose"])
 
 
 def test_a_torque_that_steps_miss_ends_a_run():

@@ -53,14 +53,6 @@ def test_its_configuration_is_that_of_the_experiment(finished):
     assert json.loads(contents()["manifest.json"])["digest"] == given.digest
 
 
-def test_a_finished_experiment_is_not_run_again(finished, run):
-    before = contents()
-    again = run("name=other")
-    assert again.was_complete
-    assert (again.runs, again.failed) == (6, 0)
-    assert contents() == before
-
-
 def test_a_lost_result_is_made_again(finished, run):
     Path("out/results.h5").unlink()
     assert not run().was_complete
@@ -183,13 +175,6 @@ def test_a_file_is_no_folder(run):
     Path("out").write_text("mine", encoding="utf-8")
     assert refusal(run) == (
         "out: cannot be used: not a directory; choose another folder with out=…"
-    )
-
-
-def test_a_folder_below_a_file(run):
-    Path("out").write_text("mine", encoding="utf-8")
-    assert refusal(run, out="out/deep/er") == (
-        f"{Path('out/deep/er')}: cannot be used: not a directory; choose another folder with out=…"
     )
 
 

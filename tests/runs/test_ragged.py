@@ -11,7 +11,6 @@ from said import error_of
 from small_experiment import configuration, study_of
 
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import MOST_GROUPS, law_names, study
@@ -221,17 +220,6 @@ def read_config_text(results, folder):
 
 def study_digest(results, folder):
     return study(read_config_text(results, folder)).digest
-
-
-@only(["groups"])
-def test_points_that_do_not_exist(finished):
-    path = finished[0] / "results.h5"
-    with open_results(path) as results, pytest.raises(ResultError) as caught:
-        results.at(4)
-    assert str(caught.value) == f"{path}: has no point 4; choose one of 0 to 3"
-    with open_results(path) as results, pytest.raises(ResultError) as caught:
-        results.at(0).at(0)
-    assert str(caught.value) == (f"{path}: is not a sweep; leave the point out")
 
 
 @from_yaml
