@@ -205,24 +205,18 @@ class Local(Executor):
                 ready = connection.wait([worker.pipe for worker in busy])
                 for worker in [worker for worker in busy if worker.pipe in ready]:
                     item = worker.item
-                    try:
-                        failed = worker.answer()
-                    except _Lost:
+                    kind, failed = worker.answer()
+                    if kind == "done":
+                        yield Outcome(item, int(failed))
+                    elif kind == "lost":
                         tries[item] += 1
                         if tries[item] < MOST_TRIES:
                             waiting.appendleft(item)
                         else:
                             yield Outcome(item, None)
-                    else:
-                        if failed is not None:
-                            yield Outcome(item, failed)
         finally:
             for worker in workers:
                 worker.end()
-
-
-class _Lost(Exception):
-    """The process died while it computed an item."""
 
 
 def _busy(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
@@ -259,23 +253,23 @@ class _Worker:
         self.process = started
         theirs.close()
 
-    def answer(self) -> int | None:
-        """Return the number of failed runs of the item, or None after a progress report."""
+    def answer(self) -> tuple[str, Any]:
+        """Return ``done`` with the number of failed runs, or ``progress``; ``lost`` if it died."""
         try:
             kind, value = self.pipe.recv()
         except (EOFError, OSError):
             self._advance(0.0)
             self.end()
             self.process, self.item = None, NONE
-            raise _Lost from None
+            return "lost", None
         if kind == "error":
             raise value
         if kind == "progress":
             self._advance(self.reported + value)
-            return None
-        self._advance(self.task.runs_of(self.item))
-        self.item = NONE
-        return int(value)
+        else:
+            self._advance(self.task.runs_of(self.item))
+            self.item = NONE
+        return kind, value
 
     def _advance(self, reached: float) -> None:
         reporter().advance(reached - self.reported)

@@ -10,24 +10,11 @@ from small_loops import any_matrix, closed_loop, expressions
 
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS
-from eqt_cli.base.errors import Problems, TraceError
-from eqt_cli.components.flat import FlatReference, Knot
-from eqt_cli.components.forces import Restoring
+from eqt_cli.base.errors import TraceError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import FactoredInertia, Inertia
+from eqt_cli.components.inertia import FactoredInertia
 from eqt_cli.components.laws import Controller, EqT, controllers
-from eqt_cli.components.motions import PlantModel
-from eqt_cli.components.references import (
-    ConstantReference,
-    LogReference,
-    PathFactor,
-    PathReference,
-    RatesReference,
-    SlewReference,
-    TorqueReference,
-    references,
-)
-from eqt_cli.components.waypoints import Waypoint, WaypointsReference
+from eqt_cli.components.references import TorqueReference
 from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -56,53 +43,6 @@ def assert_engines_agree(problem):
 
 
 # Agreement with solve_ivp -------------------------------------------------------------------------
-
-
-RECORDED = """\
-t,qx,qy,qz,qw,wx,wy,wz
-0,0,0,0,1,0.3,0,0.1
-0.7,0.1,0,0,0.99498743710662,0.3,0.2,0.1
-30,0,0.1,0,0.99498743710662,0,0.2,0
-"""
-
-REFERENCES = {
-    "log": LogReference(file="a.csv").with_files({"a.csv": RECORDED}),
-    "constant": ConstantReference(),
-    "torque": TorqueReference(["exp(-t)", 1, "sqrt(1 + t**2)"]),
-    "rates": RatesReference(["cos(t)", 1, "sqrt(1 + t**2)"]),
-    "path": PathReference([PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]),
-    "slew": SlewReference(to={"rotvec": [0, 0.5, 1]}, start=0.2, duration=0.5),
-    "waypoints": WaypointsReference(
-        points=[
-            Waypoint(0.0, "identity"),
-            Waypoint(0.7, {"rotvec": [0.3, 0, 0]}),
-            Waypoint(30.0, {"rotvec": [0, 0.5, 0.5]}),
-        ]
-    ),
-}
-
-
-def flat():
-    """A motion of minimum snap, of a body that is pushed along its third axis."""
-    G, one = group_named("SE3"), np.eye(6)
-    knots = [Knot(0.0, [0, 0, 0]), Knot(0.8, [1, 0, 1]), Knot(2.0, [1, 1, 0])]
-    weight = Restoring(30.0).of_run(G, None)
-    plant = PlantModel(Inertia(one, one), (weight,), None, True, 2.0, along=[0.0, 0.0, 1.0])
-    return FlatReference(minimum_snap=knots, heading="t").for_plant(G, plant, Problems())
-
-
-DENSE = WaypointsReference(
-    points=[Waypoint(0.15 * k, {"rotvec": [0.1 * k, 0, 0.02 * k**2]}) for k in range(15)]
-)
-
-
-@pytest.mark.parametrize("name", references.names())
-def test_engines_agree_on_every_reference(name):
-    if name == "flat":
-        loop = closed_loop(group_named("SE3"), reference=flat())
-    else:
-        loop = closed_loop(SO3, reference=REFERENCES[name])
-    assert_engines_agree(problem_of(loop, runs=2))
 
 
 @pytest.mark.parametrize("name", ["eqt", "stabilising"])
