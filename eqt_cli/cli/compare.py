@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from eqt_cli.results.quantity import Plain
     from eqt_cli.results.result import Result
 
-_OF_ONE = "--controller, --without-start, --measured and --against"
-
-
 TableFormat = StrEnum("TableFormat", "TEXT CSV LATEX")
 TableName = StrEnum("TableName", "CONTROLLERS PAIRS CLAIMS ALL FRONTS WINNERS POINTS")
 Rows = StrEnum("Rows", "MEASURES CONTROLLERS")
@@ -115,9 +112,11 @@ def compare(
     from eqt_cli.api.loading import open_at
     from eqt_cli.results.quantity import Latex, Plain
 
-    of_one = [controller, without_start, measured, against]
-    if other and any(of_one):
-        raise EqtError(f"{_OF_ONE} apply to one result; leave them out with two")
+    if other and any((controller, without_start, measured, against)):
+        raise EqtError(
+            "--controller, --without-start, --measured and --against apply to one result; leave "
+            "them out with two"
+        )
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:

@@ -465,13 +465,9 @@ class Blocks(Integrator):
 
 def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:
     """Return options by which implicit methods know that the runs of a block are independent."""
-    if runs == 1:
-        return {}
-    if method in ("Radau", "BDF"):
+    if runs > 1 and method in ("Radau", "BDF"):
         import scipy.sparse
 
         ones = scipy.sparse.coo_array(np.ones((n, n)))
         return {"jac_sparsity": scipy.sparse.block_diag([ones] * runs, format="csc")}
-    if method == "LSODA":
-        return {"lband": n - 1, "uband": n - 1}
-    return {}
+    return {"lband": n - 1, "uband": n - 1} if runs > 1 and method == "LSODA" else {}

@@ -42,6 +42,16 @@ def test_instants_are_sample_times_but_for_rounding(instant, found):
     assert _nearest(np.array([instant]), times).tolist() == [found]
 
 
+def loop_with_instants(*instants):
+    """Stands for a loop with one state, whose field changes at these times."""
+    return SimpleNamespace(
+        moving_length=1,
+        vehicle=SimpleNamespace(control=None),
+        instants=lambda until: np.array(instants),
+        controller=SimpleNamespace(undefined=""),
+    )
+
+
 class Resting(Integrator):
     def begin(self, runs):
         pass
@@ -94,14 +104,7 @@ def test_what_engines_say_of_themselves():
 @pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])
 def test_a_billionth_of_the_horizon_is_rehearsed(times):
     engine = Asked()
-    vehicle, still = SimpleNamespace(control=None), np.zeros((1, 1))
-    loop = SimpleNamespace(
-        moving_length=1,
-        vehicle=vehicle,
-        instants=lambda until: np.empty(0),
-        controller=SimpleNamespace(undefined=""),
-    )
-    engine.rehearse(Problem(loop, still, np.array(times)))
+    engine.rehearse(Problem(loop_with_instants(), np.zeros((1, 1)), np.array(times)))
     assert engine.times == [[2.0, pytest.approx(2 + 1e-8, abs=1e-15)]]
 
 
@@ -121,8 +124,7 @@ def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop
 
 def test_a_horizon_is_cut_at_instants_and_samples_belong_to_the_span_behind_them():
     """A field that changes at an end is evaluated inside the span."""
-    known = np.array([-1.0, 0.0, 0.5, 1.5, 2.0, 3.0])
-    loop = SimpleNamespace(vehicle=SimpleNamespace(control=None), instants=lambda until: known)
+    loop = loop_with_instants(-1.0, 0.0, 0.5, 1.5, 2.0, 3.0)
     problem = Problem(loop, np.zeros((1, 1)), np.array([0.0, 0.5, 1.0, 1.2, 2.0]))
     one, two, three = problem.spans
     assert [(span.start, span.stop) for span in (one, two, three)] == [
@@ -297,16 +299,10 @@ def test_progress_is_reported_in_runs_from_one_fiftieth_on():
     assert reports == [1.0, 1.0, 2.0]
 
 
-class Counting(Integrator):
+class Counting(Resting):
     """States grow by 1 in every span, which takes a run 2, 3, 4, … steps; some of them fail."""
 
     failed: ClassVar[dict] = {}
-
-    def begin(self, runs):
-        pass
-
-    def hold(self, span):
-        pass
 
     def advance(self, span, states):
         steps = 2 + self.runs
@@ -322,14 +318,7 @@ class Counting(Integrator):
 
 def counted(failed, groups, threads=1):
     """The solution of four runs through two spans, with a sample at each end and within."""
-    vehicle = SimpleNamespace(control=None)
-    loop = SimpleNamespace(
-        moving_length=1,
-        vehicle=vehicle,
-        instants=lambda until: np.array([1.0]),
-        controller=SimpleNamespace(undefined=""),
-    )
-    problem = Problem(loop, np.zeros((4, 1)), np.array([0.0, 0.5, 1.0, 2.0]))
+    problem = Problem(loop_with_instants(1.0), np.zeros((4, 1)), np.array([0.0, 0.5, 1.0, 2.0]))
     integrator = Counting(problem)
     integrator.failed = failed
     reports = []

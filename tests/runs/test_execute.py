@@ -5,13 +5,14 @@ import json
 import os
 import platform
 import shutil
+from dataclasses import dataclass
 from functools import partial
 
 import h5py
 import numpy as np
 import pytest
 from case_tables import from_yaml, in_ci
-from faults_harness import assert_equal, assert_same, contents
+from faults_harness import Losing, assert_equal, assert_same, contents
 from plugin_sources import component
 from said import error_of
 from small_experiment import configuration, study_of
@@ -24,7 +25,7 @@ from eqt_cli.results.result import open_result
 from eqt_cli.runs import compute_part, run_study
 from eqt_cli.runs import folder as result_folder
 from eqt_cli.runs.batches import batches
-from eqt_cli.runs.executors import Executor, Outcome, Serial
+from eqt_cli.runs.executors import Executor, Serial
 from eqt_cli.runs.folder import ResultFolder
 from eqt_cli.runs.lock import holder, locked
 from eqt_cli.runs.part_files import unfinished
@@ -83,29 +84,15 @@ def finished(made_once):
     return found
 
 
+@dataclass(frozen=True)
 class Stopping(Executor):
     """Does some items and is then interrupted, as by Ctrl-C."""
 
-    def __init__(self, after):
-        object.__setattr__(self, "after", after)
-        object.__setattr__(self, "workers", 1)
+    after: int = 0
 
     def outcomes(self, task, items):
         yield from Serial().outcomes(task, items[: self.after])
         raise KeyboardInterrupt
-
-
-class Losing(Executor):
-    """Loses every worker that tries one of the items."""
-
-    def __init__(self, lost):
-        object.__setattr__(self, "lost", lost)
-        object.__setattr__(self, "workers", 1)
-
-    def outcomes(self, task, items):
-        good = [item for item in items if item not in self.lost]
-        yield from Serial().outcomes(task, good)
-        yield from (Outcome(item, None) for item in items if item in self.lost)
 
 
 @pytest.fixture
@@ -115,7 +102,7 @@ def whole(finished):
 
 def interrupted(found, out, after=2):
     with pytest.raises(KeyboardInterrupt):
-        execute(found, out, executor=Stopping(after))
+        execute(found, out, executor=Stopping(after=after))
 
 
 @pytest.fixture
@@ -293,7 +280,7 @@ def test_every_session_is_remembered_once(make, tmp_path, remarks):
         interrupted(make(), out, after=1) if not out.exists() else None
         pretend(out, numpy=version)
         with pytest.raises(KeyboardInterrupt):
-            execute(make(), out, executor=Stopping(0))
+            execute(make(), out, executor=Stopping(after=0))
     execute(make(), out)
     assert "numpy 1.0 (not " in remarks[-1]
     assert "; or numpy 1.1 (not " in remarks[-1]
@@ -320,7 +307,7 @@ def test_what_affects_no_number_is_not_told(make, remarks, begun):
 @pytest.mark.ci("computes an experiment several times")
 def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
-    execute(make(), out, executor=Losing({1}))
+    execute(make(), out, executor=Losing(lost={1}))
     pretend(out, numpy="1.0")
     execute(make(), out, rerun_failed=True)
     assert [f"numpy 1.0 (not {np.__version__})" in remark for remark in remarks] == [True]
@@ -391,7 +378,7 @@ def execute_without(name, *arguments, **options):
 
 def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path):
     out, name = tmp_path / "out", "effort"
-    execute_without(name, make(), out, executor=Losing({1}))
+    execute_without(name, make(), out, executor=Losing(lost={1}))
     assert execute(make(), out, rerun_failed=True).failed == 0
     found = contents(out)
     expected = np.full_like(whole[name], np.nan)
@@ -402,7 +389,7 @@ def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tm
 
 def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tmp_path):
     out = tmp_path / "out"
-    execute_without("steps", make(), out, executor=Losing({1}))
+    execute_without("steps", make(), out, executor=Losing(lost={1}))
     assert error_of(execute, make(), out, rerun_failed=True) == (
         f"{out}/results.h5: was written by a version of eqt that stores other variables; compute "
         "its failed runs with that version, or choose another folder with out=…"
@@ -414,7 +401,7 @@ def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tm
 
 def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
     out = tmp_path / "out"
-    outcome = execute(make(), out, executor=Losing({1}))
+    outcome = execute(make(), out, executor=Losing(lost={1}))
     assert outcome.failed == 3
     with open_results(out) as results:
         status = results["status"]
@@ -432,7 +419,7 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
 )
 def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, finished, tmp_path, name, text):
     out = tmp_path / "out"
-    execute(make(text), out, executor=Losing({1, 2}))
+    execute(make(text), out, executor=Losing(lost={1, 2}))
     outcome = execute(make(text), out, rerun_failed=True)
     assert outcome.failed == 0
     assert outcome.resumed == outcome.runs - 6

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from case_tables import from_yaml
-from faults_harness import assert_equal, contents
+from faults_harness import Losing, assert_equal, contents
 from said import error_of
 from small_experiment import configuration, study_of
 
@@ -15,7 +15,6 @@ from eqt_cli.base.store_reader import open_results
 from eqt_cli.config.source import read_config
 from eqt_cli.config.study import MOST_GROUPS, law_names, study
 from eqt_cli.engines.engine import Status
-from eqt_cli.runs.executors import Executor, Outcome, Serial
 from eqt_cli.runs.run_study import execute
 
 CONFIG = configuration(
@@ -51,17 +50,6 @@ def study_in(folder, text, *overrides, **more):
 @pytest.fixture
 def make(tmp_path):
     return partial(study_in, tmp_path)
-
-
-class Losing(Executor):
-    """Loses every worker that tries one of two items, which are of different shapes."""
-
-    lost = (1, 6)
-
-    def outcomes(self, task, items):
-        good = [item for item in items if item not in self.lost]
-        yield from Serial().outcomes(task, good)
-        yield from (Outcome(item, None) for item in items if item in self.lost)
 
 
 SWEEPS = {"groups": GROUPS, "times": TIMES}
@@ -142,7 +130,7 @@ def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
 @pytest.mark.ci("computes a sweep anew")
 def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
     out = tmp_path / "out"
-    first = execute(make(text), out, executor=Losing(1))
+    first = execute(make(text), out, executor=Losing(lost={1, 6}))
     assert first.failed == 10
     with open_results(out) as results:
         assert np.count_nonzero(results["status"] == Status.WORKER_LOST) == 10

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import h5py
 import numpy as np
 
 from eqt_cli.base.store_reader import open_results
+from eqt_cli.runs.executors import Executor, Outcome, Serial, Task
 from eqt_cli.runs.folder import ResultFolder
 
 START = "from eqt_cli.cli import main; main()"
@@ -126,6 +128,18 @@ class Session:
         assert self.process.returncode == 0, err
         document: dict[str, object] = json.loads(out)
         return document
+
+
+@dataclass(frozen=True)
+class Losing(Executor):
+    """Loses every worker that tries one of some items."""
+
+    lost: Collection[int] = ()
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        good = [item for item in items if item not in self.lost]
+        yield from Serial().outcomes(task, good)
+        yield from (Outcome(item, None) for item in items if item in self.lost)
 
 
 def workers_of(pid: int) -> list[int]:
