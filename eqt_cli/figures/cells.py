@@ -17,6 +17,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
 from eqt_cli.base.reporting import NOTHING
 from eqt_cli.figures.labels import free_text, in_words
+from eqt_cli.figures.layout import name_scale
 from eqt_cli.figures.style import Width, ink
 from eqt_cli.results.quantity import SweptKey
 from eqt_cli.results.result import Result
@@ -125,8 +126,6 @@ def _number(value: float, _position: int | None = None) -> str:
 
 _LONGEST_KEY = 36
 """Most characters in a line of a label."""
-_KEY_LETTER = 0.065
-"""Width of a letter, in."""
 _MARGIN = 0.03
 """Margin in shares of the width, so that markers at the ends are whole."""
 _AROUND = 0.6
@@ -154,13 +153,24 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
     if axis.texts:
         texts = [free_text(text, _LONGEST_KEY) for text in axis.names.values()]
         panel.set_xticks(list(axis.texts), texts)
-        longest = max(len(line) for text in texts for line in text.split("\n"))
-        if longest * len(texts) * _KEY_LETTER > room - _AROUND:
-            panel.tick_params(axis="x", labelrotation=90)
+        turn_upright(panel, texts, room - _AROUND)
         return
     if axis.logarithmic:
         panel.set_xscale("log")
     number_values(panel, axis.values, room - _AROUND)
+
+
+_TICK_LETTER = 0.06
+"""Width of a letter below a panel with its share of the gap to the next name, in."""
+
+
+def turn_upright(panel: Axes, texts: Sequence[str], room: float) -> float:
+    """Turn the texts below a panel `room` inches wide if they are too long; return their height."""
+    longest = _TICK_LETTER * max(len(line) for text in texts for line in text.split("\n"))
+    if longest * len(texts) <= room:
+        return 0.0
+    panel.tick_params(axis="x", labelrotation=90)
+    return longest
 
 
 def _owner(result: Result, key: str) -> str:
@@ -186,9 +196,6 @@ def _unit(result: Result, unit: str) -> str:
 
 _LONGEST_NAME = 18
 """Most characters in a line of the name of a value that is no number."""
-
-_TICK_LETTER = 0.06
-"""Width of a letter below a map with its share of the gap to the next name, in."""
 
 _LETTER, _BESIDE, _LINE = 0.048, 0.088, 0.16
 """Width of a letter in a cell, of the margins around a text, and height of a line, in."""
@@ -315,10 +322,7 @@ class Cells:
         Return the extra room below the panel, in: texts for which it is too narrow stand upright.
         """
         texts = self._number(panel, "x", self.across, result)
-        longest = _TICK_LETTER * max(len(line) for text in texts for line in text.split("\n"))
-        upright = longest * len(texts) > room
-        if upright:
-            panel.tick_params(axis="x", labelrotation=90)
+        below = turn_upright(panel, texts, room)
         if self.up is None:
             panel.set_yticks([])
         elif leftmost:
@@ -326,7 +330,7 @@ class Cells:
         # Matplotlib hides the numbers of every panel above the last row, whether it has one below.
         panel.tick_params(axis="x", labelbottom=lowest)
         panel.xaxis.label.set_visible(lowest)
-        return longest if upright else 0.0
+        return below
 
     def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> list[str]:
         """Number the cells along a scale; return the texts."""
@@ -337,7 +341,10 @@ class Cells:
         most = _LONGEST_KEY if key.is_number else _LONGEST_NAME
         texts = [free_text(names[levels[k]], most) for k in shown]
         panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
-        panel.set(**{f"{direction}label": key_label(result, key)})
+        if direction == "x":
+            panel.set_xlabel(key_label(result, key))
+        else:
+            name_scale(panel, key_label(result, key))
         return texts
 
 

@@ -27,7 +27,7 @@ from eqt_cli.figures.figure import OfDifferences, OfMetrics
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import BAND, add_legend, blank_sheet, hide_inner_scales, rows_of
 from eqt_cli.figures.shown import MetricValues, ShownMetrics, ShownSweep
-from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style
+from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
 from eqt_cli.results.result import Result
 
 # Figure of distributions: metrics of single runs as box plots, which may be censored --------------
@@ -181,11 +181,15 @@ class Distributions(OfMetrics):
         tall = _AROUND + len(names) * (_ROW + _LINE * lines)
         height = tall if self.kind == "box" else _CURVES[width]
         drawing, panels = blank_sheet(width, places, height)
+        # Names are smaller where many share a slide; their heights are those over the size of type.
+        heights = sum(1.2 + 1.5 * name.count("\n") for name in names)
+        room_up = drawing.get_figheight() / len(places) - _AROUND
+        size = min(size_of_type("ytick.labelsize"), 72 * room_up / heights)
         for metric, axes in panels.items():
             axes.set_xlabel(metric_label(metrics.results[0], metric, int(18 * room)))
             samples = [metrics.samples[metric, e.label] for e in metrics.shown]
             if self.kind == "box":
-                axes.set_yticks(range(len(names)), names)
+                axes.set_yticks(range(len(names)), names, fontsize=size)
                 _fill_boxes(axes, metrics, samples)
             else:
                 _fill_steps(axes, metrics, samples)
@@ -323,7 +327,8 @@ class Forest(OfDifferences):
         differences = np.array([self._difference(*of_point) for of_point in values])
         _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
         words = free_text(swept.results.quantity(self.metric_of(swept)).plain, 40)
-        left.set_xlabel(f"difference of {words}\n{first} − {second}, % of {second}")
+        compared = free_text(f"{first} − {second}, % of {second}", 40)
+        left.set_xlabel(f"difference of {words}\n{compared}")
         for k, look in enumerate(swept.looks):
             share = shares(settled[:, k].astype(float), self.confidence)
             _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])

@@ -1,7 +1,7 @@
 """The base classes of figures, and the trajectories that they draw."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, cast
@@ -36,7 +36,7 @@ from eqt_cli.figures.shown import (
     error_of,
     names,
 )
-from eqt_cli.figures.style import HOUSE, WIDTHS, Style, Width, house_style, replaced
+from eqt_cli.figures.style import HOUSE, Style, Width, house_style, replaced
 from eqt_cli.loop.signals import LAW_OUTPUT, MIXED, OUTPUT
 from eqt_cli.results.result import Result
 
@@ -186,10 +186,6 @@ class ShownRuns(ShownControllers):
             group = self.results[0].group_name
             raise self.error(f"finds no attitude error on {group} to show in degrees")
 
-    def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
-        """Return the numbers of the good runs of a controller, in the order of `values`."""
-        return ensemble.results.stored_runs[ensemble.good][:most]
-
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
         """Return a signal of the reference, ``(samples, …)``: ``torque`` for τ_d."""
         self._check_stored(ensemble.results, f"desired_{signal}")
@@ -319,19 +315,14 @@ class ShownRuns(ShownControllers):
 
     def notes(self) -> list[str]:
         """Return notes on loops and stored runs, then `ShownControllers.notes`."""
-        return [*self._loops(), *self._thinned(), *super().notes()]
-
-    def _loops(self) -> Iterator[str]:
-        """Yield how each loop differs from the paper's ideal loop."""
-        for one, name in zip(self.results, names(self.results), strict=True):
-            if words := one.described.loop:
-                yield f"{name}: {words}" if len(self.results) > 1 else words
-
-    def _thinned(self) -> Iterator[str]:
-        for one, name in zip(self.results, names(self.results), strict=True):
-            if len(one.stored_runs) < one.runs:
-                whose = f" of {name}" if len(self.results) > 1 else ""
-                yield f"Trajectories of the first {len(one.stored_runs)} of {one.runs} runs{whose}."
+        loops, thinned, several = list[str](), list[str](), len(self.results) > 1
+        for result, name in zip(self.results, names(self.results), strict=True):
+            if words := result.described.loop:  # how it differs from the paper's ideal loop
+                loops.append(f"{name}: {words}" if several else words)
+            stored, whose = len(result.stored_runs), f" of {name}" if several else ""
+            if stored < result.runs:
+                thinned.append(f"Trajectories of the first {stored} of {result.runs} runs{whose}.")
+        return [*loops, *thinned, *super().notes()]
 
     def _check_stored(self, result: Result, signal: str) -> None:
         result.check_stored(signal, who=f"figure '{self.figure}' needs")
@@ -343,8 +334,6 @@ class ShownRuns(ShownControllers):
 MOST: dict[Width, int] = {"column": 4, "page": 8, "slide": 6}
 """Most laws side by side."""
 
-_BESIDE = 0.7
-"""Width of the labels beside the first column and of the gaps between columns, in."""
 _TALLEST = 5.0
 """Largest height of all rows together, in."""
 
@@ -388,7 +377,7 @@ def law_columns(
     for k, law in enumerate(laws):
         top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
         if top != layout.EMPTY:
-            layout.add_title(panels[top], law.title, (WIDTHS[width] - _BESIDE) / len(laws))
+            layout.add_title(panels[top], law.title)
     layout.hide_inner_scales(panels, mosaic)
     return drawing, by_row
 

@@ -1,7 +1,6 @@
 """Sheets of panels, their names, legends and remarks, and the curves that several figures share."""
 
 import re
-import textwrap
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -14,19 +13,19 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.font_manager import FontProperties
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
 from matplotlib.textpath import text_to_path
-from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
-from eqt_cli.figures.labels import free_text, part_name, quantity
+from eqt_cli.figures.labels import free_text, quantity
 from eqt_cli.figures.shown import Ensemble, ShownControllers
-from eqt_cli.figures.style import ENLARGED, WIDTHS, Look, Width, ink, line_style, size_of_type
+from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
 
 EMPTY = "."
 """Empty place in a mosaic."""
@@ -43,8 +42,8 @@ _NARROW = 1.1
 """Width below which a panel has fewer numbers along its time axis, in."""
 _SAMPLE = "abcdefghijklmnopqrstuvwxyz ABCDEFGHIJKL 0123456789"
 """Characters as frequent as in names."""
-_OF_PROSE = 1.15
-"""Characters of prose over those of names, which have more capitals and digits."""
+_PROSE = 0.95
+"""Share of the width that is filled by an average line."""
 _SMALL = 0.833
 """Size of small type over the usual size, as in Matplotlib."""
 
@@ -53,19 +52,16 @@ COLOUR_SCALE = "<colorbar>"
 NO_NUMBERS = "<density>"
 """Label of artists whose numbers are not kept: counts in cells, which jump where rounding moves a
 sample over an edge."""
-_LEAST_OF_PANEL = 0.6
-"""Least share of a panel's width for its name."""
-_WHOLE = 12
-"""Most characters of a word that is never broken in a name."""
-_FULL = 0.97
-"""Most of the width of a figure that a legend takes."""
-_ROW_PITCH = 1.15
-"""Distance from row to row, in heights of a panel."""
-_LEAST_TYPE, _INDEX = 5.5, 0.7
-"""Least size of a letter, pt, and size of an index or exponent over that of its text."""
+_LEAST_IN_LINE = 12
+"""Least characters in a line of a name, so that few words are broken."""
 _LETTER = 0.2
 """Width of the letter of a panel, in."""
-
+_SMALLER = re.compile(r"\$[^$]*(\^|_|\\frac)")
+"""Mathematics with letters that are smaller than the others."""
+_LABEL_REACH = 1.2
+"""Length of a label over the height of its panel, before the panels are arranged."""
+_FULL = 0.97
+"""Most of the width of a figure that a legend takes."""
 Mosaic = list[list[str]]
 """Names of panels, row by row."""
 
@@ -92,28 +88,9 @@ class OwnPage(Figure):
         return last.figure.figure
 
 
-def _page(width: Width, height: float, mosaic: Any, **more: Any) -> Page:
-    """Return a figure of so many inches, and its panels by name."""
-    if own_axes is None:
-        drawing = Figure(figsize=(WIDTHS[width], height))
-        FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
-        return drawing, drawing.subplot_mosaic(mosaic, empty_sentinel=EMPTY, **more)
-    names = list(dict.fromkeys(name for row in mosaic for name in row if name != EMPTY))
-    axes = own_axes if isinstance(own_axes, Mapping) else np.ravel(own_axes)
-    panels = dict(axes if isinstance(axes, Mapping) else zip_longest(names, axes))
-    if {*panels} != {*names} or not all(isinstance(one, Axes) for one in panels.values()):
-        raise EqtError(
-            f"axes: expected {len(names)} Axes, for {', '.join(names)}; got {len(axes)}: "
-            f"{', '.join(map(str, axes))}; choose panels by options of the figure, or give as many"
-        )
-    page = OwnPage()
-    page.panels = {name: panels[name] for name in names}
-    return page, page.panels
-
-
 def one_panel(width: Width, height: float) -> tuple[Figure, Axes]:
     """Return a figure of so many inches, and its only panel."""
-    drawing, panels = _page(width, height, [["panel 1"]])
+    drawing, panels = blank_sheet(width, [["panel 1"]], height)
     return drawing, panels["panel 1"]
 
 
@@ -145,7 +122,7 @@ def sheet(
     return drawing, panels
 
 
-def blank_sheet(width: Width, mosaic: Mosaic, height: float, **ratios: Any) -> Page:
+def blank_sheet(width: Width, mosaic: Mosaic, height: float, **options: Any) -> Page:
     """Return a figure of independent panels, and its panels by name.
 
     Parameters
@@ -154,21 +131,27 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float, **ratios: Any) -> P
         Names of the panels, as in `sheet`.
     height
         Height of a row of panels, in; reduced where the rows would not fit a page.
-    ratios
-        Of the widths of columns and heights of rows, as Matplotlib's `subplot_mosaic` takes them.
+    options
+        Of Matplotlib's `subplot_mosaic`, such as the ratios of the widths of columns.
     """
-    rows = len(mosaic)
-    height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
-    return _page(width, height * rows, mosaic, **ratios)
-
-
-def sheet_of_maps(
-    count: int, columns: int, width: Width, height: float
-) -> tuple[Figure, list[Axes]]:
-    """Return a figure of maps with common scales, each `height` inches high, and its panels."""
-    mosaic = rows_of([f"panel {number}" for number in range(1, count + 1)], columns)
-    drawing, panels = _page(width, height * len(mosaic), mosaic, sharex=True, sharey=True)
-    return drawing, list(panels.values())
+    if own_axes is None:
+        rows = len(mosaic)
+        height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
+        drawing = Figure(figsize=(WIDTHS[width], height * rows))
+        FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
+        layout: Any = mosaic
+        return drawing, drawing.subplot_mosaic(layout, empty_sentinel=EMPTY, **options)
+    names = list(dict.fromkeys(name for row in mosaic for name in row if name != EMPTY))
+    axes = own_axes if isinstance(own_axes, Mapping) else np.ravel(own_axes)
+    panels = dict(axes if isinstance(axes, Mapping) else zip_longest(names, axes))
+    if {*panels} != {*names} or not all(isinstance(panel, Axes) for panel in panels.values()):
+        raise EqtError(
+            f"axes: expected {len(names)} Axes, for {', '.join(names)}; got {len(axes)}: "
+            f"{', '.join(map(str, axes))}; choose panels by options of the figure, or give as many"
+        )
+    place = OwnPage()
+    place.panels = {name: panels[name] for name in names}
+    return place, place.panels
 
 
 def rows_of(names: Sequence[str], columns: int) -> Mosaic:
@@ -176,35 +159,6 @@ def rows_of(names: Sequence[str], columns: int) -> Mosaic:
     rows = [list(names[start : start + columns]) for start in range(0, len(names), columns)]
     rows[-1] += [EMPTY] * (min(columns, len(names)) - len(rows[-1]))
     return rows
-
-
-def panel(controller: str, part: str) -> str:
-    """Return the name of the panel of a controller, by its label, and a part."""
-    return f"runs of {controller}{part}"
-
-
-def panels_by_controller(
-    controllers: Sequence[str], parts: Sequence[str], columns: int = 2
-) -> Mosaic:
-    """Return a row per law and a column per part; with one part, controllers in rows.
-
-    Parameters
-    ----------
-    controllers
-        Labels of the controllers.
-    parts
-        Suffixes of the norms per part; a single one if parts are not told apart.
-    columns
-        Panels in a row where there is one part.
-    """
-    if len(parts) > 1:
-        return [[panel(label, part) for part in parts] for label in controllers]
-    return rows_of([panel(label, parts[0]) for label in controllers], columns)
-
-
-def panel_title(controller: str, part: str) -> str:
-    """Return the title above a panel."""
-    return f"{controller}, {part_name(part)}" if part else controller
 
 
 def numbered_below(mosaic: Mosaic) -> set[str]:
@@ -227,9 +181,16 @@ def share_scale(panels: Iterable[Axes]) -> None:
 
 
 def name_scale(axes: Axes, text: str) -> None:
-    """Label a vertical scale."""
+    """Label a vertical scale, in several lines or smaller type where the panel is low."""
     # On the baseline, so that labels with and without descenders line up from panel to panel.
-    axes.set_ylabel(text, va="baseline", labelpad=4)
+    label = axes.set_ylabel(text, va="baseline", labelpad=4)
+    room = _LABEL_REACH * axes.get_window_extent().height
+    if label.get_window_extent().height > room:
+        size = size_of_type("axes.labelsize")
+        fit = max(_characters(room / axes.figure.dpi, size), _LEAST_IN_LINE)
+        lines = text.replace(" $(", "\n$(").split("\n")
+        label.set_text("\n".join(free_text(line, fit) for line in lines))
+        label.set_fontsize(size * min(1.0, room / label.get_window_extent().height))
 
 
 def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
@@ -239,14 +200,11 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
         panels[name].set_ylabel("")
 
 
-def add_title(axes: Axes, name: str, room: float) -> None:
-    """Write a user's text as the title of a panel `room` inches wide."""
-    # Room for the letter on both sides, since the title is centred.
-    room = max(room - 2.5 * _LETTER, _LEAST_OF_PANEL * room)
-    size = size_of_type("axes.titlesize")
-    fit = _characters(room, size)
-    longest = max([len(word) for word in name.split() if len(word) <= _WHOLE], default=0)
-    axes.set_title(free_text(name, max(fit, longest)), fontsize=size * min(1, fit / (longest or 1)))
+def add_title(axes: Axes, name: str) -> None:
+    """Write a user's text as the title of a panel, in lines that leave room for its letter."""
+    room = axes.get_window_extent().width / axes.figure.dpi - _LETTER
+    fit = _characters(room, size_of_type("axes.titlesize"))
+    axes.set_title(free_text(name, max(fit, _LEAST_IN_LINE)))
 
 
 def add_letters(figure: Figure) -> None:
@@ -304,16 +262,12 @@ def add_legend(
 def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
     """Print remarks below the panels, a line each; the figure grows by them."""
     if remarks:
-        size = _SMALL * size_of_type("font.size")
-        characters = _characters(_OF_PROSE * figure.get_figwidth(), size)
-        label = figure.supxlabel("".join(remarks), x=0.01, ha="left", fontsize=size)
-        label.set_fontsize(max(size, _least(label)))
-        for most in range(characters, characters * 3 // 4, -2):
-            label.set_text("\n".join(free_text(remark, most) for remark in remarks))
-            if label.get_window_extent().width < 0.98 * figure.bbox.width:
-                break
-        lines, size = label.get_text().count("\n") + 1, float(label.get_fontsize())
-        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * size / 72 * lines)
+        readable = 1.0 if "$" in "".join(remarks) else _SMALL  # with indices, too
+        size, room = readable * size_of_type("font.size"), _PROSE * figure.get_figwidth()
+        text = "\n".join(free_text(each, _characters(room, size, each)) for each in remarks)
+        figure.supxlabel(text, x=0.01, ha="left", fontsize=size)
+        height = _REMARK_HEIGHT * size / 72 * (text.count("\n") + 1)
+        figure.set_figheight(figure.get_figheight() + height)
 
 
 def freeze(figure: Figure) -> None:
@@ -324,155 +278,67 @@ def freeze(figure: Figure) -> None:
     EqtError
         If a style's type is so large that it leaves no room for the panels.
     """
-    arrange(figure)
     scales = [scale for axes in figure.axes for scale in (axes.xaxis, axes.yaxis)]
-    measured = _numbers(scales)
-    _fit_to_rows(figure)
-    _fit_to_columns(figure)
-    for text in figure.findobj(Text):
-        text.set_fontsize(max(text.get_fontsize(), _least(text)))
     for scale in scales:
-        scale.get_majorticklabels()
-    if _numbers(scales) != measured:  # the new room has changed them, or their size
-        arrange(figure)
-    for scale in scales:
-        _hide_crowded(scale)
-    figure.set_layout_engine("none")
-    for axes in figure.axes:
-        axes.apply_aspect()  # before names are placed beside it
-    _keep_names(scales)
-
-
-def _keep_names(scales: Iterable[Axis]) -> None:
-    """Leave the names of scales where they are; those left of the panels of a column line up.
-
-    Matplotlib would compare all numbers of the column for each of its scales, for every format.
-    """
-    places, lines = list[tuple[Axis, Any, float]](), dict[Any, float]()
-    least = dict[Any, float]()  # so that the highest letter is on the page
-    for scale in scales:
-        if scale.axes.get_label() == COLOUR_SCALE:
-            continue  # its panel has its place only when it is drawn
-        scale.get_tightbbox()  # which places the name
-        x, y = scale.label.get_transform().transform(scale.label.get_position())
-        spec, side = scale.axes.get_subplotspec(), str(scale.get_label_position())
-        start = spec.colspan.start if spec and side == "left" else -1 - len(places)
-        column = scale.axes.figure, start  # of a part of a figure, such as the curves of a GIF
-        lines[column] = min(x, lines.get(column, x))
-        least[column] = max(x - scale.label.get_window_extent().x0, least.get(column, -np.inf))
-        places.append((scale, column, y))
-    for scale, column, y in places:
-        x = max(lines[column], least[column] if column[1] == 0 else -np.inf)
-        place = scale.axes.transAxes.inverted().transform((x, y))
-        scale.set_label_coords(*place)
-
-
-def _numbers(scales: Iterable[Axis]) -> list[tuple[str, Any]]:
-    """Return the numbers and words along scales, their sizes, and the sizes of the names."""
-    texts = [text for scale in scales for text in (*_labels(scale), scale.label)]
-    return [(text.get_text(), text.get_fontsize()) for text in texts]
-
-
-def _labels(scale: Axis) -> list[Text]:
-    return [tick.label1 for tick in scale.majorTicks]
-
-
-def _fit_to_rows(figure: Figure) -> None:
-    """Shrink labels that are longer than their row, such as with many rows on a slide."""
-    for axes in figure.axes:
-        if axes.get_label() == COLOUR_SCALE:
-            continue
-        tall = axes.get_window_extent().height
-        label = axes.yaxis.label
-        _shrink([label], label.get_window_extent().height / (_ROW_PITCH * tall))
-        if isinstance(axes.yaxis.get_major_locator(), FixedLocator):  # words, a line for each
-            numbers = axes.get_yticklabels()
-            lines = sum(number.get_window_extent().height for number in numbers)
-            _shrink(numbers, lines / tall)
-
-
-def _fit_to_columns(figure: Figure) -> None:
-    """Break names of horizontal scales that are wider than their panel, but not in a unit."""
-    for axes in figure.axes:
-        label = axes.xaxis.label
-        wide, room = label.get_window_extent().width, 1.15 * axes.get_window_extent().width
-        if wide > room and axes.get_label() != COLOUR_SCALE:
-            text = re.sub(r"\([^)]*\)", lambda unit: unit[0].replace(" ", "\xa0"), label.get_text())
-            most = int(len(text) * room / wide)
-            label.set_text(textwrap.fill(text, most, break_long_words=False))
-
-
-def _hide_crowded(scale: Axis) -> None:
-    """Hide the numbers of a logarithmic scale that would cover the one before."""
-    if scale.get_scale() == "log":
-        end = -np.inf
-        for tick in scale.majorTicks:
-            box = tick.label1.get_window_extent()
-            first, last = (box.x0, box.x1) if scale is scale.axes.xaxis else (box.y0, box.y1)
-            tick.label1.set_visible(tick.label1.get_visible() and first >= end)
-            end = last if first >= end else end
-
-
-def _shrink(texts: Iterable[Text], factor: float) -> None:
-    """Divide the type size of texts by a factor above 1, down to a readable size."""
-    for text in texts if factor > 1 else ():
-        size = float(text.get_fontsize())
-        text.set_fontsize(max(size / factor, min(size, _least(text))))
-
-
-def _least(text: Text) -> float:
-    """Return the least size at which a text is readable with its indices, pt."""
-    page: Any = text.figure
-    enlarged = ENLARGED["slide"] if page.figure.get_figwidth() == WIDTHS["slide"] else 1.0
-    small = re.search(r"\$[^$]*[_^]", text.get_text()) is not None
-    return _LEAST_TYPE / enlarged / (_INDEX if small else 1.0)
-
-
-class _Numbers(ScalarFormatter):
-    """Plain numbers, which Matplotlib measures faster than mathematics, with a power of ten."""
-
-    def get_offset(self) -> str:
-        """Return the common factor ×10ⁿ, or nothing."""
-        self.set_useMathText(True)
-        try:
-            return super().get_offset()
-        finally:
-            self.set_useMathText(False)
-
-
-def arrange(figure: Figure) -> None:
-    """Arrange the panels, so that the sizes of artists are known.
-
-    Raises
-    ------
-    EqtError
-        If a style's type is so large that it leaves no room for the panels.
-    """
-    engine = figure.get_layout_engine()
-    if engine is None:  # the panels are placed already
-        return
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if type(axis.get_major_formatter()) is ScalarFormatter:
-            axis.set_major_formatter(_Numbers(useMathText=False))
+        numbers = [number.get_text() for number in scale.get_majorticklabels()]
+        if _SMALLER.search(" ".join([*numbers, scale.get_major_formatter().get_offset()])):
+            scale.set_tick_params(labelsize="medium")  # so that exponents can be read
+            scale.get_offset_text().set_fontsize("medium")
+    parts: Sequence[FigureBase] = figure.subfigs or [figure]
+    for part in parts:
+        part.align_ylabels([a for a in figure.axes if a.figure is part and a.get_ylabel()])
+    engine = figure.get_layout_engine() or ConstrainedLayoutEngine()
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
         try:
             engine.execute(figure)
-            if any(axes.get_aspect() != "auto" for axes in figure.axes):
-                engine.execute(figure)  # margins are measured in places before they are narrowed
+            measured = _numbers(scales)
+            for scale in scales:
+                scale.get_majorticklabels()  # which may differ in the new room
+            narrowed = any(axes.get_aspect() != "auto" for axes in figure.axes)
+            if narrowed or _numbers(scales) != measured:
+                engine.execute(figure)
         except UserWarning as warning:
             raise EqtError(
                 f"the font size of the style leaves no room for the panels in a figure "
                 f"{figure.get_figwidth():g} in wide; use a wider figure or smaller type"
             ) from warning
+    figure.set_layout_engine("none")
+    # Names stay where they are; Matplotlib would measure all numbers anew for every format.
+    for axes in figure.axes:
+        axes.apply_aspect()
+    for axes in figure.axes:
+        # The panel of a colour scale gets its place when it is drawn.
+        for scale in (axes.xaxis, axes.yaxis) if axes.get_label() != COLOUR_SCALE else ():
+            scale.get_tightbbox()
+            _hide_crowded(scale)
+            place = scale.label.get_transform().transform(scale.label.get_position())
+            scale.set_label_coords(*axes.transAxes.inverted().transform(place))
 
 
-def _characters(room: float, size: float) -> int:
-    """Return how many characters of this type size (pt) fit in a line of `room` inches."""
-    alike, *_ = text_to_path.get_text_width_height_descent(
-        _SAMPLE, FontProperties(size=size), ismath=False
+def _numbers(scales: Iterable[Axis]) -> list[str]:
+    """Return the numbers and words along scales."""
+    return [tick.label1.get_text() for scale in scales for tick in scale.majorTicks]
+
+
+def _hide_crowded(scale: Axis) -> None:
+    """Hide the numbers of a logarithmic scale that would cover the one before."""
+    end = -np.inf
+    for tick in scale.majorTicks if scale.get_scale() == "log" else ():
+        box = tick.label1.get_window_extent()
+        first, last = (box.x0, box.x1) if scale is scale.axes.xaxis else (box.y0, box.y1)
+        if first < end:
+            tick.label1.set_visible(False)
+        elif tick.label1.get_visible():
+            end = last
+
+
+def _characters(room: float, size: float, sample: str = _SAMPLE) -> int:
+    """Return how many characters like those of a sample, `size` pt, fit in a line, in."""
+    wide, *_ = text_to_path.get_text_width_height_descent(
+        sample, FontProperties(size=size), ismath=False
     )
-    return int(len(_SAMPLE) * 72 * room / alike)
+    return int(len(sample) * 72 * room / wide)
 
 
 # Curves that several figures share: bands, single runs, paths -------------------------------------

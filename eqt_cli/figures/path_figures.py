@@ -160,8 +160,7 @@ class PathFigure(OverTime):
                 self._draw_path(axes, eye, path, name, ends, many=many, behind=behind)
             if apart:
                 top = panels[f"{views[0]} {number}"]
-                room = 0.7 * WIDTHS[width] / min(len(paths), _columns(width, len(paths)))
-                layout.add_title(top, path.law.title, room)
+                layout.add_title(top, path.law.title)
         handles = {} if apart else _laws(runs, linewidth=_LINE)
         if apart:
             name = "single runs" if many else "run"
@@ -173,7 +172,7 @@ class PathFigure(OverTime):
         turned = "under the error $R_\\mathrm{E}$" if self.error else "in space"
         what = f": the body axis {self._axis(runs)[0]} {turned}, pale behind" * (view == "sphere")
         what = "; on the ground, the shadow of the reference" if view == "space" else what
-        first = {int(runs.numbers(law, 1)[0]) for law in runs.shown}
+        first = {int(law.results.stored_runs[law.good][0]) for law in runs.shown}
         which = f"Run {first.pop()}" if len(first) == 1 else "The first run of each law"
         which = f"First {max(len(p.places) for p in paths)} runs" if many else which
         runs.remarks.append(f"{which}{what}.")

@@ -5,13 +5,11 @@ import logging
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
-from string import ascii_uppercase
 from typing import Any, Literal, TypeVar, get_args
 
 import numpy as np
@@ -30,7 +28,7 @@ from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.figure import Figure, figures
 from eqt_cli.figures.layout import COLOUR_SCALE, NO_NUMBERS
 from eqt_cli.figures.shown import DesiredMotion, names
-from eqt_cli.figures.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, replaced, sentence
+from eqt_cli.figures.style import ENLARGED, HOUSE, WIDTHS, Style, house_style, sentence
 from eqt_cli.results.result import Result
 
 Format = Literal["pdf", "svg", "png"]
@@ -41,6 +39,8 @@ _SIZE = re.compile(rb'(?<= )(width|height)="([0-9.]+)pt"')
 """Width or height in an SVG file; those of the whole picture come first."""
 
 _MAKER = f"eqt {__version__}"
+
+logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on dates in Matplotlib's fonts
 
 
 def encode(
@@ -53,10 +53,9 @@ def encode(
     buffer = BytesIO()
     times = ENLARGED[style.width]
     more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
-    pdf = _steady_names_of_fonts() if format == "pdf" else nullcontext()
     # Without the layout of the style, for which Matplotlib draws everything twice.
     arranged = rc_context({"figure.constrained_layout.use": False})
-    with house_style(style), arranged, _quiet_font_tools(), pdf, _without_date():
+    with house_style(style), arranged, _without_date():
         drawing.set_layout_engine(None)
         if format == "png":
             dots = drawing.dpi if rcParams["savefig.dpi"] == "figure" else rcParams["savefig.dpi"]
@@ -80,35 +79,6 @@ def _without_date() -> Iterator[None]:
     finally:
         if date is not None:
             os.environ[_DATE] = date
-
-
-@contextmanager
-def _quiet_font_tools() -> Iterator[None]:
-    """Silence remarks on the dates inside of Matplotlib's own fonts."""
-    log = logging.getLogger("fontTools")
-    level = log.level
-    log.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
-
-
-def _steady_names_of_fonts() -> AbstractContextManager[None]:
-    """Name the subsets of fonts in PDF files after their content.
-
-    For fonts of TeX, Matplotlib uses Python's hash, which differs between processes.
-    """
-    from matplotlib.backends.backend_pdf import PdfFile  # slow to import
-
-    def prefix(glyphs: Iterable[object]) -> str:
-        digest = sha256(" ".join(sorted(map(str, glyphs))).encode()).digest()
-        return "".join(ascii_uppercase[byte % 26] for byte in digest[:6]) + "+"
-
-    name = "_get_subset_prefix"
-    if name not in vars(PdfFile):  # Matplotlib before 3.10 embeds fonts of TeX whole
-        return nullcontext()
-    return replaced(PdfFile, name, staticmethod(prefix))
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:
@@ -182,7 +152,7 @@ def curves(drawing: Drawing) -> list[Curve]:
 
 def plain(label: str) -> str:
     r"""Strip a label of typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
-    words = label.replace(r"\|", "‖").replace(r"\,", " ")
+    words = label.replace(r"\|", "‖").replace(r"\,", " ").replace("\n", " ")
     return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+)(?: (?=\w))?", _letter, words))
 
 

@@ -29,7 +29,7 @@ from eqt_cli.figures.layout import (
     thin_line_legend,
 )
 from eqt_cli.figures.shown import Ensemble
-from eqt_cli.figures.style import WIDTHS, Look, Width, component_style, ink
+from eqt_cli.figures.style import Look, Width, component_style, ink
 
 # Figure of single runs: thin lines under their median, a panel per law ----------------------------
 
@@ -93,18 +93,20 @@ class RunsFigure(OverTime):
             shown = runs.with_function()
             if not shown:
                 raise runs.error("has no L to show: none of these laws claims that its own falls")
-        places, estimated = layout.panels_by_controller([e.label for e in shown], parts), False
-        room = WIDTHS[width] / len(places[0])
+        places, estimated = [[f"runs of {e.label}{part}" for part in parts] for e in shown], False
+        if len(parts) == 1:
+            places = layout.rows_of([name for (name,) in places], 2)
         drawing, panels = layout.sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
-            column = [panels[layout.panel(e.label, part)] for e in shown]
+            column = [panels[f"runs of {e.label}{part}"] for e in shown]
             signal = self.signal + part if self.signal else runs.in_space(f"pose_error{part}")
             layout.share_scale(column)
             for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 estimated |= self._shade(axes, runs, ensemble, part)
-                layout.add_title(axes, layout.panel_title(ensemble.title, part), room)
+                end = f", {part_name(part)}" if part else ""
+                layout.add_title(axes, ensemble.title + end)
                 layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
             self._scale(column, runs.solver_error(signal))  # after all curves
         if len(parts) == 1:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -420,17 +421,16 @@ class ShownMetrics(ShownControllers):
 
     def notes(self) -> list[str]:
         """Return `ShownControllers.notes`, then how many runs have no value."""
-        return [*super().notes(), *self._without_value()]
-
-    def _without_value(self) -> Iterator[str]:
-        for name in self.metrics:
-            for ensemble in self.shown:
-                if name not in ensemble.results.metrics:
-                    continue  # known only for runs with stored trajectories
-                total = int(ensemble.good.sum())
-                without = total - self.samples[name, ensemble.label].values.size
-                if without:
-                    yield f"{ensemble.title}: {without} of {total} runs have no {name}; left out."
+        notes = super().notes()
+        for name, ensemble in product(self.metrics, self.shown):
+            total = int(ensemble.good.sum())
+            without = total - self.samples[name, ensemble.label].values.size
+            # Other metrics are known only for runs with stored trajectories.
+            if without and name in ensemble.results.metrics:
+                notes.append(
+                    f"{ensemble.title}: {without} of {total} runs have no {name}; left out."
+                )
+        return notes
 
 
 def _sample(name: str, ensemble: Ensemble) -> MetricValues:
@@ -581,32 +581,26 @@ class ShownSweep:
 
     def notes(self) -> list[str]:
         """Return the notes for the reader about runs without a number."""
-        return [*self.remarks, *self._failed(), *self._censored()]
+        notes, horizon = list(self.remarks), self.results.horizon
+        failed = self.results.status[:, self.controllers] != 0
+        if number := int(np.count_nonzero(failed)):
+            without = failed.any(axis=-1)
+            left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
+            what = "counted as not settled" if self._shares else left_out
+            notes.append(f"{number} run{'s' * (number != 1)} failed; {what}.")
+        for name in dict.fromkeys(self._shown):
+            late = int(np.count_nonzero(self.results.censored(name)[:, self.controllers]))
+            if late and horizon is None:
+                notes.append(f"{name}: {late} runs unsettled at their end; their means left out.")
+            elif late:
+                counted = f"{late} runs unsettled at {horizon:g} s count as {horizon:g} s"
+                notes.append(f"{name}: {counted}; means are lower bounds.")
+        return notes
 
     @property
     def count(self) -> str:
         """Number of runs of each point: ``20 runs``."""
         return f"{self.results.runs} run{'s' * (self.results.runs != 1)}"
-
-    def _failed(self) -> Iterator[str]:
-        failed = self.results.status[:, self.controllers] != 0
-        without = failed.any(axis=-1)
-        if without.any():
-            left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
-            number = int(np.count_nonzero(failed))
-            count = f"{number} run{'s' * (number != 1)} failed"
-            yield f"{count}; {'counted as not settled' if self._shares else left_out}."
-
-    def _censored(self) -> Iterator[str]:
-        horizon = self.results.horizon
-        for name in dict.fromkeys(self._shown):
-            late = int(np.count_nonzero(self.results.censored(name)[:, self.controllers]))
-            if late and horizon is None:
-                yield f"{name}: {late} runs unsettled at their end; their means left out."
-            elif late:
-                end = f"{horizon:g} s"
-                counted = f"{late} runs unsettled at {end} count as {end}"
-                yield f"{name}: {counted}; means are lower bounds."
 
     def settled(self, by: float) -> Array:
         """Return whether each run has settled by a time, or by its end if 0; failed runs have not.
@@ -688,32 +682,28 @@ class ShownReference:
     """
 
     def __init__(self, source: Result | DesiredMotion, figure: str, chosen: Chosen = ALL) -> None:
-        self._remarks = source.remarks if isinstance(source, DesiredMotion) else ()
-        self.group, of = self._take(source, figure, chosen.controllers)
-        place = "the reference" if isinstance(source, DesiredMotion) else str(source.path)
-        shown = chosen.time.samples(
-            of[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
-        )
-        self.times, self.pose, self.velocity, self.torque = (each[shown] for each in of)
-
-    def _take(
-        self, source: Result | DesiredMotion, figure: str, chosen: Sequence[str]
-    ) -> tuple[MatrixLieGroup, tuple[Array, Array, Array, Array]]:
-        """Return the group, and times, poses, velocities and torques over the whole horizon."""
         if isinstance(source, DesiredMotion):
-            return source.group, source.motion
-        source.single(f"figure '{figure}' shows single experiments")
-        positions([source], figure, chosen)
-        needed = ("desired_pose", "desired_velocity", "desired_torque")
-        source.check_stored(*needed, who=f"figure '{figure}' needs")
-        if source.group is None:
-            raise error_of(source, figure, f"does not know group '{source.group_name}' of a plugin")
-        pose, velocity, torque = (source[name] for name in needed)
-        return source.group, (source.times, pose, velocity, torque)
+            self._remarks, place = source.remarks, "the reference"
+            self.group, motion = source.group, source.motion
+        else:
+            self._remarks, place = (), str(source.path)
+            source.single(f"figure '{figure}' shows single experiments")
+            positions([source], figure, chosen.controllers)
+            desired = ("desired_pose", "desired_velocity", "desired_torque")
+            source.check_stored(*desired, who=f"figure '{figure}' needs")
+            if source.group is None:
+                message = f"does not know group '{source.group_name}' of a plugin"
+                raise error_of(source, figure, message)
+            pose, velocity, torque = (source[name] for name in desired)
+            self.group, motion = source.group, (source.times, pose, velocity, torque)
+        samples = chosen.time.samples(
+            motion[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
+        )
+        self.times, self.pose, self.velocity, self.torque = (part[samples] for part in motion)
 
     def notes(self) -> list[str]:
         """Return the first remarks: where the reference is not finite, and where it jumps."""
-        shown = [f"The reference: {notation(each)}." for each in self._remarks[:MOST_REMARKS]]
+        shown = [f"The reference: {notation(text)}." for text in self._remarks[:MOST_REMARKS]]
         left = len(self._remarks) - len(shown)
         return [*shown, f"And {left} more jumps."] if left else shown
 

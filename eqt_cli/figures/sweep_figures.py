@@ -39,9 +39,10 @@ from eqt_cli.figures.layout import (
     add_legend,
     add_title,
     beside,
+    blank_sheet,
     draw_points,
     one_panel,
-    sheet_of_maps,
+    rows_of,
 )
 from eqt_cli.figures.shown import ShownControllers, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
@@ -180,12 +181,14 @@ def _draw_maps(
         Draws the map of the n-th law into a panel with so much width and height for cells, in.
     """
     count, (width, height) = len(swept.titles), size
-    drawing, panels = sheet_of_maps(count, columns, width, height)
-    is_own = isinstance(drawing, OwnPage)
+    mosaic = rows_of([f"panel {number}" for number in range(1, count + 1)], columns)
+    drawing, by_name = blank_sheet(width, mosaic, height, sharex=True, sharey=True)
+    panels, is_own = list(by_name.values()), isinstance(drawing, OwnPage)
+    height = height if is_own else drawing.get_figheight() / len(mosaic)
     room = (WIDTHS[width] - _COLOURS) / columns, height - _AROUND
     for k, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
         image = draw(panel, k, room)
-        add_title(panel, title, WIDTHS[width] / columns)
+        add_title(panel, title)
         edges = {"leftmost": is_own or k % columns == 0, "lowest": is_own or k + columns >= count}
         below = cells.scales(panel, swept.results, room[0], **edges)
     drawing.set_figheight(drawing.get_figheight() + below)
@@ -281,10 +284,8 @@ class Winners(OfDifferences):
         if room >= _NUMBER and height / rows >= _CELL * 0.6:
             _number_leads(panel, cells, wins, int(room / _LETTER), pale=too_few)
         below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
-        drawing.set_figheight(height + below)
-        add_title(
-            panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}", WIDTHS[width]
-        )
+        drawing.set_figheight(drawing.get_figheight() + below)
+        add_title(panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}")
         _explain_winners(drawing, colours, wins, bool(failed), pale=too_few)
         share = f"{100 * (1 - self.confidence):g} %"
         swept.remarks += (

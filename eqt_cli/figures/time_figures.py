@@ -50,7 +50,7 @@ from eqt_cli.figures.layout import (
     sheet,
 )
 from eqt_cli.figures.shown import Ensemble, ShownReference, names
-from eqt_cli.figures.style import WIDTHS, Width, component_style, ink
+from eqt_cli.figures.style import Width, component_style, ink
 from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
 # Figure of the paper for any result: errors, torque norm and L over all runs ----------------------
@@ -131,11 +131,9 @@ class Paper(Panelled, OverTime):
             self._scale(axes, signal, runs)
             if not self.like:
                 open_frame(axes)
-                share = max(row.count(signal) for row in mosaic) / len(mosaic[0])
-                layout.add_title(axes, _title(runs, signal), share * WIDTHS[width])
-                axes.set_ylabel(axes.get_ylabel().replace("attitude error", "angle"))
+                layout.add_title(axes, _title(runs, signal))
         for signal, part in zip(rows[0], parts, strict=True) if rows and self.like else ():
-            layout.add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
+            layout.add_title(panels[signal], part_name(part))
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
         whole = len(runs.shown) // len(runs.results)
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
@@ -158,9 +156,11 @@ class Paper(Panelled, OverTime):
         if torque:
             log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
         scale_norm(axes, log=log)
+        label = runs.error_label(signal, degrees=self.degrees)
         if not self.like:
             bound(axes, error, {e.label: e.title for e in runs.shown})
-        layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
+            label = label.replace("attitude error", "angle")  # the title says which
+        layout.name_scale(axes, label)
 
 
 def _title(runs: ShownRuns, signal: str) -> str:
@@ -630,7 +630,7 @@ class ReferenceOverTime(Panelled, OfReference):
                     axes.plot(shown.times, values[:, k], label=axis, **component_style(k))
                 name_scale(axes, label)
             if len(parts) > 1:
-                add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
+                add_title(panels[rows[0][place]], part_name(part.name))
         axes_of = axis_labels(shown.group)
         lines = [Line2D([], [], **component_style(k)) for k in range(len(axes_of))]
         add_legend(drawing, lines, axes_of)

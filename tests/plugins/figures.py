@@ -67,7 +67,7 @@ class Decay(OverTime):
             draw_middle(panels["torque"], times, torque, self.bands, ensemble)
         panels["torque"].plot(times, runs.desired("torque", ensemble)[:, 0], color=ink(0.5))
         scale_log(panels["lyapunov"], "y", mean[mean > 0])
-        add_title(panels["lyapunov"], "decay", WIDTHS[width])
+        add_title(panels["lyapunov"], "decay")
         add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
         return drawing
 

@@ -47,22 +47,33 @@ def smallest(text):
     return min(sizes)
 
 
+def beyond(box, page):
+    """How far a box leaves the page, in pixels."""
+    return max(page.x0 - box.x0, page.y0 - box.y0, box.x1 - page.x1, box.y1 - page.y1)
+
+
+def overlaps(boxes):
+    """A sentence for each text that covers another."""
+    for (text, box), (other, its) in combinations(boxes.items(), 2):
+        both = Bbox.intersection(box, its)
+        if both is not None and min(both.width, both.height) >= ROOM:
+            yield f"overlap: {text.get_text()!r} and {other.get_text()!r}"
+
+
 def flaws(drawing, width):
     """All flaws of a figure, a sentence each."""
     with recorded() as boxes:
         encode(drawing, "png")
-    found, page = [], drawing.bbox
+    found, page = list(overlaps(boxes)), drawing.bbox
+    inked = drawing.get_tightbbox().transformed(drawing.dpi_scale_trans)
+    if (far := beyond(inked, page)) > SLACK:
+        found.append(f"something leaves the page by {far:.0f} px")
     for text, box in boxes.items():
         name = text.get_text()
-        ends = box.x0 - page.x0, box.y0 - page.y0, page.x1 - box.x1, page.y1 - box.y1
-        if min(ends) < -SLACK:
-            found.append(f"leaves the page by {-min(ends):.0f} px: {name!r}")
+        if (far := beyond(box, page)) > SLACK:
+            found.append(f"leaves the page by {far:.0f} px: {name!r}")
         if (size := smallest(text) * ENLARGED[width]) < LEAST - 0.01:
             found.append(f"a letter of {size:.2f} pt: {name!r}")
-    for (text, box), (other, its) in combinations(boxes.items(), 2):
-        both = Bbox.intersection(box, its)
-        if both is not None and min(both.width, both.height) >= ROOM:
-            found.append(f"overlap: {text.get_text()!r} and {other.get_text()!r}")
     titles = [axes.get_title() for axes in drawing.axes if axes.get_title()]
     found += [f"title twice: {title!r}" for title in {t for t in titles if titles.count(t) > 1}]
     scales = [axis for axes in drawing.axes for axis in (axes.xaxis, axes.yaxis)]

@@ -27,7 +27,6 @@ from eqt_cli.figures.layout import EMPTY, add_legend, add_title, band_look, name
 from eqt_cli.figures.render import FORMATS, encode
 from eqt_cli.figures.shown import Chosen, error_of, positions
 from eqt_cli.figures.style import (
-    WIDTHS,
     Width,
     colours_of_style,
     component_style,
@@ -184,7 +183,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
                 name_scale(axes, label)
         for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():
             if panel != EMPTY:
-                add_title(panels[panel], part_name(part.name), WIDTHS[width] / len(parts))
+                add_title(panels[panel], part_name(part.name))
         names = axis_labels(shown.group)
         lines = [Line2D([], [], **_thin(k)) for k in range(len(names))]
         grey = Line2D([], [], color=mixed(ink(), ink(0), _PALE), **_MEASURED)
