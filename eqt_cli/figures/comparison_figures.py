@@ -324,11 +324,12 @@ class Forest(OfDifferences):
         drawing = Drawing(figsize=size)
         left, right = drawing.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         first, second = swept.titles
-        differences = np.array([self._difference(*of_point) for of_point in values])
+        compared = [(resolved_differences(*of_laws), of_laws[1]) for of_laws in values]
+        differences = np.array([relative_difference(*pair, self.confidence) for pair in compared])
         _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
         words = free_text(swept.results.quantity(self.metric_of(swept)).plain, 40)
-        compared = free_text(f"{first} − {second}, % of {second}", 40)
-        left.set_xlabel(f"difference of {words}\n{compared}")
+        name = free_text(f"{first} − {second}, % of {second}", 40)
+        left.set_xlabel(f"difference of {words}\n{name}")
         for k, look in enumerate(swept.looks):
             share = shares(settled[:, k].astype(float), self.confidence)
             _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])
@@ -343,9 +344,6 @@ class Forest(OfDifferences):
         add_legend(drawing, right.lines[:2], swept.titles)
         swept.remarks += self._remarks(swept, differences, first)
         return drawing
-
-    def _difference(self, first: Array, second: Array) -> tuple[float, float, float]:
-        return relative_difference(resolved_differences(first, second), second, self.confidence)
 
     def _remarks(self, swept: ShownSweep, differences: Array, first: str) -> list[str]:
         quantity = swept.results.quantity(self.metric_of(swept))

@@ -356,9 +356,6 @@ RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 THIN = 0.35
 """Line width of a single run, pt."""
 
-_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
-"""Style of hollow markers, all visible where curves coincide."""
-
 Bands = Literal["none", "quartiles"]
 """Kinds of bands: ``quartiles`` around the median, from 25 % to 75 % of the runs."""
 
@@ -389,33 +386,6 @@ def draw_middle(axes: Axes, times: Array, values: Array, bands: Bands, ensemble:
         some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
         band = band_look(look["color"], _FAINT_BAND)
         axes.fill_between(times[some], low[some], high[some], label=ensemble.label, **band)
-
-
-def draw_points(
-    axes: Axes,
-    across: Array,
-    up: Array,
-    band: tuple[Array, Array],
-    of: Look,
-    title: str,
-    beside: float | None = None,
-) -> list[Line2D]:
-    """Draw a curve with a hollow marker at every point, and the band around it.
-
-    With `beside`, points have no order: bars in place of the band, at this distance to the right.
-    """
-    look = line_style(of)
-    if beside is None:
-        axes.fill_between(across, *band, label=title, **band_look(look["color"]))
-    else:
-        across, look = across + beside, look | {"linestyle": ""}
-        axes.vlines(across, *band, label=title, color=look["color"], linewidth=0.8)
-    return axes.plot(across, up, label=title, marker=of.marker, **_POINTS, **look)
-
-
-def beside(texts: Mapping[float, str], index: int, count: int) -> float | None:
-    """Return where the curve with this index lies beside a text; None where there are numbers."""
-    return (index - (count - 1) / 2) * min(0.15, 0.6 / count) if texts else None
 
 
 def band_look(colour: str, opacity: float = 0.18) -> dict[str, Any]:

@@ -395,7 +395,7 @@ class ShownMetrics(ShownControllers):
         held = [
             name for name in dict.fromkeys(parts) if all(name in one.metrics for one in results)
         ]
-        without = [name for name in held if not self._known(name)]
+        without = [name for name in held if not any(_sample(name, e).seen.size for e in self.shown)]
         self.metrics = list(dict.fromkeys(metrics)) or [n for n in held if n not in without] or held
         if without and not metrics:
             self.remarks.append(f"No run has a {', '.join(without)}.".replace("_", " "))
@@ -405,10 +405,6 @@ class ShownMetrics(ShownControllers):
         for one in results:
             unknown = [name for name in self.metrics if name not in one.comparable]
             one.check_metrics(unknown, who=f"figure '{figure}'")
-
-    def _known(self, name: str) -> bool:
-        """Whether any run has a value, and does not only last until its end."""
-        return any(_sample(name, ensemble).seen.size for ensemble in self.shown)
 
     @cached_property
     def samples(self) -> dict[tuple[str, str], MetricValues]:

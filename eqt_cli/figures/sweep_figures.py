@@ -38,9 +38,8 @@ from eqt_cli.figures.layout import (
     OwnPage,
     add_legend,
     add_title,
-    beside,
+    band_look,
     blank_sheet,
-    draw_points,
     one_panel,
     rows_of,
 )
@@ -150,11 +149,17 @@ def _draw_curves(
     """Draw means ``(points, laws)`` and bands ``(2, points, laws)`` over a key."""
     drawing, panel = one_panel(width, _HEIGHTS[width])
     order = np.argsort(axis.values, kind="stable")
-    lines = []
+    lines, laws = [], len(swept.looks)
     for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
-        place = None if axis.is_number else beside(axis.texts, k, len(swept.looks))
-        mean, (low, high) = means[order, k], bands[:, order, k]
-        lines += draw_points(panel, axis.values[order], mean, (low, high), look, title, place)
+        across, band, style = axis.values[order], bands[:, order, k], line_style(look)
+        if axis.is_number:
+            panel.fill_between(across, *band, label=title, **band_look(look.colour))
+        else:  # texts have no order: bars, those of the laws side by side
+            across = across + (k - (laws - 1) / 2) * min(0.15, 0.6 / laws)
+            style["linestyle"] = ""
+            panel.vlines(across, *band, label=title, color=look.colour, linewidth=0.8)
+        style |= {"marker": look.marker, "markersize": 4.5, "markerfacecolor": "none"}
+        lines += panel.plot(across, means[order, k], label=title, **style)  # hollow: all are seen
         for point, law in swept.laws(k).items():
             _name(panel, axis.values[point], means[point, k], law)
     scale_along(panel, swept.results, axis, WIDTHS[width])

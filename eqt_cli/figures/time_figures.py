@@ -126,8 +126,9 @@ class Paper(Panelled, OverTime):
             mosaic = layout.rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
         for signal, axes in panels.items():
-            for ensemble in self._shown(runs, signal):
-                self._draw(axes, signal, runs, ensemble)
+            for ensemble in runs.with_function() if signal == _FUNCTION else runs.shown:
+                values = runs.errors(signal, ensemble, degrees=self.degrees)
+                draw_middle(axes, runs.times(ensemble), values, self._bands, ensemble)
             self._scale(axes, signal, runs)
             if not self.like:
                 open_frame(axes)
@@ -138,13 +139,6 @@ class Paper(Panelled, OverTime):
         whole = len(runs.shown) // len(runs.results)
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
         return drawing
-
-    def _shown(self, runs: ShownRuns, signal: str) -> list[Ensemble]:
-        return runs.with_function() if signal == _FUNCTION else runs.shown
-
-    def _draw(self, axes: Axes, signal: str, runs: ShownRuns, ensemble: Ensemble) -> None:
-        values = runs.errors(signal, ensemble, degrees=self.degrees)
-        draw_middle(axes, runs.times(ensemble), values, self._bands, ensemble)
 
     def _scale(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])

@@ -219,14 +219,6 @@ def test_panels_of_several_are_lettered(name, se3, drawn):
     assert letters == [f"({letter})" for letter in ascii_lowercase[: len(axes)]]
 
 
-@every_figure
-@unarranged
-def test_unknown_controllers_are_refused(name, so3, opened):
-    assert error_of(figures.get(name)(controllers=["eqt", "eq"]).draw, [opened(so3)]) == (
-        f"{so3}: figure '{name}' finds no controller 'eq'; did you mean 'eqt'?"
-    )
-
-
 @every_figure_over_time
 @unarranged
 def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):

@@ -166,11 +166,6 @@ def test_more_keys_than_two_are_refused(swept):
         SweepFigure().draw([results])
 
 
-def test_an_unknown_metric_is_named(swept):
-    with pytest.raises(EqtError, match="finds no metric 'efort'; did you mean 'effort'"):
-        SweepFigure(metric="efort").draw([swept(ONE)])
-
-
 def altered_sweep(swept, altered, sweep=TWO, **arrays):
     """A sweep some of whose numbers are replaced."""
     results = swept(sweep)
