@@ -240,7 +240,7 @@ class BackCalculation:
         T, the time constant by which what is cut falls, s.
     """
 
-    # Not strict, for the reason given in `Distribution`.
+    # Not strict, for the reason given in `Keys`.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     back_calculation: Annotated[Positive, Scale("time constant of the anti-windup", "s")]

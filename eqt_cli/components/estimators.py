@@ -16,7 +16,7 @@ from eqt_cli.components import mechanics
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.pose_notation import vector
 from eqt_cli.components.sensors import Channel
-from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_deviations, drawn
+from eqt_cli.components.vehicle_parts import Numbers, VehiclePart, check_count, drawn
 from eqt_cli.numbers.leaves import with_fields
 
 # The measurements that an estimator may have of each instant; it knows no estimator ---------------
@@ -81,11 +81,6 @@ class Schedule:
                 values[channel.part.axes] = getattr(channel, option)
         return values
 
-    @property
-    def intervals(self) -> Array:
-        """Time between fixes of each coordinate, s, ``(m,)``."""
-        return self.of_axes("pose", "every", 1) * self.period
-
     def waits(self, channel: Channel) -> int:
         """Return the number of earlier measurements of a part to keep."""
         return self.depth - channel.delay
@@ -95,10 +90,6 @@ class Schedule:
         for number, channel in enumerate(self.fixes):
             if step <= self.waits(channel):
                 yield number, channel
-
-    def known(self, step: int) -> Array:
-        """Return 1 where a velocity measured `step` ticks after the oldest is known, else 0."""
-        return np.where(step <= self.depth - self.of_axes("velocity", "delay", 0), 1.0, 0.0)
 
 
 # The base class of estimators, which give the law pose and velocity from measurements -------------
@@ -357,11 +348,7 @@ class _Past:
             now = now.reshape(*now.shape[: now.ndim - len(channel.shape)], channel.size)
             ring = states.get(f"past_fix_{channel.part.name}")
             self._values.append([*_cut(ring, channel.size, schedule.waits(channel)), now])
-        delays = schedule.of_axes("velocity", "delay", 0)
-        self._place = [
-            [min(depth + 1, step + 1 + int(delay)) for delay in delays]
-            for step in range(-1, depth + 1)
-        ]
+        self._delays = schedule.of_axes("velocity", "delay", 0)
 
     @property
     def later(self) -> dict[str, Array]:
@@ -382,18 +369,22 @@ class _Past:
             new[channel.entries] = self._fresh[step][..., number, None]
         drift = new * (1.0 + here.age)  # its half makes up for the ticks of the last one
         age = (1.0 - new) * (here.age + self._live[step])
-        return here._replace(age=age, drift=drift, share=schedule.known(step) * drift / 2)
+        # A velocity at the end of the step is known where it is not late.
+        known = np.where(step <= schedule.depth - self._delays, 1.0, 0.0)
+        return here._replace(age=age, drift=drift, share=known * drift / 2)
 
     def velocity(self, step: int, here: Estimate) -> Array:
         """Return the mean velocity of a step, by its weights; the last one stands for unknown ones.
 
         The noise of the first, where it is estimated, is taken off.
         """
-        first, last = self._at(step) - here.noise, self._at(step + 1)
+        first, last = self._measured_at(step - 1) - here.noise, self._measured_at(step)
         return (1.0 - here.share) * first + here.share * last
 
-    def _at(self, end: int) -> Array:
-        places = self._place[end]
+    def _measured_at(self, step: int) -> Array:
+        """Return the velocity at the end of a step, of each axis the last that is known there."""
+        depth = self._schedule.depth
+        places = [min(depth + 1, step + 1 + delay) for delay in self._delays.tolist()]
         if len(set(places)) == 1:
             return self._velocities[places[0]]
         columns = [self._velocities[k][..., axis, None] for axis, k in enumerate(places)]
@@ -532,7 +523,8 @@ class Complementary(Estimator):
         """Return the estimate corrected by σ in the measured coordinates."""
         G: MatrixLieGroup = schedule.G
         options: Any = self  # in a run, options are arrays
-        sigma = schedule.intervals * fix.arrived * innovation(G, G.inverse(now.pose) @ fix.pose)
+        intervals = schedule.of_axes("pose", "every", 1) * schedule.period
+        sigma = intervals * fix.arrived * innovation(G, G.inverse(now.pose) @ fix.pose)
         pose, bias = now.pose @ G.exp(options.kp * sigma), now.bias - options.ki * sigma
         return now._replace(pose=pose, bias=bias), None
 
@@ -627,13 +619,14 @@ class ErrorStateFilter(Estimator):
         if self.initial_pose_std is None or self.initial_error is not None:
             return drawn
         normal = np.zeros(G.dimension) if random is None else random.standard_normal(G.dimension)
-        return with_fields(drawn, initial_error=_of(drawn).initial_pose_std * normal)
+        std: Any = drawn.initial_pose_std
+        return with_fields(drawn, initial_error=std * normal)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative or too many deviations, and a start without a deviation."""
         for name in DEVIATIONS:
             if (value := getattr(self, name)) is not None:
-                check_deviations(value, G, problems.at(name))
+                check_count(value, G.dimension, G.name, problems.at(name), deviations=True)
         super().check(G, problems)
         if self.initial_error is not None and self.initial_pose_std is None:
             problems.at("initial_pose_std").add(
@@ -699,7 +692,8 @@ class ErrorStateFilter(Estimator):
         Where no velocity is known at the end, the last one counts alone and n stays, less the drift
         of a bias that is not known yet.
         """
-        G, m, options, S = schedule.G, schedule.G.dimension, _of(self), now.covariance
+        G, m, S = schedule.G, schedule.G.dimension, now.covariance
+        options: Any = self  # in a run, options are arrays
         bias, last = slice(m, 2 * m), slice(2 * m, 3 * m)
         x = duration * (velocity - now.bias)
         step = G.exp(x)
@@ -731,7 +725,8 @@ class ErrorStateFilter(Estimator):
 
         K = Σhᵀ/(hΣhᵀ + σ²), and in Joseph form Σ ← (I − Kh)Σ(I − Kh)ᵀ + σ²KKᵀ.
         """
-        G, m, options = schedule.G, schedule.G.dimension, _of(self)
+        G, m = schedule.G, schedule.G.dimension
+        options: Any = self
         residual = G.log(G.inverse(now.pose) @ fix.pose)
         H, S = self.output(G, residual), now.covariance
         by = 0.0 * np.concatenate([now.bias] * 3, axis=-1)
@@ -749,11 +744,6 @@ class ErrorStateFilter(Estimator):
             S = mirrored(left + back[..., :, None] * K[..., None, :])
             innovations[..., axis] = (unexpected / sqrt(total))[..., 0]
         return self.moved(G, now._replace(covariance=S), by), innovations
-
-
-def _of(estimator: ErrorStateFilter) -> Any:
-    """Return the filter, typed as in a run, with arrays for its options."""
-    return estimator
 
 
 def _diagonal(entries: Array) -> Array:

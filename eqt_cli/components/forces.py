@@ -483,7 +483,9 @@ class Gust(Force):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative deviations, a time constant that is not positive, and a wrong length."""
-        vehicle_parts.check_deviations(self.std, G, problems.at("std"))
+        vehicle_parts.check_count(
+            self.std, G.dimension, G.name, problems.at("std"), deviations=True
+        )
         vehicle_parts.check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
 
 

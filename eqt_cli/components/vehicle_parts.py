@@ -1,7 +1,7 @@
 """What all parts of a vehicle share: options per axis, the true inertia, sampling."""
 
 import dataclasses
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
@@ -21,30 +21,7 @@ from eqt_cli.numbers.leaves import with_fields
 
 
 @dataclass(frozen=True)
-class Distribution(Keys):
-    """A distribution from which each run draws a number."""
-
-    @property
-    @abstractmethod
-    def mean(self) -> float:
-        """The mean, which stands for the number outside of runs."""
-
-    @property
-    @abstractmethod
-    def variance(self) -> float:
-        """The variance."""
-
-    @abstractmethod
-    def draw(self, random: np.random.Generator) -> float:
-        """Return the number of one run."""
-
-    @abstractmethod
-    def check(self, problems: Problems, positive: bool) -> None:
-        """Note what is wrong with the distribution; `positive` numbers must be greater than 0."""
-
-
-@dataclass(frozen=True)
-class Uniform(Distribution):
+class Uniform(Keys):
     """A uniform distribution between two numbers.
 
     Attributes
@@ -82,7 +59,7 @@ class Uniform(Distribution):
 
 
 @dataclass(frozen=True)
-class Normal(Distribution):
+class Normal(Keys):
     """A normal distribution, truncated to numbers greater than 0 where these are required.
 
     Attributes
@@ -116,6 +93,10 @@ class Normal(Distribution):
             problems.add(f"expected a standard deviation of at least 0, got {self.normal[1]:g}")
         elif positive:
             _check_positive("a mean", self.normal[:1], problems)
+
+
+Distribution: TypeAlias = Uniform | Normal
+"""A distribution from which each run draws a number; its mean stands for it outside of runs."""
 
 
 def _kind(value: Any) -> str | None:
@@ -327,11 +308,6 @@ class VehiclePart(Component):
                         self._as_array(name, drawn(value, None), G)
 
 
-def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
-    """Note negative standard deviations, or a wrong number of them."""
-    check_count(value, G.dimension, G.name, problems, deviations=True)
-
-
 def check_count(value: Numbers, count: int, of: str, problems: Problems, deviations: bool) -> None:
     """Note invalid distributions, negative `deviations`, or a number of entries other than `count`.
 
@@ -348,22 +324,10 @@ def check_count(value: Numbers, count: int, of: str, problems: Problems, deviati
 # The true inertia of the plant, where it differs from the model of the law ------------------------
 
 
-class TrueInertia(ABC):
-    """The inertia tensor of the plant, where numbers may differ from run to run.
-
-    A simulation uses the inertia that `of_run` returns, in which every number is an array.
-    """
+class TrueInertia(VehiclePart):
+    """The inertia tensor of the plant, where numbers may differ from run to run."""
 
     departs: ClassVar[str] = "inertia not as believed"
-
-    @property
-    def varies(self) -> bool:
-        """Whether the numbers differ from run to run."""
-        return any(map(is_drawn, vars(self).values()))
-
-    @abstractmethod
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Return the inertia of one run; without a generator, with the means."""
 
     @abstractmethod
     def at(self, model: Inertia, t: Any) -> Inertia:
@@ -433,10 +397,6 @@ class VaryingInertia(TrueInertia):
     """
 
     law: InertiaLaw
-
-    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
-        """Return the inertia itself: nothing of it is drawn."""
-        return self
 
     def at(self, model: Inertia, t: Any) -> Inertia:
         """Return the tensor at time t."""

@@ -507,7 +507,7 @@ By g₁⁰, g₁¹ and h₁¹ of IGRF-13 at 2020.0 (Alken et al., Earth, Planets
 
 
 @dataclass(frozen=True)
-class Orbit:
+class Orbit(Keys):
     """A circular orbit in the field of a dipole at the centre of the Earth, which turns with it.
 
     Attributes
@@ -521,9 +521,6 @@ class Orbit:
     phase
         Angle from this node to the satellite at t = 0, rad.
     """
-
-    # Not strict, for the reason given in `Distribution`.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
 
     altitude: Annotated[Positive, Scale("altitude", "m")]
     inclination: Annotated[Real, Scale("inclination", "rad")]

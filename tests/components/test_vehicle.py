@@ -32,7 +32,6 @@ from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import (
     ConstantInertia,
-    Distribution,
     Normal,
     RelativeInertia,
     Sampling,
@@ -397,19 +396,14 @@ def test_limits_leave_a_range_along_each_axis(low, high, said):
     assert [f"{problem.path}: {problem.message}" for problem in problems] == [said] * bool(said)
 
 
-class Listed(Distribution):
+class Listed(Uniform):
     """Draws these numbers, one after the other."""
-
-    mean, variance = 1.0, 0.0
 
     def __init__(self, *numbers):
         object.__setattr__(self, "numbers", iter(numbers))
 
     def draw(self, random):
         return next(self.numbers)
-
-    def check(self, problems, positive):
-        pass
 
 
 def test_numbers_that_will_not_do_are_drawn_anew():
