@@ -78,15 +78,11 @@ def literal(kind: Any, option: str, text: str) -> Any:
 MAPPING = "mapping"
 """The key of a mapping in a configuration."""
 
-_OF_WORLD: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-_OF_BODY: Array = np.diag([1.0, -1.0, -1.0])
 _AXIS_CHANGES = {
-    "NED to ENU": _OF_WORLD,
-    "ENU to NED": _OF_WORLD,
-    "FRD to FLU": _OF_BODY,
-    "FLU to FRD": _OF_BODY,
+    "world": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "body": np.diag([1.0, -1.0, -1.0]),
 }
-"""Rotations from the axes of a file to those wanted; each is its own inverse."""
+"""Rotations from the axes of a file to those wanted, there and back: each is its own inverse."""
 
 PARTNERS = {
     "NED to ENU": "FRD to FLU",
@@ -208,7 +204,7 @@ class LogMapping:
 
     def axes(self, which: str) -> Array:
         """Return the rotation from the file's axes to the wanted ones, ``(3, 3)``."""
-        return _AXIS_CHANGES.get(getattr(self, which), np.eye(3))
+        return np.eye(3) if getattr(self, which) is None else _AXIS_CHANGES[which]
 
     def check(self, problems: Problems) -> None:
         """Note errors that do not depend on the file."""

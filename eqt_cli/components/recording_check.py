@@ -58,21 +58,17 @@ FITS, DOUBT = 0.25, 0.5
 CLEAR = 0.05
 """Largest relative difference that remains after a factor, for the factor to be the cause."""
 
-_CAUSES: dict[str, tuple[tuple[float, str, str], ...]] = {
-    "rates": ((180 / np.pi, "the rates are in deg/s", "{wx: deg/s, wy: deg/s, wz: deg/s}"),),
-    "velocity": (
-        (1e3, "the velocity is in mm/s", "{vx: mm/s, vy: mm/s, vz: mm/s}"),
-        (1e2, "the velocity is in cm/s", "{vx: cm/s, vy: cm/s, vz: cm/s}"),
-        (3.6, "the velocity is in km/h", "{vx: km/h, vy: km/h, vz: km/h}"),
-        (1e-3, "the position is in mm", "{x: mm, y: mm, z: mm}"),
-    ),
-}
-_CAUSES_OF_ALL = (
-    (1e3, "t is in ms", "{t: ms}"),
-    (1e6, "t is in us", "{t: us}"),
-    (1e9, "t is in ns", "{t: ns}"),
+_CAUSES = (
+    ("rates", 180 / np.pi, "the rates are in deg/s", "{wx: deg/s, wy: deg/s, wz: deg/s}"),
+    ("velocity", 1e3, "the velocity is in mm/s", "{vx: mm/s, vy: mm/s, vz: mm/s}"),
+    ("velocity", 1e2, "the velocity is in cm/s", "{vx: cm/s, vy: cm/s, vz: cm/s}"),
+    ("velocity", 3.6, "the velocity is in km/h", "{vx: km/h, vy: km/h, vz: km/h}"),
+    ("velocity", 1e-3, "the position is in mm", "{x: mm, y: mm, z: mm}"),
+    ("rates, velocity", 1e3, "t is in ms", "{t: ms}"),
+    ("rates, velocity", 1e6, "t is in us", "{t: us}"),
+    ("rates, velocity", 1e9, "t is in ns", "{t: ns}"),
 )
-"""Factors between recorded velocities and those of the poses, each with its cause and units."""
+"""What was recorded, a factor between it and the poses' velocity, its cause, and the units."""
 
 
 class _Fit(NamedTuple):
@@ -130,8 +126,8 @@ def _of_factor(kind: str, factor: float) -> str:
     """Describe a factor between velocities, its possible causes, and what to do."""
     causes = [
         f"`units: {units}` if {cause}"
-        for known, cause, units in (*_CAUSES[kind], *_CAUSES_OF_ALL)
-        if abs(factor / known - 1) < FITS
+        for kinds, usual, cause, units in _CAUSES
+        if kind in kinds and abs(factor / usual - 1) < FITS
     ]
     clock = f"check their units, and add `time: {{scale: {1 / factor:.3g}}}` if the clock is wrong"
     advice = f"add {', or '.join(causes)}" if causes else clock
@@ -171,22 +167,22 @@ def reordered(log: Log) -> Log:
 @np.errstate(all="ignore")  # absurd numbers overflow; they fit nothing
 def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
     """Compare velocities with those of the poses in world axes; None where nothing moves."""
-    R = G.rotation(log.poses)
-    velocity = apply_matrix(R, log.in_body(recorded))
-    if recorded.kind == "rates":
-        turn = G.rotation_group.log
-        rows = _windows(lambda i, j: norm(turn(R[j] @ transpose(R[i]))), len(R), ROTATION)
-        derived = None if rows is None else turn(R[rows[1]] @ transpose(R[rows[0]]))
-    else:
+    R, turns = G.rotation(log.poses), recorded.kind == "rates"
+    velocity, smallest = apply_matrix(R, log.in_body(recorded)), ROTATION
+    if not turns:
         p = G.translations(log.poses)[..., G.columns.index("position")]
-        range_of = float(norm(p.max(axis=0) - p.min(axis=0)))
-        rows = _windows(lambda i, j: norm(p[j] - p[i]), len(p), SHARE * range_of)
-        derived = None if rows is None else p[rows[1]] - p[rows[0]]
-    if rows is None or derived is None:
-        return None
-    if recorded.kind == "rates" and np.median(norm(derived)) > MAX_ROTATION:
+        smallest = SHARE * float(norm(p.max(axis=0) - p.min(axis=0)))
+
+    def change(i: Array, j: Array) -> Array:
+        return G.rotation_group.log(R[j] @ transpose(R[i])) if turns else p[j] - p[i]
+
+    rows = _windows(change, len(R), smallest)
+    if rows is None:
         return None
     first, last = rows
+    derived = change(first, last)
+    if turns and np.median(norm(derived)) > MAX_ROTATION:
+        return None
     missing = np.zeros(len(log.times), int)
     missing[log.gaps + 1] = 1
     before = np.cumsum(missing)
@@ -205,13 +201,13 @@ def _fit(log: Log, G: EuclideanGroup, recorded: RecordedColumns) -> _Fit | None:
 
 
 def _windows(
-    size: Callable[[Array, Array], Array], rows: int, smallest: float
+    change: Callable[[Array, Array], Array], rows: int, smallest: float
 ) -> tuple[Array, Array] | None:
     """Return first and last rows of windows in which poses change enough; None if they never do."""
     length = 1
     while length < rows:
         first = np.unique(np.linspace(0, rows - 1 - length, WINDOWS).astype(int))
-        if smallest > 0.0 and np.median(size(first, first + length)) >= smallest:
+        if smallest > 0.0 and np.median(norm(change(first, first + length))) >= smallest:
             return first, first + length
         length *= 2
     return None
