@@ -12,7 +12,7 @@ from eqt_cli.components.inertia import (
     critical_sets,
     distance_to_unstable,
 )
-from eqt_cli.components.mechanics import gradient, hessian_at_identity, potential
+from eqt_cli.components.mechanics import gradient, potential
 
 # Hundreds of last places of numbers of order 10.
 ROUNDING = 1e-13
@@ -110,12 +110,6 @@ def test_hessians_are_derivatives_of_the_gradient(G, derivative):
         eigenvalues = np.linalg.eigvalsh(np.array(columns))
         # Five-point differences (see the fixture) of numbers up to a hundred.
         np.testing.assert_allclose(each.hessian, eigenvalues, rtol=0, atol=1e-8)
-
-
-def test_hessian_at_the_identity_is_the_one_that_gains_are_checked_by(G):
-    K = coupled_weight(G)
-    expected = np.linalg.eigvalsh(hessian_at_identity(G, K))
-    np.testing.assert_allclose(critical_sets(G, K)[0].hessian, expected, atol=ROUNDING * 100)
 
 
 def test_descent_from_anywhere_ends_at_a_listed_point(G):

@@ -126,14 +126,6 @@ def test_equation_28_ad_is_the_derivative_of_Ad(samples, S, data, derivative):
     assert_equal(ad(S, W, U), rate, DIFFERENCES)
 
 
-@drawn()
-def test_bracket_of_section_4(samples, S, data):
-    """[(V_1, P_1), (V_2, P_2)] = ([V_1, V_2], −ad*_{V_1} P_2 + ad*_{V_2} P_1), and is ad."""
-    G, ((V1, P1), (V2, P2)) = samples.G, samples.inputs(data, 2)
-    bracket = G.ad(V1, V2), -G.ad_star(V1, P2) + G.ad_star(V2, P1)
-    assert_equal(ad(S, (V1, P1), (V2, P2)), bracket)
-
-
 # Extended Lie-Poisson systems ---------------------------------------------------------------------
 
 

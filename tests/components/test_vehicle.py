@@ -415,14 +415,6 @@ def test_numbers_that_will_not_do_are_drawn_anew():
     np.testing.assert_array_equal(matrix, np.diag([1.0, 2.0, 0.5]))
 
 
-def test_only_what_remembers_has_states():
-    plain = Limit(1.0), Deadband(0.1), Quantisation(0.1)
-    assert Vehicle(actuators=(*plain, Lag(0.5), RateLimit(2.0))).states(SO3) == {
-        "actuators_3": 3,
-        "actuators_4": 3,
-    }
-
-
 class Stateless(Actuator):
     """Adds all of its states to a command."""
 
@@ -487,21 +479,6 @@ def test_runs_differ_where_a_part_has_numbers_to_draw():
     assert differing.varies and differing.of_run(SO3).varies
     assert not Vehicle(actuators=(Limit(1.0),), control=Sampling(0.1)).varies
     assert Gust(0.1, 2.0).varies and not VaryingInertia(VARYING).varies
-
-
-@pytest.mark.parametrize(
-    ("part", "hidden"),
-    [
-        (Quantisation, ["up", "down"]),
-        (Thrusters, ["inverse", "scale"]),
-        (Gust, ["frequency", "sine", "cosine", "axes"]),
-        (Drag, ["expressions"]),
-    ],
-)
-def test_what_a_part_computes_of_its_options_is_no_option(part, hidden):
-    for name in hidden:
-        with pytest.raises(TypeError, match=name):
-            part(**{name: 1.0})
 
 
 def test_only_numbers_of_a_run_are_leaves():
