@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 import yaml
+from plain_satellite import hat
 from scipy.integrate import solve_ivp
 
 from eqt_cli.analysis.certificates import Verdict
@@ -44,10 +45,6 @@ def turn(kind, engine, period=None):
         "solver": {"engine": engine, "rtol": 1e-12},
     }
     return config | ({"control": {"period": period}} if period else {})
-
-
-def hat(v):
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
 def asked(R, w, integral):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plain_satellite import pyramid
 from scipy.integrate import solve_ivp
 
 REASON = "Basilisk (bsk) is not installed; make oracles installs it"
@@ -12,15 +13,6 @@ INERTIA = np.array([[0.03, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.01]])
 
 SPIN, SPEEDS, TORQUES = 2e-5, np.array([200.0, -150.0, 100.0, 50.0]), [1e-4, -2e-4, 3e-4, 5e-5]
 RATE, MU, RADIUS, DURATION = np.array([0.05, -0.04, 0.1]), 3.986004418e14, 7.0e6, 5.0
-
-
-def axes():
-    angle = np.radians(54.7)
-    rows = [
-        [sx * np.sin(angle) / np.sqrt(2), sy * np.sin(angle) / np.sqrt(2), np.cos(angle)]
-        for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    ]
-    return np.array(rows)
 
 
 def by_basilisk(wheels, gradient):
@@ -38,14 +30,14 @@ def by_basilisk(wheels, gradient):
     simulation.CreateNewProcess("p").addTask(simulation.CreateNewTask("t", macros.sec2nano(0.005)))
     body = spacecraft.Spacecraft()
     body.ModelTag = "body"
-    whole = INERTIA + (SPIN * axes().T @ axes() if wheels else 0.0)
+    whole = INERTIA + (SPIN * pyramid() @ pyramid().T if wheels else 0.0)
     body.hub.mHub, body.hub.IHubPntBc_B = 10.0, whole.tolist()
     body.hub.sigma_BNInit, body.hub.omega_BN_BInit = [[0.0]] * 3, RATE[:, None].tolist()
     simulation.AddModelToTask("t", body)
     kept = []
     if wheels:
         factory = simIncludeRW.rwFactory()
-        for axis, speed in zip(axes(), SPEEDS, strict=True):
+        for axis, speed in zip(pyramid().T, SPEEDS, strict=True):
             factory.create(
                 "custom",
                 axis.tolist(),
@@ -115,7 +107,7 @@ def by_eqt(experiment_of, text, torques=()):
 
 def test_a_free_body_with_wheels_turns_as_in_basilisk(experiment_of):
     """Basilisk takes steps of 5 ms by a Runge-Kutta method of fourth order."""
-    start = (SPIN * (SPEEDS + axes() @ RATE)).tolist()
+    start = (SPIN * (SPEEDS + pyramid().T @ RATE)).tolist()
     wheels = f"{{kind: wheels, pyramid: 54.7 deg, momentum: 1, inertia: {SPIN}, start: {start}}}"
     found = by_eqt(experiment_of, f"{TEXT}actuators: [{wheels}]\n", TORQUES)
     R, rate, speeds = by_basilisk(wheels=True, gradient=False)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from plain_satellite import exp, hat
 from scipy.integrate import solve_ivp
 
 import eqt_cli
@@ -37,17 +38,6 @@ initial:
 time: {{duration: 2.0, samples: 201}}
 solver: {{engine: ENGINE, rtol: 1.0e-12, atol: 1.0e-15}}
 """
-
-
-def hat(v):
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-
-
-def exp(v):
-    axis = hat(np.array(v) / np.linalg.norm(v))
-    return (
-        np.eye(3) + np.sin(np.linalg.norm(v)) * axis + (1 - np.cos(np.linalg.norm(v))) * axis @ axis
-    )
 
 
 class Valves:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from case_tables import from_yaml, refusal
+from plain_satellite import hat
 from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError
@@ -61,10 +62,6 @@ def pole(t):
 def field(t):
     x, m = place(t), pole(t)
     return FRAME @ ((EARTH / DISTANCE) ** 3 * (3 * (m @ x) * x - m))
-
-
-def hat(v):
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
 @pytest.mark.parametrize("t", [0.0, 700.0, 40_000.0])

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from case_tables import in_ci
+from plain_satellite import hat
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -46,10 +47,6 @@ def with_engine(text, engine):
 
 
 # A rigid body with R, x and the body velocities w, v, and what its sensors tell ------------------
-
-
-def hat(w):
-    return np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
 
 
 def moved(R, x, w, v, torque, force, duration, J, M):

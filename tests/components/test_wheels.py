@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from plain_satellite import exp, hat, pyramid
 from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
@@ -34,19 +35,6 @@ initial:
 time: {{duration: 6.0, samples: 61}}
 solver: {{engine: native, rtol: 1.0e-12, atol: 1.0e-15}}
 """
-
-
-def pyramid():
-    angle = np.radians(54.7)
-    rows = [
-        [sx * np.sin(angle) / np.sqrt(2), sy * np.sin(angle) / np.sqrt(2), np.cos(angle)]
-        for sx, sy in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    ]
-    return np.array(rows).T
-
-
-def hat(v):
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
 def states_of(solved, text):
@@ -146,12 +134,6 @@ def driven(held, speed_limit=None):
         y = solve_ivp(rate, (0, 0.1), y, args=u, **options).y[:, -1]
         found.append(y)
     return np.array(found)
-
-
-def exp(v):
-    angle = np.linalg.norm(v)
-    axis = hat(np.array(v) / angle)
-    return np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis
 
 
 SLOW = pytest.mark.ci("the same by the other engine")
