@@ -524,15 +524,11 @@ class Complementary(Estimator):
         G: MatrixLieGroup = schedule.G
         options: Any = self  # in a run, options are arrays
         intervals = schedule.of_axes("pose", "every", 1) * schedule.period
-        sigma = intervals * fix.arrived * innovation(G, G.inverse(now.pose) @ fix.pose)
+        squares = (G.basis * G.basis).sum(axis=(-2, -1))
+        slope = mechanics.gradient(G, G.identity, G.inverse(now.pose) @ fix.pose)
+        sigma = intervals * fix.arrived * (slope / squares)
         pose, bias = now.pose @ G.exp(options.kp * sigma), now.bias - options.ki * sigma
         return now._replace(pose=pose, bias=bias), None
-
-
-def innovation(G: MatrixLieGroup, error: Array) -> Array:
-    """Return σ of Q̂⁻¹Q_m, ``(..., m)``; log(Q̂⁻¹Q_m) to first order."""
-    squares = (G.basis * G.basis).sum(axis=(-2, -1))
-    return mechanics.gradient(G, G.identity, error) / squares
 
 
 # Filters with a covariance: the error-state, the equivariant and the invariant one ----------------
@@ -641,10 +637,9 @@ class ErrorStateFilter(Estimator):
             for name in DEVIATIONS
             if (value := getattr(done, name)) is not None
         }
-        measured = {axis: axis in schedule.axes for axis in range(G.dimension)}
         for part in G.parts:
             axes = list(range(G.dimension)[part.axes])
-            fixed = all(measured[axis] for axis in axes)
+            fixed = set(axes) <= set(schedule.axes)
             positive = ["velocity_std", *["pose_std"] * fixed, "initial_pose_std"]
             for name in positive:
                 if name in values and (values[name][axes] <= 0).any():

@@ -290,8 +290,8 @@ class CriticalSet:
         The eigenvalues of the Hessian of Υ there, rising.
     axes : (n, k), or None
         For half-turns in space, an orthonormal basis of their axes.
-    offset : (n, k)
-        D, with the translations (I − R) D at a rotation R of the set.
+    offset : (n, k), or None
+        For half-turns in space, D, with the translations (I − R) D at a rotation R of the set.
     factors
         For a product, one set per factor.
     """
@@ -301,7 +301,7 @@ class CriticalSet:
     Q: Array
     hessian: Array
     axes: Array | None = None
-    offset: Array | None = None
+    offset: Any = None
     factors: tuple[CriticalSet, ...] = ()
 
     @property
@@ -333,8 +333,7 @@ class CriticalSet:
 
     def _distance_to_half_turns(self, Q: Array, axes: Array) -> Array:
         """With R_n = 2nnᵀ − I the squared distance is a constant minus a quadratic form in n."""
-        size = axes.shape[0]
-        D = np.zeros((size, 0)) if self.offset is None else self.offset
+        size, D = len(axes), self.offset
         R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
         trace = _sum(R[..., axis, axis] for axis in range(size))
         constant = _square_norm(R) + size + 2 * trace + _square_norm(Y)

@@ -374,17 +374,11 @@ class Recording:
     def part(self, first: int, last: int, step: int = 1) -> Self:
         """Return every `step`-th row from `first` to before `last`."""
         rows = slice(first, last, step)
-        times = self.times[rows]
+        names = "times", "poses", "velocities", "wrenches", "speeds"
+        measured = {name: getattr(self, name)[rows] for name in names}
         gaps = np.unique((self.gaps - first) // step)
-        return replace(
-            self,
-            times=times,
-            poses=self.poses[rows],
-            velocities=self.velocities[rows],
-            wrenches=self.wrenches[rows],
-            speeds=self.speeds[rows],
-            gaps=gaps[(gaps >= 0) & (gaps < len(times) - 1)],
-        )
+        inside = (gaps >= 0) & (gaps < len(measured["times"]) - 1)
+        return replace(self, **measured, gaps=gaps[inside])
 
 
 def recording_of(log: Log) -> Recording:

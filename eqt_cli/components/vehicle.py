@@ -269,16 +269,15 @@ class Vehicle:
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
     ) -> dict[str, Array]:
         """Return the states of sensors and estimator after a tick with the true Q and V."""
-        read, holding = {}, self.holding(G)
         Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
-        values = Q_m, V_m, errors.flux
-        for k, channel in enumerate(holding):
-            value, flags = values[SIGNALS.index(channel.signal)], errors.arrived[..., k]
-            read[channel.name] = channel.measured(value, states[channel.name], flags)
+        values, read, arrived = (Q_m, V_m, errors.flux), dict[str, Array](), dict[str, Array]()
+        for k, channel in enumerate(self.holding(G)):
+            name, value = channel.name, values[SIGNALS.index(channel.signal)]
+            arrived[name] = errors.arrived[..., k]
+            read[name] = channel.measured(value, states[name], arrived[name])
         if self.estimator is None:
             return read
         schedule, estimate = self.schedule(G), estimator_states(states)
-        arrived = {channel.name: errors.arrived[..., k] for k, channel in enumerate(holding)}
         fresh = [
             where(less(0.5 * MEASURED, arrived[part.name]), 1.0, 0.0) if part.holds else 1.0
             for part in schedule.timed

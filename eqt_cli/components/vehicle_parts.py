@@ -228,12 +228,10 @@ def check_limits(
             check_numbers(value, problems.at(name))
     if problems or low is None:
         return
-    lows, highs = (value if isinstance(value, list) else [value] for value in (low, high))
-    count = max(len(lows), len(highs))
-    pairs = zip(lows * (count // len(lows)), highs * (count // len(highs)), strict=False)
-    for index, (least, most) in enumerate((drawn(a, None), drawn(b, None)) for a, b in pairs):
+    lows, highs = np.broadcast_arrays(*(np.atleast_1d(drawn(end, None)) for end in (low, high)))
+    for index, (least, most) in enumerate(zip(lows, highs, strict=True)):
         if least >= most:
-            here = problems.at(names[0], index) if len(lows) > 1 else problems.at(names[0])
+            here = problems.at(names[0], index) if np.size(low) > 1 else problems.at(names[0])
             here.add(f"expected a number less than {names[1]}, {most:g}, got {least:g}")
 
 

@@ -6,13 +6,12 @@ import pytest
 from eqt_cli.base.arrays import frobenius
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import (
-    CriticalSet,
     _direction,
     common_weight,
     critical_sets,
     distance_to_unstable,
 )
-from eqt_cli.components.mechanics import gradient, potential
+from eqt_cli.components.mechanics import gradient
 
 # Hundreds of last places of numbers of order 10.
 ROUNDING = 1e-13
@@ -230,16 +229,6 @@ def test_distance_is_zero_at_the_points_and_positive_at_the_identity(G):
         assert np.isnan(distance_to_unstable(G, K, G.identity))
 
 
-def test_a_manifold_without_an_offset_has_no_translations():
-    Q = group_named("SO3").exp(np.random.default_rng(0).standard_normal((6, 3)))
-    for axes in (np.eye(3), np.eye(3)[:, :2]):
-        of_none, of_zero = (
-            CriticalSet("", axes.shape[1] - 1, np.eye(3), np.zeros(3), axes, offset)
-            for offset in (None, np.zeros((3, 0)))
-        )
-        np.testing.assert_array_equal(of_none.squared_distance(Q), of_zero.squared_distance(Q))
-
-
 def test_weights_may_differ_from_run_to_run():
     G = group_named("SO3")
     weights = np.array([np.eye(3), np.diag([1.0, 2.0, 3.0])])
@@ -265,14 +254,6 @@ def test_runs_that_failed_have_no_distance():
     for K in (np.eye(3), np.diag([1.0, 1.0, 3.0]), np.diag([1.0, 2.0, 3.0])):
         found = distance_to_unstable(G, K, Q)
         assert np.isnan(found[0]) and np.isfinite(found[1])
-
-
-def test_potential_falls_from_the_unstable_points_only(G):
-    """At a set of index k, Υ falls along exactly k of the Hessian's eigenvectors."""
-    K = coupled_weight(G)
-    minima = [each for each in critical_sets(G, K) if each.index == 0]
-    assert [each.name.count("half-turn") for each in minima] == [0]
-    assert potential(G, K, minima[0].Q) == 0.0
 
 
 @pytest.mark.parametrize("sign", [1, -1])
