@@ -292,21 +292,6 @@ def test_fixed_distributions_are_no_error_by_default(G):
     assert not V.any()
 
 
-def test_defaults_of_distributions_are_those_of_their_documentation():
-    """Where a configuration says nothing, they decide every initial state."""
-    expected = {
-        "angle": {"angle": np.pi, "axis": "random"},
-        "euler": {"sequence": "ZYX", "low": -np.pi, "high": np.pi},
-        "exp_normal": {"std": 1.0, "centre": None},
-        "fixed": {"coordinates": None},
-        "haar": {"position": None, "velocity": None},
-    }
-    for name, options in expected.items():
-        poses = pose_distribution(name)
-        assert {option: getattr(poses, option) for option in options} == options
-    assert velocity_distribution("normal").std == 1.0
-
-
 def test_a_speed_is_0_by_default():
     _, V = draw(group_named("SE3"), pose_distribution("fixed"), velocity_distribution("speed"))
     assert not V.any()

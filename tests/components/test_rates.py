@@ -307,11 +307,6 @@ def test_what_no_rate_loop_takes_is_refused(experiment_of, changes, said):
     )
 
 
-def test_a_rate_loop_needs_an_attitude_in_space(experiment_of):
-    config = {"group": "SE2", "inertia": [1, 1, 1], "gains": {"kp": 1, "kd": 1}}
-    config |= {"controllers": ["eqt"], "reference": {"kind": "constant"}}
-    config |= {"initial": {"pose": "haar"}, "time": {"duration": 1, "samples": 3}}
-    config["actuators"] = [{"kind": "rate_loop", "bandwidth": 20}]
-    assert "actuators[0]: rate_loop needs group SO3 or SE3, got SE2" in refusal(
-        EqtError, experiment_of, yaml.safe_dump(config)
-    )
+def test_a_rate_loop_needs_an_attitude_in_space(noted):
+    said = "rate_loop needs group SO3 or SE3, got SE2"
+    assert noted(RateLoop(bandwidth=20.0), group_named("SE2")) == [("", said)]
