@@ -27,13 +27,13 @@ def result(paper_result):
 @pytest.fixture
 def recording(result):
     """Run 2 of GT between its samples, with a gap, by another clock."""
-    from eqt_cli.extensions.recordings.measured import Course, State
+    from eqt_cli.extensions.recordings.measured import Course
 
     k = result.labels.index("gt")
     states = [result.trajectory(name, 2)[k] for name in ("pose", "velocity", "torque")]
     times = np.arange(0.5, 12.0, 0.07)
     times = times[(times < 4) | (times > 5)]
-    found = Course(result.group, result.times, State(*states)).at(times)
+    found = Course(result.group, result.times, *states).at(times)
     gaps = np.flatnonzero(np.diff(times) > 0.5)
     shown = found.pose, found.velocity, found.wrench
     return Recording("log.csv", "log.csv:1", result.group, times - OFFSET, *shown, gaps)

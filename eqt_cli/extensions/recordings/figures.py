@@ -65,6 +65,11 @@ class ShownMeasured:
         The run and the recording.
     group
         The group G.
+    times
+        The times of the recording, and those of the run.
+    curves
+        Rows of panels: a name, and values of the recording and of the run, at `times`: poses, or
+        coordinates of errors, velocities and wrenches.
 
     Raises
     ------
@@ -82,39 +87,24 @@ class ShownMeasured:
         if chosen.controllers and len(places) > 1:
             raise error_of(result, figure, f"shows one controller, got {len(places)}")
         (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
-        self.unit, self.group = result.units("time"), self.pair.recording.group
-        self._samples = [
-            chosen.time.samples(motion.times, partial(error_of, result, figure))
-            for motion in (self.pair.recording, self.pair.simulated)
-        ]
-
-    @property
-    def times(self) -> tuple[Array, Array]:
-        """The times of the recording, and those of the run."""
-        measured, simulated = self._samples
-        return self.pair.recording.times[measured], self.pair.simulated.times[simulated]
-
-    @property
-    def curves(self) -> list[tuple[str, Array, Array]]:
-        """Rows of panels: a name, and values of the recording and of the run, at `times`.
-
-        The values are poses, or coordinates of errors, velocities and wrenches.
-        """
-        G, seen, (pose, *_) = self.group, self.pair.recording, self.pair.errors
-        run, wanted = self.pair.simulated.states, self.pair.reference.states
-        error = G.log(G.inverse(wanted.pose) @ run.pose)
+        seen, flown, (pose, *_) = self.pair.recording, self.pair.simulated, self.pair.errors
+        self.unit, self.group = result.units("time"), seen.group
+        fail = partial(error_of, result, figure)
+        of_seen, of_flown = (chosen.time.samples(motion.times, fail) for motion in (seen, flown))
+        self.times = seen.times[of_seen], flown.times[of_flown]
+        G = self.group
+        error = G.log(G.inverse(self.pair.reference.pose) @ flown.pose)
         rows = [
-            ("pose", seen.poses, run.pose),
+            ("pose", seen.poses, flown.pose),
             ("error", pose.measured, error),
             ("difference", pose.difference, 0 * error),
-            ("velocity", seen.velocities, run.velocity),
-            ("wrench", seen.wrenches, run.wrench),
+            ("velocity", seen.velocities, flown.velocity),
+            ("wrench", seen.wrenches, flown.wrench),
         ]
-        measured, simulated = self._samples
-        return [
-            (name, values[measured], of_run[simulated])
-            for name, values, of_run in rows
-            if not np.isnan(values).all()
+        self.curves = [
+            (name, recorded[of_seen], simulated[of_flown])
+            for name, recorded, simulated in rows
+            if not np.isnan(recorded).all()
         ]
 
     def notes(self) -> list[str]:
@@ -213,10 +203,7 @@ def _thin(k: int) -> dict[str, Any]:
     return {"linewidth": _SIMULATED, **component_style(k)}
 
 
-NAME = "replay"
-
-
-def save_growth(growth: Growth, folder: Path) -> list[Path]:
+def save_growth(growth: Growth, folder: Path) -> None:
     """Draw and write the figure: rms, quantiles and noise, a panel for each part.
 
     Raises
@@ -240,9 +227,7 @@ def save_growth(growth: Growth, folder: Path) -> list[Path]:
         layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
         remark = f"Errors of {growth.windows} windows of {growth.name}."
         encoded = _saved(drawing, panels, "horizon", remark)
-    files = {folder / f"{NAME}.{form}": content for form, content in encoded.items()}
-    write_all(files, folder)
-    return list(files)
+    write_all({folder / f"replay.{form}": file for form, file in encoded.items()}, folder)
 
 
 def _saved(drawing: Drawing, panels: Any, x: str, remark: str) -> dict[str, bytes]:

@@ -140,13 +140,15 @@ class Flight(NamedTuple):
                 named = "/" in topic.kind and bool(_SETPOINTS.search(topic.name))
                 fits = quantity == source.quantity + " setpoint" * named
                 if fits and {*source.fields.split()} <= {*topic.fields}:
-                    yield from self._of(source, topic, whole)
+                    series = self._of(source, topic, whole)
+                    if series is not None:
+                        yield series
 
     @np.errstate(all="ignore")  # numbers that are not finite are left out
-    def _of(self, source: Source, topic: Topic, whole: bool) -> list[Series]:
+    def _of(self, source: Source, topic: Topic, whole: bool) -> Series | None:
         times, names, unit = topic.times / 1e9, source.fields.split(), source.unit
         if not len(times):
-            return []
+            return None
         numbers = np.stack([topic.fields[name] for name in names], axis=-1)
         if unit.startswith("deg"):
             numbers, unit = np.deg2rad(numbers), unit.replace("deg", "rad")
@@ -158,7 +160,7 @@ class Flight(NamedTuple):
         if source.valid == "body":
             rows = sources_of(self.format)
             turned = (s for s in rows if s.quantity == "attitude" and s.kind == source.kind)
-            (poses,) = self._of(next(turned), topic, True) or [Series("", times, np.nan * numbers)]
+            poses = self._of(next(turned), topic, True) or Series("", times, np.nan * numbers)
             numbers = apply_matrix(matrices(poses.at(times)), numbers)
             valid &= np.isfinite(numbers).all(axis=1)
         if source.quantity.startswith("attitude") and unit:  # roll, pitch, yaw
@@ -171,9 +173,11 @@ class Flight(NamedTuple):
             raise InputError(f"{place}: expected quaternions of norm 1, {got}")
         for where in times[1:][np.diff(times) < 0][:1]:
             raise InputError(f"{place}: its time goes back to {where:.6f} s")
-        first, known = np.diff(times, prepend=-np.inf) > 0, [f"{topic.name}.{x}" for x in names]
-        series = Series(topic.name, times[first], numbers[first], known, unit)
-        return [series] * int(first.sum() > (source.quantity not in _STATES))
+        first = np.diff(times, prepend=-np.inf) > 0
+        if first.sum() <= (source.quantity not in _STATES):  # a motion needs two rows
+            return None
+        fields = [f"{topic.name}.{name}" for name in names]
+        return Series(topic.name, times[first], numbers[first], fields, unit)
 
 
 @lru_cache(maxsize=1)

@@ -111,16 +111,20 @@ def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
     begin, end = recording.times[[0, -1]]
     step = max(float(np.median(np.diff(recording.times))), float(end - begin) / MOST_INSTANTS)
     instants = begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1)
-    seen = _Resampled.of(recording, instants)
-    peaks = [_peak(signal, float(begin), times, step) for signal in _signals(seen, times, run)]
+    seen = _resampled(recording, instants)
+    measured = np.flatnonzero(np.isfinite(recording.velocities).all(axis=0)).tolist()
+    signals = _signals(seen, measured, times, run)
+    peaks = [_peak(signal, float(begin), times, step) for signal in signals]
     if not peaks:
         raise _unknown(recording, "its rows are too far apart for the run")
     best = max(peaks, key=lambda peak: (not peak.doubt, peak.quality))
     if best.doubt:
         raise _unknown(recording, best.doubt)
-    models = [_of_poses, _of_velocities] if seen.known else [_of_poses]
-    candidates = [_refined(model(seen, times, run), best, step) for model in models]
-    alignment = min(candidates, key=lambda each: each.error)
+    models = [_of_poses(seen, times, run)]
+    if measured:
+        models.append(_of_velocities(seen, measured, times, run))
+    candidates = [_refined(model, best, step) for model in models]
+    alignment = min(candidates, key=lambda candidate: candidate.error)
     if not np.isfinite(alignment.error):
         raise _unknown(recording, f"the motions differ too much around {best.offset:.3g} s")
     if alignment.error > LARGEST_RELATIVE_ERROR * best.width:
@@ -132,32 +136,20 @@ def _unknown(recording: Recording, reason: str) -> InputError:
     return InputError(f"{recording.name}: cannot be aligned with the run: {reason}; {WHAT_TO_DO}")
 
 
-class _Resampled(NamedTuple):
-    """A recording at equidistant instants, with NaN in its gaps."""
-
-    group: MatrixLieGroup
-    instants: Array
-    poses: Array
-    velocities: Array
-    known: list[int]
-    """Measured coordinates of the velocity."""
-
-    @classmethod
-    def of(cls, recording: Recording, instants: Array) -> "_Resampled":
-        """Interpolate with constant velocity between two rows."""
-        G, times = recording.group, recording.times
-        row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
-        share = (instants - times[row]) / (times[row + 1] - times[row])
-        inner = (share > 1e-6) & (share < 1 - 1e-6)  # rows at the ends of a gap are real
-        real = ~(np.isin(row, recording.gaps) & inner)
-        row, part = row[real], share[real, None]
-        poses = np.full((len(instants), G.size, G.size), np.nan)
-        velocities = np.full((len(instants), G.dimension), np.nan)
-        before, V = recording.poses[row], recording.velocities
-        poses[real] = before @ G.exp(part * G.log(G.inverse(before) @ recording.poses[row + 1]))
-        velocities[real] = (1 - part) * V[row] + part * V[row + 1]
-        known = np.flatnonzero(np.isfinite(V).all(axis=0))
-        return cls(G, instants, poses, velocities, known.tolist())
+def _resampled(recording: Recording, instants: Array) -> Recording:
+    """Interpolate with constant velocity between two rows; NaN in the gaps."""
+    G, times = recording.group, recording.times
+    row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
+    share = (instants - times[row]) / (times[row + 1] - times[row])
+    inner = (share > 1e-6) & (share < 1 - 1e-6)  # rows at the ends of a gap are real
+    real = ~(np.isin(row, recording.gaps) & inner)
+    row, part = row[real], share[real, None]
+    poses = np.full((len(instants), G.size, G.size), np.nan)
+    velocities = np.full((len(instants), G.dimension), np.nan)
+    before, V = recording.poses[row], recording.velocities
+    poses[real] = before @ G.exp(part * G.log(G.inverse(before) @ recording.poses[row + 1]))
+    velocities[real] = (1 - part) * V[row] + part * V[row + 1]
+    return replace(recording, times=instants, poses=poses, velocities=velocities)
 
 
 # Search over all offsets --------------------------------------------------------------------------
@@ -179,15 +171,18 @@ class _Peak(NamedTuple):
     doubt: str = ""
 
 
-def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_ComparedSignal]:
+def _signals(
+    seen: Recording, measured: list[int], times: Array, run: Pieces
+) -> Iterator[_ComparedSignal]:
+    """Yield the measured coordinates of the velocity, and increments of the pose over windows."""
     from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
 
-    G, count = seen.group, len(seen.instants)
+    G, count = seen.group, len(seen.times)
     poses, velocities, _ = run.motion(G, times)
-    if seen.known:
-        spline = CubicSpline(times, velocities[:, seen.known], extrapolate=False)
-        yield seen.velocities[:, seen.known], spline
-    step, window = float(seen.instants[1] - seen.instants[0]), 1
+    if measured:
+        spline = CubicSpline(times, velocities[:, measured], extrapolate=False)
+        yield seen.velocities[:, measured], spline
+    step, window = float(seen.times[1] - seen.times[0]), 1
     turns = [part.axes for part in G.parts if part.turns]
     real = ~np.isnan(seen.poses[:, 0, 0])
     while window <= count // 4:
@@ -196,15 +191,14 @@ def _signals(seen: _Resampled, times: Array, run: Pieces) -> Iterator[_ComparedS
             return
         later, _, _ = run.motion(G, times[early] + window * step)
         simulated = G.log(G.inverse(poses[early]) @ later)
-        if any(
-            np.linalg.norm(simulated[:, axes], axis=1).max() > LARGEST_ROTATION for axes in turns
-        ):
+        angles = (np.linalg.norm(simulated[:, axes], axis=1) for axes in turns)
+        if any(angle.max() > LARGEST_ROTATION for angle in angles):
             return
         both = real[:-window] & real[window:]
-        measured = np.full((count - window, G.dimension), np.nan)
+        increments = np.full((count - window, G.dimension), np.nan)
         first, last = seen.poses[:-window][both], seen.poses[window:][both]
-        measured[both] = G.log(G.inverse(first) @ last)
-        yield measured, CubicSpline(times[early], simulated, extrapolate=False)
+        increments[both] = G.log(G.inverse(first) @ last)
+        yield increments, CubicSpline(times[early], simulated, extrapolate=False)
         window *= 2
 
 
@@ -295,28 +289,28 @@ class _Model(NamedTuple):
     """Returns the constants after a change."""
 
 
-def _of_velocities(seen: _Resampled, times: Array, run: Pieces) -> _Model:
+def _of_velocities(seen: Recording, measured: list[int], times: Array, run: Pieces) -> _Model:
     """Return the model of body velocities, with a constant bias of each coordinate."""
     from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
 
-    known = seen.known
-    spline = CubicSpline(times, run.motion(seen.group, times)[1][:, known], extrapolate=False)
+    _, V, _ = run.motion(seen.group, times)
+    spline = CubicSpline(times, V[:, measured], extrapolate=False)
     rate = spline.derivative()
 
     def at(offset: float, bias: Array) -> tuple[Array, Array, Array]:
-        t, measured = seen.instants + offset, seen.velocities[:, known]
+        t = seen.times + offset
         constants = np.broadcast_to(np.eye(len(bias)), (len(t), len(bias), len(bias)))
-        return measured - spline(t) - bias, rate(t), constants
+        return seen.velocities[:, measured] - spline(t) - bias, rate(t), constants
 
-    return _Model("body velocities", np.zeros(len(known)), at, np.add)
+    return _Model("body velocities", np.zeros(len(measured)), at, np.add)
 
 
-def _of_poses(seen: _Resampled, times: Array, run: Pieces) -> _Model:
+def _of_poses(seen: Recording, times: Array, run: Pieces) -> _Model:
     """Return the model of poses Q, with a constant world frame C such that C Q_s is near Q."""
     G = seen.group
 
     def at(offset: float, frame: Array) -> tuple[Array, Array, Array]:
-        t = seen.instants + offset
+        t = seen.times + offset
         inside = (times[0] <= t) & (t <= times[-1]) & ~np.isnan(seen.poses[:, 0, 0])
         Q, V, _ = run.motion(G, t[inside])
         if not frame.any():
@@ -372,32 +366,36 @@ SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True)
-class State:
-    """Pose ``(n, d, d)``, body velocity and wrench ``(n, m)`` at some times."""
+class Course:
+    """A motion that is cubic on the group between samples, with a linearly interpolated wrench.
 
+    Attributes
+    ----------
+    group
+        G.
+    times : (n,)
+        Times of the samples, s.
+    pose : (n, d, d)
+    velocity, wrench : (n, m)
+        The samples, in the body frame.
+    """
+
+    group: MatrixLieGroup
+    times: Array
     pose: Array
     velocity: Array
     wrench: Array
 
-
-@dataclass(frozen=True)
-class Course:
-    """A motion that is cubic on the group between samples, with a linearly interpolated wrench."""
-
-    group: MatrixLieGroup
-    times: Array
-    states: State
-
     @cached_property
     def pieces(self) -> Pieces:
         """The motion without the wrench."""
-        return through(self.group, self.times, self.states.pose, self.states.velocity)
+        return through(self.group, self.times, self.pose, self.velocity)
 
-    def at(self, t: Array) -> State:
-        """Return the state at times ``(n,)`` within the samples."""
+    def at(self, t: Array) -> "Course":
+        """Return the motion at times ``(n,)`` within the samples."""
         pose, velocity, _ = self.pieces.motion(self.group, t)
-        axes = [np.interp(t, self.times, along) for along in self.states.wrench.T]
-        return State(pose, velocity, np.stack(axes, axis=-1))
+        axes = [np.interp(t, self.times, along) for along in self.wrench.T]
+        return Course(self.group, t, pose, velocity, np.stack(axes, axis=-1))
 
 
 @dataclass(frozen=True)
@@ -539,9 +537,9 @@ def measured_runs(
     result.check_stored(*NEEDED, who=f"{who} needs")
     G, times = recording.group, result.times
     states = [result.trajectory(name, run) for name in NEEDED[:3]]
-    reference = Course(G, times, State(*(result[name] for name in NEEDED[3:])))
+    reference = Course(G, times, *(result[name] for name in NEEDED[3:]))
     simulated = {
-        int(k): Course(G, times, State(*(each[k] for each in states)))
+        int(k): Course(G, times, *(values[k] for values in states))
         for k in np.flatnonzero(result.good[:, run])
     }
     for k in controllers or [k for k in range(len(result.labels)) if not simulated]:
@@ -672,36 +670,28 @@ def _shares(G: MatrixLieGroup, error: Error, shown_in: ShownIn) -> Iterator[Shar
         unit, by = shown_in(error.quantity, error.unit(part))
         for name, of in chosen:
             every = error.measured, error.simulated, error.difference
-            first, second, left = (by * _mean_size(values[:, of]) for values in every)
+            squares = (np.sum(values[:, of] ** 2, axis=1) for values in every)
+            first, second, left = (by * float(np.sqrt(np.mean(square))) for square in squares)
             share = 1 - (left / first) ** 2 if first > 0 else np.nan
             yield Share(error.quantity, part.name, name, unit, first, second, left, share)
 
 
-def _mean_size(values: Array) -> float:
-    """Return the root mean square of the norm over the rows."""
-    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+def findings(
+    explanations: Sequence[Explanation], measured: Path, write: Plain, whole: bool
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable], list[str]]:
+    """Return what `eqt compare --measured` prints: a document, rows, tables and remarks.
 
-
-def records(explanations: Sequence[Explanation]) -> list[dict[str, Any]]:
-    """Return a record for each share."""
-    return [
-        {"controller": one.controller, "run": one.run, "rows": one.rows, "offset": one.offset}
-        | asdict(share)
-        for one in explanations
-        for share in one.shares
-    ]
-
-
-def explained_table(explanations: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
-    """Return the table of shares, a block per law; rows of single axes only if `axes`."""
+    Rows of single axes are in the table of one law, and of several if it is `whole`.
+    """
     several = len(explanations) > 1
-    blocks = [
-        Block(
-            write.text(one.title) if several else "",
-            [_row(share, write) for share in one.shares if axes or not share.axis],
-        )
-        for one in explanations
-    ]
+    records: list[dict[str, Any]] = []
+    blocks = []
+    for law in explanations:
+        about = {key: getattr(law, key) for key in ("controller", "run", "rows", "offset")}
+        records += [about | asdict(share) for share in law.shares]
+        shares = [share for share in law.shares if whole or not several or not share.axis]
+        rows = [_row(share, write) for share in shares]
+        blocks.append(Block(write.text(law.title) if several else "", rows))
     notes = [
         "Errors relative to the reference, in the body frame: root mean squares over the rows. "
         "Explained: 1 − difference² / measured error². It is 100 % where the run has the measured "
@@ -710,7 +700,7 @@ def explained_table(explanations: Sequence[Explanation], write: Plain, *, axes: 
         *(f"{note}." for note in explanations[0].notes),
     ]
     whose = "each law" if several else explanations[0].title
-    return TextTable(
+    table = TextTable(
         "measured",
         write.text(f"How much of the measured error run {explanations[0].run} of {whose} explains"),
         ["error of", "axis", "unit", "measured", "simulated", "difference", "explained"],
@@ -719,6 +709,11 @@ def explained_table(explanations: Sequence[Explanation], write: Plain, *, axes: 
         spare=("simulated",),
         keys=2,
     )
+    remarks = []
+    if several and not whole:
+        remarks.append("next: --verbose prints every axis, --against LAW one law")
+    document = {"measured": str(measured), "controllers": list(map(asdict, explanations))}
+    return document, records, [table], remarks
 
 
 def _row(share: Share, write: Plain) -> list[str]:
@@ -731,14 +726,3 @@ def _row(share: Share, write: Plain) -> list[str]:
         *(write.number(brief(number, 3)) for number in numbers),
         write.text(percent(share.explained)) if known else "-",
     ]
-
-
-def findings(
-    parts: Sequence[Explanation], measured: Path, write: Plain, whole: bool
-) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable], list[str]]:
-    """Return what `eqt compare --measured` prints: a document, rows, tables and remarks."""
-    axes = whole or len(parts) == 1
-    table = explained_table(parts, write, axes=axes)
-    remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one law"]
-    document = {"measured": str(measured), "controllers": [asdict(one) for one in parts]}
-    return document, records(parts), [table], remarks

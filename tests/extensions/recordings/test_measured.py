@@ -15,7 +15,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, TimeMapping
 from eqt_cli.components.motions import through
 from eqt_cli.components.recording_check import Recording, read_recording
-from eqt_cli.extensions.recordings.measured import Course, State, aligned, explained, measured_runs
+from eqt_cli.extensions.recordings.measured import Course, aligned, explained, measured_runs
 from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -275,11 +275,11 @@ def test_a_run_between_its_samples_is_of_third_order():
         """Q = exp(a sin t) exp(b t) with its body velocity."""
         last = G.exp(t[:, None] * b)
         V = G.Ad(G.inverse(last), np.cos(t)[:, None] * a) + b
-        return State(G.exp(np.sin(t)[:, None] * a) @ last, V, 0 * V)
+        return Course(G, t, G.exp(np.sin(t)[:, None] * a) @ last, V, 0 * V)
 
     def error(step):
         times, between = np.arange(0, 2.001, step), np.arange(step / 2, 2, step)
-        return np.abs(Course(G, times, state(times)).at(between).pose - state(between).pose).max()
+        return np.abs(state(times).at(between).pose - state(between).pose).max()
 
     assert 7 < error(0.04) / error(0.02) < 9
 
