@@ -19,13 +19,12 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from difflib import get_close_matches
 from itertools import islice
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Remedy
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError, Remedy, closest
 
 _DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE | re.ASCII)
 """Names that Windows reserves for devices, with any suffix."""
@@ -358,12 +357,10 @@ def near(path: Path, fits: Callable[[Path], bool]) -> str:
     entries: dict[str, Path] = {}
     for folder in dict.fromkeys((path.parent, Path("results"))):
         with suppress(OSError):
-            for entry in islice(folder.iterdir(), MAX_LISTED):
-                entries.setdefault(entry.stem.lower(), entry)
-    for name in get_close_matches(path.stem.lower(), list(entries), n=3, cutoff=0.6):
-        if fits(entries[name]):
-            return f"; did you mean '{entries[name]}'?"
-    return ""
+            for entry in filter(fits, islice(folder.iterdir(), MAX_LISTED)):
+                entries.setdefault(entry.stem, entry)
+    name = closest(path.stem, entries)
+    return f"; did you mean '{entries[name]}'?" if name else ""
 
 
 def text_of(

@@ -493,7 +493,6 @@ def validated(
     problems: Problems,
     common: tuple[str, ...] = (),
     group: Any = None,
-    meant: frozenset[KeyPath] = frozenset(),
     measured: str = POSE,
 ) -> Any:
     """Return the data as the type `kind`, or None after noting its errors.
@@ -506,25 +505,25 @@ def validated(
         Keys that `data` may have in addition to those of its type.
     group
         The group, which decides the units of coordinates; None where it is not known.
-    meant
-        Keys that unknown keys probably mean, so that they are not missing.
     measured
         The unit that `MEASURED` stands for.
     """
-    of, wrong = data.get("of") if isinstance(data, dict) else None, list[Problems]()
-    place = Place(group, measured, of if isinstance(of, str) else "", wrong)
-    try:
+    meant: frozenset[KeyPath] = frozenset()
+    while True:
+        part, wrong = data.get("of") if isinstance(data, dict) else None, list[Problems]()
+        place = Place(group, measured, part if isinstance(part, str) else "", wrong)
         # As JSON, because strict validation accepts a mapping for a dataclass only in JSON.
-        value = _adapter(kind).validate_json(
-            json.dumps(data, default=str), strict=True, context=place
-        )
-        return _without_wrong(value, problems) if wrong else value
-    except ValidationError as error:
-        unknown = _note_errors(error, data, kind, problems, common, meant)
-    if not unknown:
-        return None
-    meant |= _meant(unknown, kind, common)
-    return validated(kind, _without(data, unknown), problems, common, group, meant, measured)
+        text = json.dumps(data, default=str)
+        try:
+            value = _adapter(kind).validate_json(text, strict=True, context=place)
+            return _without_wrong(value, problems) if wrong else value
+        except ValidationError as error:
+            unknown, meant = _note_errors(error, data, kind, problems, common, meant)
+        if not unknown:
+            return None
+        data = deepcopy(data)
+        for *above, key in unknown:
+            del _at(tuple(above), data)[key]
 
 
 def _without_wrong(value: Any, problems: Problems) -> Any:
@@ -620,13 +619,17 @@ def _note_errors(
     problems: Problems,
     common: tuple[str, ...],
     meant: frozenset[KeyPath],
-) -> list[KeyPath]:
+) -> tuple[list[KeyPath], frozenset[KeyPath]]:
     """Note pydantic's errors at the places in `data` that the user wrote.
+
+    Keys that unknown keys probably mean, `meant`, are not missing.
 
     Returns
     -------
-    list of KeyPath
+    unknown : list of KeyPath
         The unknown keys.
+    meant : frozenset of KeyPath
+        The keys that these and earlier ones mean.
     """
     unknown: dict[KeyPath, str] = {}
     messages: dict[KeyPath, str] = {}
@@ -648,17 +651,17 @@ def _note_errors(
     noted = [*expected, *messages, *unknown]
     for path, alternatives in expected.items():
         # Each member of a union fails at the same place, or deeper in its value.
-        if not any(_below(other, path) for other in noted):
-            words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
-            alone = len(path) <= 1 and isinstance(value, str)
-            if alone and words == _EXPECTED["list_type"]:
-                words += f", such as [{value}]"
-            messages.setdefault(path, f"expected {words}, got {shown(value)}")
+        if any(other[: len(path)] == path != other for other in noted):
+            continue
+        words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
+        if len(path) <= 1 and isinstance(value, str) and words == _EXPECTED["list_type"]:
+            words += f", such as [{value}]"
+        messages.setdefault(path, f"expected {words}, got {shown(value)}")
     meant |= _meant(unknown, kind, common)
     for path, message in (messages | unknown).items():
         if not (path in meant and message.startswith(MISSING)):
             problems.at(*path).add(message)
-    return list(unknown)
+    return list(unknown), meant
 
 
 def _expectation(code: str, context: Mapping[str, Any]) -> str:
@@ -720,17 +723,6 @@ def _at(path: KeyPath, data: Any) -> Any:
     for step in path:
         data = data[step]
     return data
-
-
-def _without(data: Any, paths: list[KeyPath]) -> Any:
-    data = deepcopy(data)
-    for *above, key in paths:
-        del _at(tuple(above), data)[key]
-    return data
-
-
-def _below(path: KeyPath, ancestor: KeyPath) -> bool:
-    return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor
 
 
 @lru_cache(maxsize=256)
@@ -864,14 +856,14 @@ def as_section(component: Any) -> dict[str, Any]:
     for field in dataclasses.fields(component):
         value = getattr(component, field.name)
         if field.init and value is not None:
-            section[option_of_field(field.name)] = _plain(value)
+            section[option_of_field(field.name)] = plain_data(value)
     return section
 
 
-def _plain(value: Any) -> Any:
+def plain_data(value: Any) -> Any:
     """Return dataclasses as mappings and arrays as lists, also inside others; paths as text."""
     if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain_data(entry) for entry in value]
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, PurePath | Decimal | date | Fraction):
@@ -879,5 +871,5 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "__dataclass_fields__"):
         value = {option_of_field(f.name): getattr(value, f.name) for f in dataclasses.fields(value)}
     if isinstance(value, dict):
-        return {name: _plain(entry) for name, entry in value.items()}
+        return {name: plain_data(entry) for name, entry in value.items()}
     return value.tolist() if hasattr(value, "tolist") else value

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -56,6 +56,7 @@ def replay(
         --out DIR  Folder for the figure replay.
     """
     from eqt_cli import api
+    from eqt_cli.base.option_types import plain_data
     from eqt_cli.extensions.recordings.prediction import growth_table
 
     growth = api.replay(
@@ -70,7 +71,7 @@ def replay(
         out=out,
         trust_plugins=trust_plugins,
     )
-    print_findings(_plain(growth), laid_out(growth_table(growth)), json=json)
+    print_findings(plain_data(growth), laid_out(growth_table(growth)), json=json)
     if out is not None:
         say(f"figure in {out}")
 
@@ -109,6 +110,7 @@ def fit(
         --out DIR  Folder for fitted.yaml.
     """
     from eqt_cli import api
+    from eqt_cli.base.option_types import plain_data
     from eqt_cli.extensions.recordings.plant_fit import fit_tables
 
     if "=" in over:
@@ -127,19 +129,8 @@ def fit(
         trust_plugins=trust_plugins,
     )
     numbers, residuals = map(laid_out, fit_tables(fitted))
-    print_findings(_plain(fitted), numbers, "", residuals, "", str(fitted.config), json=json)
-
-
-def _plain(findings: Any) -> dict[str, Any]:
-    """Return the findings in types that JSON can hold."""
-    values = {each.name: getattr(findings, each.name) for each in fields(findings)}
-    return {name: _entry(value) for name, value in values.items() if name != "source"}
-
-
-def _entry(value: Any) -> Any:
-    if isinstance(value, list | tuple):
-        return [_plain(each) if is_dataclass(each) else each for each in value]
-    return str(value) if isinstance(value, Path) else getattr(value, "tolist", lambda: value)()
+    document = plain_data({key: value for key, value in vars(fitted).items() if key != "source"})
+    print_findings(document, numbers, "", residuals, "", str(fitted.config), json=json)
 
 
 # `eqt log` ----------------------------------------------------------------------------------------
