@@ -101,13 +101,8 @@ def configuration(seed: int) -> bytes:
     if rng.random() < 0.2:
         return _as_text(data, rng)
     for _ in range(rng.randint(1, 3)):
-        data = mistaken(data, rng)
+        data = rng.choice(CHANGES)(data, rng)
     return _dumped(data)
-
-
-def mistaken(data: Any, rng: random.Random) -> Any:
-    """The data with one more mistake."""
-    return rng.choice(CHANGES)(data, rng)
 
 
 def _dumped(data: Any) -> bytes:
@@ -124,36 +119,26 @@ def _places(data: Any, path: Path = ()) -> list[Path]:
     return found
 
 
-def _parent(data: Any, path: Path) -> Any:
-    for step in path[:-1]:
-        data = data[step]
-    return data
-
-
 def _replace(data: Any, rng: random.Random) -> Any:
     if path := _any_place(data, rng):
-        _parent(data, path)[path[-1]] = deepcopy(rng.choice(HOSTILE))
+        _at(data, path[:-1])[path[-1]] = deepcopy(rng.choice(HOSTILE))
     return data
 
 
 def _scale(data: Any, rng: random.Random) -> Any:
     """A number that is off by orders of magnitude, or by its sign."""
-    numbers = [
-        path
-        for path in _places(data)
-        if isinstance(_parent(data, path)[path[-1]], int | float)
-        and abs(_parent(data, path)[path[-1]]) < 1e300
-    ]
+    values = {path: _at(data, path) for path in _places(data)}
+    numbers = [p for p, x in values.items() if isinstance(x, int | float) and abs(x) < 1e300]
     if numbers:
         path = rng.choice(numbers)
         scale = rng.choice([-1, 0, 1e-12, 1e12, 1e-200, 1e200, 0.5, 1000])
-        _parent(data, path)[path[-1]] = float(_parent(data, path)[path[-1]]) * scale
+        _at(data, path[:-1])[path[-1]] = float(values[path]) * scale
     return data
 
 
 def _remove(data: Any, rng: random.Random) -> Any:
     if path := _any_place(data, rng):
-        del _parent(data, path)[path[-1]]
+        del _at(data, path[:-1])[path[-1]]
     return data
 
 
@@ -161,8 +146,7 @@ def _move(data: Any, rng: random.Random) -> Any:
     """What belongs elsewhere."""
     source, target = _any_place(data, rng), _any_place(data, rng)
     if source and target:
-        moved = deepcopy(_parent(data, source)[source[-1]])
-        _parent(data, target)[target[-1]] = moved
+        _at(data, target[:-1])[target[-1]] = deepcopy(_at(data, source))
     return data
 
 
@@ -197,6 +181,9 @@ CHANGES: list[Callable[[Any, random.Random], Any]] = [
 ]
 
 
+SLIPS = [*(b"\t", b"\x00", b"\xff", b"*a", b"&a ", b"[", b"}", b": ", b"- ", b"!!x ", b"'", b"%")]
+
+
 def _as_text(data: Any, rng: random.Random) -> bytes:
     """Slips of the keyboard, and of a disk."""
     text = bytearray(_dumped(data))
@@ -206,12 +193,7 @@ def _as_text(data: Any, rng: random.Random) -> bytes:
         if choice < 0.3:
             text[start : start + rng.randint(1, 20)] = b""
         elif choice < 0.6:
-            text[start:start] = rng.choice(
-                [
-                    *(b"\t", b"\x00", b"\xff", b"*a", b"&a ", b"[", b"}", b": ", b"- ", b"!!x "),
-                    *(b"'", b"%"),
-                ]
-            )
+            text[start:start] = rng.choice(SLIPS)
         elif choice < 0.8:
             text[start : start + 1] = rng.randbytes(1)
         else:

@@ -33,10 +33,8 @@ SLOW = [
     *(["verify"], ["report"], ["animate", "--format", "html"], ["run"]),
     *(
         ["plot", "--format", "json", "--figure", name]
-        for name in ("paper", "path", "torque", "runs")
+        for name in "paper path torque runs path pareto sweep distributions".split()
     ),
-    *(["plot", "--format", "json", "--figure", name] for name in ("path", "pareto", "sweep")),
-    *(["plot", "--format", "json", "--figure", name] for name in ("distributions",)),
 ]
 """Of which one in twelve is tried."""
 
@@ -53,12 +51,8 @@ def result(seed: int, bases: list[Path], path: Path) -> list[str]:
                 rng.choice([_attribute, _attribute, _values, _values, _dataset, _inner])(file, rng)
     command = rng.choice(SLOW) if rng.random() < 1 / 12 else rng.choice(COMMANDS)
     words = 2 if command[0] == "config" else 1
-    out = {
-        "report": ["--out", "page.html"],
-        "run": ["--out", "again"],
-        "plot": ["--out", "figures"],
-    }
-    more = out.get(command[0], ["--out", "figures"] if command[0] == "animate" else [])
+    out = {"report": "page.html", "run": "again", "plot": "figures", "animate": "figures"}
+    more = ["--out", out[command[0]]] if command[0] in out else []
     return [*command[:words], str(path), *command[words:], *more]
 
 

@@ -79,13 +79,7 @@ def attempt(kind: str, words: list[str]) -> str | None:
         return f"no message: {told!r}"
     if code == 2 and out.getvalue() and "--json" not in words:
         return f"results of a failure: {out.getvalue()!r}"
-    if (
-        not (told + out.getvalue())
-        .replace("\n", "")
-        .replace("\t", "")
-        .replace("\xa0", "")
-        .isprintable()
-    ):
+    if not re.sub(r"[\n\t\xa0]", "", told + out.getvalue()).isprintable():
         return f"cannot be shown: {told + out.getvalue()!r}"
     if "Traceback" in told:
         return told

@@ -192,13 +192,6 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
     assert offset in str(caught.value)
 
 
-def test_a_format_that_is_none_is_told(tmp_path):
-    assert (
-        refusal(InputError, eqt_cli.check_log, tmp_path / "flight.csv", format="cvs")
-        == "format: expected one of csv, tum, euroc, got 'cvs'"
-    )
-
-
 def body_of(text, **mapping):
     return read_recording(text, "l.csv", "csv", group_named("SE3"), LogMapping(**mapping))
 
