@@ -36,6 +36,7 @@ from eqt_cli.base.errors import ExpressionError, InputError, KeyPath, Problems, 
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import is_device
 from eqt_cli.base.registry import Registry, is_foreign, meanings, option_of_field, summary
+from eqt_cli.base.reporting import listed
 from eqt_cli.base.units import base_of, factor, offered, split
 
 
@@ -653,7 +654,9 @@ def _note_errors(
         # Each member of a union fails at the same place, or deeper in its value.
         if any(other[: len(path)] == path != other for other in noted):
             continue
-        words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
+        *first, last = dict.fromkeys(alternatives)  # each may itself be a list such as a or b
+        words = listed([*(words.replace(" or ", ", ") for words in first), last], "or")
+        value = _at(path, data)
         if len(path) <= 1 and isinstance(value, str) and words == _EXPECTED["list_type"]:
             words += f", such as [{value}]"
         messages.setdefault(path, f"expected {words}, got {shown(value)}")
@@ -696,12 +699,6 @@ def _flow(value: Any) -> str:
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}: {_flow(entry)}" for key, entry in value.items()) + "}"
     return json.dumps(value, default=str)
-
-
-def _listed(alternatives: list[str]) -> str:
-    """Return ``a, b or c``; an alternative may itself be such a list."""
-    *first, last = alternatives
-    return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
 
 
 def _written(location: KeyPath, data: Any, *, missing: bool) -> KeyPath:

@@ -65,12 +65,6 @@ class Contents:
     attributes: dict[str, Attribute]
 
 
-def format_of(file: Any) -> int | None:
-    """Return the number of eqt's layout, or None if eqt did not write the file."""
-    number = _outside_heaps(file, files.FORMAT_ATTRIBUTE)
-    return int(number) if isinstance(number, np.integer) else None
-
-
 def _outside_heaps(file: Any, name: str) -> Any:
     """Return an attribute that is no string of variable length; otherwise None."""
     is_there = name in file.attrs and file.attrs.get_id(name).dtype.kind in "iuS"
@@ -671,8 +665,8 @@ def _refused(path: Path, reason: str) -> ResultError:
 
 
 def _check_format(path: Path, file: Any, oldest: int) -> None:
-    number = format_of(file)
-    if number is None:
+    number = _outside_heaps(file, files.FORMAT_ATTRIBUTE)
+    if not isinstance(number, np.integer):  # the number of eqt's layout
         raise ResultError(
             f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
             f"'{files.FORMAT_ATTRIBUTE}'); give the {files.FILE_NAME} that eqt wrote"

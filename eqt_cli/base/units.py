@@ -9,6 +9,8 @@ from functools import lru_cache
 from math import prod
 from typing import TypeAlias
 
+from eqt_cli.base.reporting import listed
+
 Dimension: TypeAlias = tuple[int, int, int, int, int]
 """Exponents of kg, m, s, rad and A."""
 
@@ -121,8 +123,7 @@ def offered(unit: str) -> str:
     """Return the dimension of a unit, and what it may be written in: ``a time in s, ms or h``."""
     for name, units in _OFFERED.items():
         if factor(unit, units[0]) is not None:
-            listed = " or ".join(filter(None, [", ".join(units[:-1]), units[-1]]))
-            return f"{name} in {listed}"
+            return f"{name} in {listed(units, 'or')}"
     return f"a number in {unit}"
 
 

@@ -17,6 +17,7 @@ from pydantic_core import core_schema
 from eqt_cli.base.errors import EqtError, parse_key, suggestion
 from eqt_cli.base.option_types import Kind, Scale, has_options, option_names, owners
 from eqt_cli.base.registry import meanings, option_of_field, summary
+from eqt_cli.base.reporting import listed
 from eqt_cli.components.groups import groups
 from eqt_cli.config.designs import BLOCK, designs
 from eqt_cli.config.schema import Config, GainsSection, not_swept
@@ -341,8 +342,7 @@ def value_of(entry: Schema, schema: Schema) -> str:
         words.pop("constant", None)
     if set(words) == {"number", "text"}:
         return "expression"
-    names = list(words) or ["name", "mapping"]  # of a kind that plugins alone have
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+    return listed(list(words) or ["name", "mapping"], "or")  # of a kind that plugins alone have
 
 
 def _word(option: Schema, schema: Schema) -> str:

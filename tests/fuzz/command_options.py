@@ -13,23 +13,7 @@ from eqt_cli.cli.app import app
 
 NUMBERS = """nan inf -inf -1 0 1 2 3 0.5 1e17 1e-300 1e300 -0.0 99999999999
 1000000000000000000000000000000 x 1.5 1_000 0x10 pi""".split()
-TEXTS = [
-    "",
-    " ",
-    "eqt",
-    "gt",
-    "x",
-    "=",
-    "a=b",
-    "-",
-    "..",
-    "/",
-    "\x00",
-    "é" * 300,
-    "a/b",
-    "1,2",
-    "1:2",
-]
+TEXTS = ["", " ", *"eqt gt x = a=b - .. / \x00".split(" "), "é" * 300, "a/b", "1,2", "1:2"]
 KEYS = """control.delay control.period sensors.velocity ensemble.seed ensemble.runs time.samples
 time.duration solver.cross_check solver.max_steps solver.block solver.rtol solver.max_error
 store.decimate store.trajectories controllers[0].pieces tune.budget tune.population tune.seeds

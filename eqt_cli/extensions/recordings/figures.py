@@ -226,17 +226,18 @@ def save_growth(growth: Growth, folder: Path) -> None:
             layout.name_scale(axes, in_words(part, unit))
         layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
         remark = f"Errors of {growth.windows} windows of {growth.name}."
-        encoded = _saved(drawing, panels, "horizon", remark)
-    write_all({folder / f"replay.{form}": file for form, file in encoded.items()}, folder)
+        write_all(_encoded(drawing, panels, "horizon", remark, folder / "replay"), folder)
 
 
-def _saved(drawing: Drawing, panels: Any, x: str, remark: str) -> dict[str, bytes]:
-    """Finish a figure of panels below each other; return its files by their endings."""
+def _encoded(drawing: Drawing, panels: Any, x: str, remark: str, path: Path) -> dict[Path, bytes]:
+    """Finish a figure of panels below each other; return its files by their paths."""
     layout.add_letters(drawing)
     list(panels.values())[-1].set_xlabel(in_words(x, "s"))
     layout.add_remarks(drawing, [remark])
     layout.freeze(drawing)
-    return {form: encode(drawing, form, remark, "Errors") for form in FORMATS}
+    return {
+        path.with_suffix(f".{form}"): encode(drawing, form, remark, "Errors") for form in FORMATS
+    }
 
 
 def save_errors(tracking: TrackingErrors, name: str, folder: Path) -> None:
@@ -259,6 +260,6 @@ def save_errors(tracking: TrackingErrors, name: str, folder: Path) -> None:
                 panels[quantity].plot(behind[0], behind[1][:, k], label=axis, **_thin(k % 3))
             layout.name_scale(panels[quantity], in_words(f"{quantity} error", unit))
             panels[quantity].legend(ncols=3, loc="upper right")
-        files = _saved(drawing, panels, "time", f"{name}: {tracking.headline}.")
-    files = {f"errors.{form}": content for form, content in files.items()} | error_files(tracking)
-    write_all({folder / each: content for each, content in files.items()}, folder)
+        remark = f"{name}: {tracking.headline}."
+        files = _encoded(drawing, panels, "time", remark, folder / "errors")
+    write_all(files | error_files(tracking, folder), folder)

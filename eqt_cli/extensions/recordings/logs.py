@@ -757,13 +757,13 @@ def error_table(tracking: TrackingErrors) -> TextTable:
     return TextTable("errors", tracking.headline, header, [Block("", rows)], notes, keys=3)
 
 
-def error_files(tracking: TrackingErrors) -> dict[str, bytes]:
-    """Return the errors over time, a CSV of each quantity by the name of its file."""
+def error_files(tracking: TrackingErrors, folder: Path) -> dict[Path, bytes]:
+    """Return the errors over time, a CSV of each quantity by its path."""
     files = {}
     for quantity, (t, errors) in tracking.curves.items():
         unit, axes = QUANTITIES[quantity]
         names, stream = ["t (s)", *(f"{axis} ({unit})" for axis in axes)], io.BytesIO()
         head, rows = CONFIG_MARK.format("log") + ",".join(names), np.column_stack([t, errors])
         np.savetxt(stream, rows, fmt="%.9g", delimiter=",", header=head, comments="")
-        files[f"errors_{quantity}.csv"] = stream.getvalue()
+        files[folder / f"errors_{quantity}.csv"] = stream.getvalue()
     return files

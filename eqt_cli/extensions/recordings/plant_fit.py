@@ -412,37 +412,25 @@ def write_fitted(result: PlantFit, folder: Path) -> Path:
 
 def fit_tables(result: PlantFit) -> list[TextTable]:
     """Return the numbers with their intervals, and the errors before and after the fit."""
-    numbers = [
-        [
-            n.key,
-            significant(n.start, 5),
-            significant(n.value, 5),
-            f"[{significant(n.low, 5)}, {significant(n.high, 5)}]",
-        ]
-        for n in result.numbers
-    ]
+    numbers = []
+    for n in result.numbers:
+        start, value, low, high = (significant(x, 5) for x in (n.start, n.value, n.low, n.high))
+        numbers.append([n.key, start, value, f"[{low}, {high}]"])
     errors = [
         [f"{r.part}, {r.unit}", *(significant(x, 3) for x in (r.before, r.after, r.noise))]
         for r in result.residuals
     ]
     values = ", ".join(f"{value:.3g}" for value in result.singular_values)
     title = f"Fitted to {result.windows} windows of {result.horizon:.4g} s of {result.name}"
+    note = (
+        f"Singular values of the scaled Jacobian: {values}. Near 0, the recording cannot "
+        "distinguish the numbers."
+    )
+    header, columns = (
+        ["key", "start", "found", "95 % interval"],
+        ["error", "before", "after", "noise"],
+    )
     return [
-        TextTable(
-            "numbers",
-            title,
-            ["key", "start", "found", "95 % interval"],
-            [Block("", numbers)],
-            [
-                f"Singular values of the scaled Jacobian: {values}. Near 0, the recording cannot "
-                "distinguish the numbers.",
-                *result.notes,
-            ],
-        ),
-        TextTable(
-            "residuals",
-            "Root mean square of the errors",
-            ["error", "before", "after", "noise"],
-            [Block("", errors)],
-        ),
+        TextTable("numbers", title, header, [Block("", numbers)], [note, *result.notes]),
+        TextTable("residuals", "Root mean square of the errors", columns, [Block("", errors)]),
     ]
