@@ -513,7 +513,8 @@ class Expression:
         return parse, (self.text, tuple(sorted(self.variables)))
 
 
-def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
+@lru_cache(maxsize=1024)  # the points of a sweep have mostly the same references
+def parse(text: str, variables: tuple[str, ...] = ("t",)) -> Expression:
     """Parse an expression in the given variables.
 
     Raises
@@ -528,9 +529,6 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     return Expression(text, used, tree)
 
 
-_of_time = lru_cache(maxsize=512)(parse)
-"""Kept, because the points of a sweep have mostly the same references."""
-
 MAX_QUOTED = 100
 """Longest quotation of an expression in a message, characters."""
 
@@ -544,14 +542,13 @@ def formula(entry: str | float) -> Expression:
         If the entry is no expression; the message quotes it.
     """
     try:
-        return _of_time(str(entry))
+        return parse(str(entry))
     except ExpressionError as error:
         text = str(entry)
         quoted = text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
         raise InputError(f"'{quoted}': {error}") from error
 
 
-@lru_cache(maxsize=512)
 def constant(text: str) -> float:
     """Compute an expression without variables, such as ``-pi/2``.
 
@@ -646,20 +643,17 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
     known = [operand for operand in operands if operand is not None]
     if len(known) < len(operands):
         return None
-    if what in ("+", "-"):
-        (p, q), (r, s) = known
-        sign = 1 if what == "+" else -1
-        return p + sign * r, q + sign * s
-    if what in ("*", "/"):
-        (p, q), (r, s) = known
-        if s == 0 and what == "/":
-            return float(np.divide(p, r)), float(np.divide(q, r))
-        if what == "*" and q * s == 0:
-            return p * r, p * s + q * r
-        return None
-    if what == "neg":
-        [(p, q)] = known
-        return -p, -q
     if all(slope == 0 for _, slope in known):
         return _combined(node, tuple(value for value, _ in known)), 0.0
+    (p, q), (r, s) = known[0], known[-1]
+    if what == "neg":
+        return -p, -q
+    if what == "+":
+        return p + r, q + s
+    if what == "-":
+        return p - r, q - s
+    if what == "*" and q * s == 0:
+        return p * r, p * s + q * r
+    if what == "/" and s == 0:
+        return float(np.divide(p, r)), float(np.divide(q, r))
     return None

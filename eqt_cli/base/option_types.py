@@ -594,16 +594,13 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
 def _meanings(owner: type) -> dict[str, str]:
     """Return the meanings of the keys of a model or component, from its docstring."""
     texts = {option_of_field(name): text for name, text in meanings(owner).items()}
-    examples: dict[str, list[Any]] = (
-        {name: field.examples or [] for name, field in owner.model_fields.items()}
-        if issubclass(owner, BaseModel)
-        else {name: [] for name in option_names(owner)}
-    )
-    return {
-        name: texts.get(name, "").removesuffix(".")
-        + "".join(f", for example {name}: {each}" for each in values)
-        for name, values in examples.items()
-    }
+    fields = owner.model_fields if issubclass(owner, BaseModel) else {}
+    of_keys = {}
+    for name in fields or option_names(owner):
+        examples = (fields[name].examples or []) if fields else []
+        for_example = "".join(f", for example {name}: {example}" for example in examples)
+        of_keys[name] = texts.get(name, "").removesuffix(".") + for_example
+    return of_keys
 
 
 def owners(kind: Any) -> list[type]:

@@ -163,19 +163,17 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
     for place, part in vehicle.parts.items():
         if part.varies:
             raise EqtError(f"{place}: is drawn for each run; give a number to replay a recording")
-    actuators = vehicle.actuators
-    if law.recording(loop.group).speeds.size:  # measured behind the rotors, and what is before them
-        first = next(k for k, each in enumerate(actuators, start=1) if _has_rotors(each))
-        vehicle = replace(vehicle, actuators=actuators[first:])
-    for index, actuator in enumerate(actuators):
-        if actuator not in vehicle.actuators:
-            continue
+    rotors = [_has_rotors(actuator) for actuator in vehicle.actuators]
+    # Speeds are measured behind the rotors, and what is before them.
+    first = rotors.index(True) + 1 if law.recording(loop.group).speeds.size else 0
+    actuators = vehicle.actuators[first:]
+    for index, actuator in enumerate(actuators, start=first):
         if actuator.sampled or actuator.states(loop.group):
             raise EqtError(
                 f"{ACTUATORS}[{index}]: has a state that the recording does not hold; remove the "
                 "actuator, and record the wrench that it applies"
             )
-    flying = vehicle.of_run(loop.group)
+    flying = replace(vehicle, actuators=actuators).of_run(loop.group)
     return replace(loop, reference=ConstantReference(), controller=law, vehicle=flying)
 
 
