@@ -68,13 +68,6 @@ class Remedy:
 OTHER_FOLDER = Remedy("choose another folder with {}", "out")
 
 
-def _advised(text: str, lines: Sequence[str], remedies: Sequence[Remedy], word: Word) -> str:
-    """Return a text, the lines below it and the advice, all safe to show."""
-    advice = ", or ".join(r.advice.replace("{}", word(r.argument), 1) for r in remedies)
-    message = "\n".join(printable(line) for line in (text, *lines))
-    return message + ("\n" if lines else "; ") + printable(advice) if advice else message
-
-
 class _Message(Exception):
     """A message with remedies; `str` writes their arguments as in Python.
 
@@ -91,8 +84,10 @@ class _Message(Exception):
         self.remedies, self.lines = remedies, tuple(lines)
 
     def with_advice(self, word: Word) -> str:
-        """Return the error and the advice."""
-        return _advised(str(self.args[0]), self.lines, self.remedies, word)
+        """Return the error, the lines below it and the advice, all safe to show."""
+        advice = ", or ".join(r.advice.replace("{}", word(r.argument), 1) for r in self.remedies)
+        message = "\n".join(printable(line) for line in (str(self.args[0]), *self.lines))
+        return message + ("\n" if self.lines else "; ") + printable(advice) if advice else message
 
     def __str__(self) -> str:
         return self.with_advice(keyword)
@@ -151,7 +146,7 @@ class InputProblem:
 
     def with_advice(self, word: Word) -> str:
         """Return the error and the advice."""
-        return _advised(self.message, (), self.remedies, word)
+        return EqtError(self.message, *self.remedies).with_advice(word)
 
     def __str__(self) -> str:
         return self.located(keyword)

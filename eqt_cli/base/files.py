@@ -195,7 +195,7 @@ def replacement(path: Path) -> Iterator[io.FileIO]:
 def replace_file(path: Path, content: bytes) -> None:
     """Write a file completely or not at all, even if the process or the machine stops."""
     with replacement(path) as file:
-        _write(file, content)
+        write_whole(file, content)
 
 
 def new_file(path: Path, content: bytes) -> None:
@@ -208,7 +208,7 @@ def new_file(path: Path, content: bytes) -> None:
     """
     with io.FileIO(path, "x") as file:
         try:
-            _write(file, content)
+            write_whole(file, content)
             os.fsync(file.fileno())
         except BaseException:
             with suppress(OSError):
@@ -222,7 +222,7 @@ def name_to_be(name: str) -> str | None:
     return match[1] if match else None
 
 
-def _write(file: io.FileIO, content: bytes) -> None:
+def write_whole(file: io.FileIO, content: bytes | memoryview) -> None:
     """Write all of the content, in several calls where the system takes less at a time."""
     rest = memoryview(content)
     while rest:
@@ -259,7 +259,7 @@ def seal(file: io.FileIO) -> None:
     checksum = 0
     while read := file.read(2**20):  # not mapped: that would count as memory of this process
         checksum = zlib.crc32(read, checksum)
-    _write(file, SEAL + checksum.to_bytes(4, "little"))
+    write_whole(file, SEAL + checksum.to_bytes(4, "little"))
 
 
 def is_intact(view: mmap) -> bool | None:

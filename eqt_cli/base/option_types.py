@@ -651,8 +651,8 @@ def _note_errors(
         # Each member of a union fails at the same place, or deeper in its value.
         if any(other[: len(path)] == path != other for other in noted):
             continue
-        *first, last = dict.fromkeys(alternatives)  # each may itself be a list such as a or b
-        words = listed([*(words.replace(" or ", ", ") for words in first), last], "or")
+        *earlier, last = dict.fromkeys(alternatives)  # each may itself be "a or b"
+        words = listed([*(text.replace(" or ", ", ") for text in earlier), last], "or")
         value = _at(path, data)
         if len(path) <= 1 and isinstance(value, str) and words == _EXPECTED["list_type"]:
             words += f", such as [{value}]"

@@ -141,9 +141,7 @@ class Sink:
         start = self._file.tell()
         if self._error is None:
             try:
-                rest = memoryview(data)
-                while rest:
-                    rest = rest[self._file.write(rest) :]
+                files.write_whole(self._file, data)
             except BaseException as error:  # even an interruption must wait for HDF5
                 self._error = error
         if self._error is not None and len(data) <= READ_BACK:
