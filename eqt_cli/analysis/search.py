@@ -323,25 +323,23 @@ class Expected:
 
 def expected(search: Searches[Any], executor: Executor) -> Expected:
     """Estimate the cost of a search from part of the first generation of each law."""
-    section, workers = search.section, 1
-    seconds: float | None = 0.0
-    share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
-    for law in search.laws:
-        shares = first_points(section.population, list(law.axes), law.start, section.seed)
-        for case in search.in_cases(law).values():
-            generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
-            if seconds is None:
-                break
-            estimated = estimate(generation, executor, share)
-            workers = max(workers, estimated.workers)
-            if estimated.seconds is None:
-                seconds = None
-                break
-            groups = len(generation) if generation.is_ragged else 0
-            seconds += (estimated.seconds + SWEEP + groups * GROUP) * search.all_generations
+    section, workers, seconds = search.section, 1, 0.0
     points = len(search.laws) * search.all_generations * section.population
-    if seconds is not None:
-        seconds *= search.all_runs / search.searched_runs
+    share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
+    first_generations = (
+        study(_swept(case, _columns(law, shares)), trust_plugins=True)
+        for law in search.laws
+        for shares in [first_points(section.population, list(law.axes), law.start, section.seed)]
+        for case in search.in_cases(law).values()
+    )
+    for generation in first_generations:
+        estimated = estimate(generation, executor, share)
+        workers = max(workers, estimated.workers)
+        if estimated.seconds is None:
+            return Expected(points, search.all_runs, None, workers)
+        groups = len(generation) if generation.is_ragged else 0
+        seconds += (estimated.seconds + SWEEP + groups * GROUP) * search.all_generations
+    seconds *= search.all_runs / search.searched_runs
     return Expected(points, search.all_runs, seconds, workers)
 
 

@@ -136,7 +136,8 @@ class Search(Searches[TuneSection]):
     def keep(self, law: LawSearch, searches: dict[int, Population], folder: SearchFolder) -> None:
         """Write the configurations of the winners so far."""
         so_far = Tuned(law, searches, self.seeks_front)
-        studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
+        values = map(so_far.values, so_far.winners.values())
+        studies = [study(law.at(of_winner), trust_plugins=True) for of_winner in values]
         folder.write_configs(law, studies, self.seeks_front)
 
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
@@ -144,14 +145,14 @@ class Search(Searches[TuneSection]):
         tuned = [
             Tuned(law, evolve(self, law, folder, executor), self.seeks_front) for law in self.laws
         ]
-        chosen = {each.law.label: each.confirmed for each in tuned}
+        chosen = {of_law.law.label: of_law.confirmed for of_law in tuned}
         confirmed = compute(self.confirmation(chosen), folder.path, executor)
         return confirmed, {
             "objectives": list(self.objectives),
             "cases": list(self.cases),
             "over_cases": self.section.over_cases or "mean",
             "constraints": [asdict(bound) for bound in self.constraints],
-            "laws": [_law_record(self, each) for each in tuned],
+            "laws": [of_law.record() for of_law in tuned],
         }
 
     @classmethod
@@ -285,9 +286,15 @@ class Tuned:
         return reduce(selected, self.searches.values())
 
     @cached_property
-    def winners(self) -> tuple[int, ...]:
-        """Indices of the best point or of the front; empty if no point is feasible."""
-        return _winners(self.population, self.seeks_front)
+    def winners(self) -> dict[str, int]:
+        """Index of the best point, or of those on the front, by the label in the confirmation.
+
+        Those of a front are numbered. It is empty if no point is feasible.
+        """
+        winners = {}
+        for number, point in enumerate(_winners(self.population, self.seeks_front), start=1):
+            winners[f"{self.law.label} {number}" if self.seeks_front else self.law.label] = point
+        return winners
 
     @cached_property
     def by_seed(self) -> dict[int, tuple[int, ...]]:
@@ -297,17 +304,6 @@ class Tuned:
     def values(self, point: int) -> dict[str, float]:
         """Return the values at a point, by key."""
         return self.law.values(self.population.shares[point].tolist())
-
-    @property
-    def chosen(self) -> list[dict[str, float]]:
-        """Values of the winners."""
-        return [self.values(point) for point in self.winners]
-
-    @cached_property
-    def labels(self) -> list[str]:
-        """Labels of the winners in the confirmation; those of a front are numbered."""
-        label = self.law.label
-        return [f"{label} {k + 1}" if self.seeks_front else label for k in range(len(self.winners))]
 
     @cached_property
     def seed_labels(self) -> dict[int, str]:
@@ -320,7 +316,7 @@ class Tuned:
         for seed, winners in self.by_seed.items():
             if winners and not self.seeks_front:
                 best = self.searches[seed].shares[winners[0]]
-                same = np.array_equal(best, self.population.shares[self.winners[0]])
+                same = np.array_equal(best, self.population.shares[self.winners[label]])
                 is_best = same and label not in names.values()
                 names[seed] = label if is_best else f"{label}, seed {seed}"
         return names
@@ -328,11 +324,40 @@ class Tuned:
     @property
     def confirmed(self) -> dict[str, dict[str, float]]:
         """Values of all tuned laws in the confirmation, by label: the winners first."""
-        confirmed = dict(zip(self.labels, self.chosen, strict=True))
+        confirmed = {label: self.values(point) for label, point in self.winners.items()}
         for seed, label in self.seed_labels.items():
             shares = self.searches[seed].shares[self.by_seed[seed][0]]
             confirmed.setdefault(label, self.law.values(shares.tolist()))
         return confirmed
+
+    def record(self) -> dict[str, Any]:
+        """Return the winners and the searches for the record of the search."""
+        law, scored = self.law, self.population.scores
+        configs = config_files(TUNE, law, len(self.winners), self.seeks_front)
+        return {
+            "label": law.label,
+            "over": {key: [axis.low, axis.high] for key, axis in law.axes.items()},
+            "start": started(law.label),
+            "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
+            "winners": [
+                {
+                    "label": label,
+                    "config": name,
+                    "values": self.values(point),
+                    "objectives": scored.objectives[point].tolist(),
+                    "unsettled": int(scored.unsettled[point]),
+                }
+                for (label, point), name in zip(self.winners.items(), configs, strict=True)
+            ],
+            "searches": [
+                {
+                    "seed": seed,
+                    "label": self.seed_labels.get(seed),
+                    "objectives": left.scores.objectives[list(self.by_seed[seed])].tolist(),
+                }
+                for seed, left in self.searches.items()
+            ],
+        }
 
 
 def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
@@ -340,36 +365,3 @@ def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
         return tuple(population.front.tolist())
     best = population.best
     return (best,) if population.scores.feasible[best] else ()
-
-
-def _law_record(search: Search, tuned: Tuned) -> dict[str, Any]:
-    scored = tuned.population.scores
-    return {
-        "label": tuned.law.label,
-        "over": {key: [axis.low, axis.high] for key, axis in tuned.law.axes.items()},
-        "start": started(tuned.law.label),
-        "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
-        "winners": [
-            {
-                "label": label,
-                "config": name,
-                "values": tuned.values(point),
-                "objectives": scored.objectives[point].tolist(),
-                "unsettled": int(scored.unsettled[point]),
-            }
-            for point, label, name in zip(
-                tuned.winners,
-                tuned.labels,
-                config_files(TUNE, tuned.law, len(tuned.winners), search.seeks_front),
-                strict=True,
-            )
-        ],
-        "searches": [
-            {
-                "seed": seed,
-                "label": tuned.seed_labels.get(seed),
-                "objectives": left.scores.objectives[list(tuned.by_seed[seed])].tolist(),
-            }
-            for seed, left in tuned.searches.items()
-        ],
-    }

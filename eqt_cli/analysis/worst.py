@@ -98,17 +98,13 @@ class WorstSearch(Searches[WorstSection]):
             points = min(MOST_ON_A_LINE, max(LEAST_ON_A_LINE, affordable))
         return max(2, min(points, MOST_LINE_POINTS // self._lines)) + 1
 
-    def lines(self, shares: dict[str, tuple[float, ...]]) -> list[Line]:
-        """Return the lines through the points that were found (in the unit cube, by law)."""
-        at = {law.label: law.values(shares[law.label]) for law in self.laws}
-        written = {
-            key: value
-            for law in reversed(self.laws)
-            for key, value in zip(law.written, at[law.label].values(), strict=True)
-        }
-        lines = []
+    def lines(self, centres: Mapping[str, Mapping[str, float]]) -> list[Line]:
+        """Return the lines through the centres that were found: values by key, by law."""
+        written, lines = dict[str, float](), list[Line]()
+        for law in reversed(self.laws):
+            written |= zip(law.written, centres[law.label].values(), strict=True)
         for law in self.laws:
-            centre = written | dict(zip(law.written, at[law.label].values(), strict=True))
+            centre = written | dict(zip(law.written, centres[law.label].values(), strict=True))
             for key, axis in zip(law.written, law.axes.values(), strict=True):
                 last = self._per_line - 2
                 values = sorted({*(axis.at(k / last) for k in range(last + 1)), centre[key]})
@@ -142,59 +138,57 @@ class WorstSearch(Searches[WorstSection]):
 
         The worst of all these runs is computed once more, without other points.
         """
-        by_law: dict[str, dict[int, Population]] = {}
-        first: dict[str, list[Scores]] = {law.label: [] for law in self.laws}
+        centres, costs = dict[str, dict[str, float]](), dict[str, dict[int, float]]()
         for law in self.laws:
-            by_law[law.label] = evolve(self, law, folder, executor)
-            for seed in self.seeds:  # of the first generations, which are spread over the ranges
-                with open_result(folder.generation(law, seed, 0)[0]) as result:
-                    first[law.label].append(self.scores(result))
-        best = {label: reduce(selected, searches.values()) for label, searches in by_law.items()}
-        shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
-        lines = self.lines(shares)
+            searches = evolve(self, law, folder, executor)
+            best = reduce(selected, searches.values())
+            centres[law.label] = law.values(best.shares[best.best].tolist())
+            costs[law.label] = {
+                seed: -float(last.scores.objectives[last.best, 0])
+                for seed, last in searches.items()
+            }
+        lines, laws = self.lines(centres), []
         reporter().note("runs", self.judging)
         along = compute(self.along(lines), folder.path, executor)
-        at, alone = self._worst_points(best, shares, lines, along), {}
+        at = self._worst_points(centres, costs, lines, along)
         for law in self.laws:
             source = law.at(at[law.label])
             compute(source, folder.run_of(law), executor)
             with open_result(folder.run_of(law)) as result:
-                worst_run = alone[law.label] = _worst_run(self, result)
+                worst_run = _worst_run(self, result)
             value = f"{self.objective} {worst_run['value']!r}"
             outcome = "failed" if worst_run["failed"] else value
             comment = f"# run {worst_run['run']} of {law.label}: {outcome}\n"
             single = study(source, trust_plugins=True)
             folder.write_configs(law, [single], comment=comment)
-        laws = [
-            {
-                "label": law.label,
-                "config": law_search.config_files(WORST, law, 1)[0],
-                **alone[law.label],
-                **_search_record(self, law, by_law[law.label], first[law.label], at[law.label]),
-                "in_profile": at[law.label] != law.values(shares[law.label]),
-                "lines": _line_ranges(lines, law.label),
-            }
-            for law in self.laws
-        ]
+            laws.append(
+                {
+                    "label": law.label,
+                    "config": law_search.config_files(WORST, law, 1)[0],
+                    **worst_run,
+                    **_search_record(self, law, folder, costs[law.label], at[law.label]),
+                    "in_profile": at[law.label] != centres[law.label],
+                    "lines": _line_ranges(lines, law.label),
+                }
+            )
         return along, {"objective": self.objective, "laws": laws}
 
     def _worst_points(
         self,
-        best: Mapping[str, Population],
-        shares: Mapping[str, tuple[float, ...]],
+        centres: Mapping[str, dict[str, float]],
+        costs: Mapping[str, Mapping[int, float]],
         lines: Sequence[Line],
         along: Execution,
-    ) -> dict[str, dict[str, Any]]:
+    ) -> dict[str, dict[str, float]]:
         """Return where each law has its worst run: as found, or at a point of the lines."""
-        points, at = [point for line in lines for point in line.points], {}
+        points, at = [point for line in lines for point in line.points], dict(centres)
         with open_result(along.folder.path) as result:
-            costs = costs_of_runs(result, self.objective).max(axis=-1)
+            of_points = costs_of_runs(result, self.objective).max(axis=-1)
         for number, law in enumerate(self.laws):
-            values = at[law.label] = law.values(shares[law.label])
-            worst, left = int(np.argmax(costs[:, number])), best[law.label]
-            if costs[worst, number] > -left.scores.objectives[left.best, 0]:
+            worst = int(np.argmax(of_points[:, number]))
+            if of_points[worst, number] > max(costs[law.label].values()):
                 there = (points[worst][key] for key in law.written)
-                at[law.label] = dict(zip(values, there, strict=True))
+                at[law.label] = dict(zip(law.axes, there, strict=True))
         return at
 
     @classmethod
@@ -260,24 +254,24 @@ def _worst_run(search: WorstSearch, result: Result) -> dict[str, Any]:
 def _search_record(
     search: WorstSearch,
     law: law_search.LawSearch,
-    searches: dict[int, Population],
-    first: list[Scores],
-    at: dict[str, Any],
+    folder: law_search.SearchFolder,
+    costs: Mapping[int, float],
+    at: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Describe where each search found its worst run, and how many runs did not settle."""
-    worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
-    axes = dict(zip(law.written, law.axes.values(), strict=True))
-    points = sum(len(scored) for scored in first)
+    """Describe what each search found at worst, by seed, and how many runs did not settle."""
+    axes, points, unsettled = dict(zip(law.written, law.axes.values(), strict=True)), 0, 0
+    for seed in costs:  # of the first generations, which are spread over the ranges
+        with open_result(folder.generation(law, seed, 0)[0]) as result:
+            scored = search.scores(result)
+        points += len(scored)
+        unsettled += int((scored.failed + scored.unsettled).sum())
     return {
         "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
         "log": [key for key, axis in axes.items() if axis.scale == "log"],
         "values": dict(zip(law.written, at.values(), strict=True)),
-        "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in worst.items()],
-        "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
-        "first": {
-            "runs": points * search.base.config.ensemble.runs,
-            "unsettled": int(sum((each.failed + each.unsettled).sum() for each in first)),
-        },
+        "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in costs.items()],
+        "agreeing": sum(_agree(cost, max(costs.values())) for cost in costs.values()),
+        "first": {"runs": points * search.base.config.ensemble.runs, "unsettled": unsettled},
     }
 
 

@@ -57,7 +57,7 @@ def test_the_picture_takes_no_more_runs_than_asked_for(profile, points, runs):
     """By default no more than the search of two laws takes, if 5 points along a key allow it."""
     search = read(profile=profile)
     assert search.judging_runs == 2 * 3 + 4 * (points + 1) * 2 * runs
-    lines = search.lines({law.label: (0.3, 0.6) for law in search.laws})
+    lines = search.lines({law.label: law.values((0.3, 0.6)) for law in search.laws})
     assert [len(line.points) for line in lines] == [points + 1] * 4
     assert search.along(lines).data["ensemble"]["runs"] == runs
 
@@ -327,7 +327,7 @@ def test_lines_of_one_number_for_several_entries():
     config = WHEEL | {"gains": {"kp": [0.5, 0.5], "kd": 1.0}, "controllers": ["stabilising"]}
     section = WHEEL["worst"] | {"over": over}
     search = WorstSearch.read(source_from(config | {"worst": section}, {}))
-    lines = search.lines({"stabilising": (0.25, 0.5)})
+    lines = search.lines({"stabilising": search.laws[0].values((0.25, 0.5))})
     assert [line.key for line in lines] == list(over)
     (block,) = search.along(lines).data["sweep"]
     columns = block["zip"]
