@@ -508,18 +508,15 @@ CHECKED = "certificates checked"
 
 
 def identity_rows(
-    common: Sample, laws: Iterable[Sample], cascades: Iterable[Sample] = ()
+    common: Sample, laws: Sequence[Sample], cascades: Sequence[Sample] = ()
 ) -> list[Row]:
     """Check every identity: on each law or cascade or, if it concerns no law, on `common`."""
-    laws, cascades, rows = list(laws), list(cascades), []
-    due = [
-        (certificate, sample)
-        for certificate in _of_kind(Identity)
-        for sample in (
-            cascades if certificate.of_whole else laws if certificate.per_law else [common]
-        )
-        if certificate.applies(sample.loop)
-    ]
+    due, rows = list[tuple[Identity, Sample]](), list[Row]()
+    for certificate in _of_kind(Identity):
+        samples = laws if certificate.per_law else [common]
+        if certificate.of_whole:
+            samples = cascades
+        due += [(certificate, sample) for sample in samples if certificate.applies(sample.loop)]
     with step(CHECKED, len(due)):
         for certificate, sample in due:
             rows += certificate.check(sample)
@@ -559,7 +556,6 @@ _KINDS = {
     "hypothesis": "Hypotheses: what the theorems assume",
     "code": "Laws in code, against the laws that they claim to be: difference of torques, bound",
 }
-_HOLDS, _PROVED, _FAILS = Verdict.HOLDS, Verdict.PROVED, Verdict.FAILS
 _LEGEND = {
     Verdict.PROVED: "both sides are equal as rational functions of the state; p bounds the "
     "probability that all exact states that were drawn hide a difference; of a rate: in fractions",
@@ -593,7 +589,7 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
         Whether to show only rows that do not hold or could not be proved. Rows that are not claimed
         or not covered are then listed in the notes.
     """
-    expected = (_HOLDS, _PROVED, *_LISTED)
+    expected = (Verdict.HOLDS, Verdict.PROVED, *_LISTED)
     shown = [row for row in rows if not brief or row.verdict not in expected or row.not_proved]
     blocks = [
         Block(title, cells)
@@ -630,8 +626,9 @@ def _named(rows: Sequence[Row]) -> str:
 def tally(rows: Sequence[Row]) -> str:
     """Count the verdicts of all rows but hypotheses: ``41 hold, 2 undecided, 0 fail``."""
     counts = Counter(row.verdict for row in rows if row.kind != "hypothesis")
-    others = [f"{count} {v}" for v, count in counts.items() if v not in (_HOLDS, _FAILS)]
-    return ", ".join([f"{counts[_HOLDS]} hold", *sorted(others), f"{counts[_FAILS]} fail"])
+    holding, failing = counts.pop(Verdict.HOLDS, 0), counts.pop(Verdict.FAILS, 0)
+    others = sorted(f"{count} {verdict}" for verdict, count in counts.items())
+    return ", ".join([f"{holding} hold", *others, f"{failing} fail"])
 
 
 def doubtful(rows: Sequence[Row]) -> list[str]:

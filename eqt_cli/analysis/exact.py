@@ -34,8 +34,7 @@ class Number:
     - ``of(x)``: converts a float or a number of this kind to this kind;
     - ``nearest``: the nearest float or its neighbour;
     - ``derivative()``: the rate of change as a number without a rate;
-    - ``moving(rate)``: the same value with another rate;
-    - ``granted(error)``: the number with a larger error bound; exact numbers stay exact.
+    - ``moving(rate)``: the same value with another rate.
 
     It is not an abstract base class, because these slow down `isinstance`, which arithmetic calls.
     """
@@ -69,11 +68,6 @@ def with_rate(numbers: Array, rates: Any) -> Array:
 def floats(numbers: Array) -> Array:
     """Return the values as floats."""
     return entrywise(lambda x: x.nearest if is_number(x) else x, numbers).astype(float)
-
-
-def granted(numbers: Array, error: float) -> Array:
-    """Return the numbers with error bounds raised by `error`, if they have error bounds."""
-    return entrywise(lambda x: x.granted(error) if is_number(x) else x, numbers)
 
 
 def entrywise(function: Any, *arrays: Any) -> Array:
@@ -124,10 +118,6 @@ class Bounded(Number):
     def moving(self, rate: Bounded) -> Bounded:
         """Return the value with another rate and the bounds of both."""
         return Bounded(self.value, self.error, rate.value, rate.error)
-
-    def granted(self, error: float) -> Bounded:
-        """Return the number with a larger error bound."""
-        return Bounded(self.value, self.error + error, self.rate, self.rate_error)
 
     def __add__(self, other: Any) -> Bounded:
         if not isinstance(other, Bounded) and other == 0:
@@ -232,13 +222,14 @@ def discrepancy(left: Array, right: Array) -> tuple[float, float]:
     return float(difference[worst]), float(bound[worst])
 
 
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
+    "where": lambda condition, a, b: a if condition else b,
+}
+"""Functions of arrays that all numbers have alike."""
+
 register_symbols(
-    Bounded,
-    {
-        **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
-        "less": lambda a, b: Bounded.of(a).value < Bounded.of(b).value,
-        "where": lambda condition, a, b: a if condition else b,
-    },
+    Bounded, _FUNCTIONS | {"less": lambda a, b: Bounded.of(a).value < Bounded.of(b).value}
 )
 
 
@@ -448,10 +439,6 @@ class Exact(Number):
         """Return the number with another rate; a rate of 0 is dropped."""
         still = rate._still()
         return self._with(None if still._is_zero() else still)
-
-    def granted(self, error: float) -> Exact:
-        """Return the number itself, which is exact."""
-        return self
 
     def _still(self) -> Exact:
         return self if self.rate is None else self._with(None)
@@ -789,12 +776,11 @@ def _at_once(x: Any) -> Fraction:
 
 register_symbols(
     Exact,
-    {
-        **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
+    _FUNCTIONS
+    | {
         "less": lambda a, b: Exact.of(a) < Exact.of(b),
         "smooth_less": lambda a, b: _at_once(a) < _at_once(b),
         "positive": _off_zero,
-        "where": lambda condition, a, b: a if condition else b,
         "inverse": inverse,
     },
 )

@@ -469,8 +469,9 @@ def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
 
 def _mean(mean: float, failed: int, censored: int) -> str:
     """Format a mean with the numbers of failed and unsettled runs."""
-    marks = [f"{failed} failed"] * (failed > 0) + [f"{censored} unsettled"] * (censored > 0)
-    return " ".join([significant(mean), *(f"({mark})" for mark in marks)])
+    counts = {"failed": failed, "unsettled": censored}
+    marks = (f" ({count} {what})" for what, count in counts.items() if count)
+    return significant(mean) + "".join(marks)
 
 
 def _difference(cell: Cell, write: Plain) -> str:

@@ -71,8 +71,8 @@ class Sample:
         not symmetric.
     reference
         Reference of the experiment, which the loop may have replaced (see `sampled`).
-    lost
-        Bounds of the errors of V and V_d, because their momenta were computed in plain floats.
+    velocities
+        V and V_d with the errors that they have because their momenta were computed in floats.
     exact
         Exact states of the same loop, if its identities are to be proved.
     """
@@ -86,7 +86,7 @@ class Sample:
     drawn: tuple[Array, Array, Array, Array]
     gains: Gains
     reference: Reference
-    lost: tuple[float, float]
+    velocities: list[Array]
     exact: ExactStates | None = None
 
     @cached_property
@@ -169,7 +169,7 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
         (lifted(poses[0]), lifted(vectors[0]), lifted(poses[1]), lifted(Vd)),
         gains,
         reference,
-        (roundings * np.abs(vectors[0]).max(), roundings * np.abs(Vd).max()),
+        [lifted(V, roundings * np.abs(V).max()) for V in (vectors[0], Vd)],
     )
 
 
@@ -345,7 +345,7 @@ class ExactStates:
             drawn=drawn,
             gains=loop.gains,
             reference=reference.with_functions(parameters.function),
-            lost=(0.0, 0.0),
+            velocities=[vectors[0], Vd],
         )
 
 

@@ -249,10 +249,7 @@ class Jet:
     @classmethod
     def stacked(cls, entries: Sequence[Any]) -> Jet:
         """Return the series of `stack`."""
-        order = min(each.order for each in entries if isinstance(each, cls))
-        series = [each if isinstance(each, cls) else cls._fixed(each, order) for each in entries]
-        rows = list(zip(*(each.coefficients[: order + 1] for each in series), strict=True))
-        return cls([_of_known(stack, row) for row in rows])
+        return cls([_of_known(stack, row) for row in _aligned(entries, _order(entries))])
 
     @classmethod
     def applied(cls, name: str, arguments: Sequence[Any]) -> Jet:
@@ -261,13 +258,11 @@ class Jet:
             return cls._fixed(apply(name, *map(_value, arguments)), _order(arguments))
         if name == "where":
             condition, *choices = arguments
-            order = _order(arguments)
-            a, b = (x if isinstance(x, cls) else cls._fixed(x, order) for x in choices)
-            pairs = zip(a.coefficients[: order + 1], b.coefficients[: order + 1], strict=True)
 
             def chosen(pair: Sequence[Any]) -> Any:
                 return unwrapped(apply("where", _value(condition), *pair))
 
+            pairs = _aligned(choices, _order(arguments))
             return cls([_of_known(chosen, pair) for pair in pairs])
         (series,) = arguments
         if name == "sqrt":
@@ -296,9 +291,8 @@ class Jet:
     def _each(self, function: Any) -> Jet:
         return Jet([None if c is None else function(c) for c in self.coefficients])
 
-    def _with(self, other: Any) -> list[tuple[Any, Any]]:
-        other = other if isinstance(other, Jet) else self._constant(other)
-        return list(zip(self.coefficients, other.coefficients, strict=False))
+    def _with(self, other: Any) -> list[tuple[Any, ...]]:
+        return _aligned((self, other), _order((self, other)))
 
     def _constant(self, value: Any) -> Jet:
         return Jet._fixed(value, self.order)
@@ -308,8 +302,14 @@ class Jet:
         return cls([value, *[None] * order])
 
 
-def _order(arguments: Sequence[Any]) -> int:
-    return min(each.order for each in arguments if isinstance(each, Jet))
+def _order(operands: Sequence[Any]) -> int:
+    return min(x.order for x in operands if isinstance(x, Jet))
+
+
+def _aligned(operands: Sequence[Any], order: int) -> list[tuple[Any, ...]]:
+    """Return the coefficients of all operands, order by order; what is no series is constant."""
+    series = [x if isinstance(x, Jet) else Jet._fixed(x, order) for x in operands]
+    return list(zip(*(x.coefficients[: order + 1] for x in series), strict=True))
 
 
 def _shape(x: Any) -> tuple[int, ...]:
