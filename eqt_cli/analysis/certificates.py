@@ -14,7 +14,7 @@ from eqt_cli.analysis.exact import NotRationalError, discrepancy
 from eqt_cli.analysis.sample import ExactStates, Refutation, Sample, UnprovableError, prove, written
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.registry import Registry, described, place_of
-from eqt_cli.base.reporting import NOTHING, Block, TextTable, brief, reporter, step
+from eqt_cli.base.reporting import NOTHING, Block, TextTable, brief, count_of, reporter, step
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
@@ -166,8 +166,7 @@ class Runs:
     @property
     def remark(self) -> str:
         """Number of failed runs in words; empty if there are none."""
-        plural = "" if self.failed == 1 else "s"
-        return f"{self.failed} run{plural} failed" if self.failed else ""
+        return f"{count_of(self.failed, 'run')} failed" if self.failed else ""
 
     def decay_rate(self) -> float:
         """Return the median decay rate of log L, fitted over the second half of the horizon.

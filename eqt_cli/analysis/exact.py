@@ -601,24 +601,21 @@ def inverse(matrix: Array) -> Array:
 
 
 def _inverse(matrix: Array) -> Array:
-    entries = [[Exact.of(x) for x in row] for row in matrix]
-    flat = [x for row in entries for x in row]
-    factors = reduce(operator.or_, (x.factors for x in flat))
+    entries, n = entrywise(Exact.of, matrix), len(matrix)
+    factors = reduce(operator.or_, (x.factors for x in entries.flat))
     over_all = [[_over(x, factors) for x in row] for row in entries]
     rows = [[Fraction(_rational(numerator)) for numerator, _ in row] for row in over_all]
     degree = max(degree for row in over_all for _, degree in row)
     adjugate, determinant = _adjugate(rows, degree)
-    n = len(rows)
     over = Exact(determinant, n * degree)
     scale = Exact(_value(factors), _degree(factors))
     cofactors = np.empty((n, n), dtype=object)
     for i, j in np.ndindex(n, n):
         cofactor = Exact(adjugate[i][j], (n - 1) * degree)
         cofactors[i, j] = _quotient(_product(cofactor, scale), over)
-    rates = np.array([[x.derivative() for x in row] for row in entries], dtype=object)
-    if all(x.rate is None for x in flat):
+    if all(x.rate is None for x in entries.flat):
         return cofactors
-    return with_rate(cofactors, -(cofactors @ rates @ cofactors))
+    return with_rate(cofactors, -(cofactors @ rate_of(entries) @ cofactors))
 
 
 def _adjugate(rows: list[list[Fraction]], degree: int) -> tuple[list[list[Fraction]], Fraction]:

@@ -521,15 +521,11 @@ def statistics(
     have intervals in closed form.
     """
     couples = list(combinations(range(len(labels)), 2))
-    resampled = [s for s in measured if not s.quantity.counts]
-    columns = [
-        column
-        for s in resampled
-        for column in (
-            *s.values,
-            *(resolved_differences(s.values[a], s.values[b]) for a, b in couples),
-        )
-    ]
+    columns = []
+    for s in measured:
+        if not s.quantity.counts:
+            differences = (resolved_differences(s.values[a], s.values[b]) for a, b in couples)
+            columns += [*s.values, *differences]
     table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
     means = intervals_of_means(table, how)
     ends = iter(map(Interval, means.mean.tolist(), means.low.tolist(), means.high.tolist()))
@@ -537,16 +533,16 @@ def statistics(
     for s in measured:
         for c, label in enumerate(labels):
             of_runs = shares(s.values[c], how.confidence) if s.quantity.counts else next(ends)
-            interval = Interval(*of_runs)
-            levels.append(_level(s, c, label, good, interval))
+            levels.append(_level(s, c, label, good, Interval(*of_runs)))
         for a, b in couples:
+            p_value = None
             if s.quantity.counts:
                 both = s.values[a], s.values[b]
                 interval, p_value = difference_of_shares(*both, how.confidence)
-                pair = _pair(s, a, b, labels, good, how.confidence, interval)
-                pairs.append(replace(pair, p_value=p_value))
             else:
-                pairs.append(_pair(s, a, b, labels, good, how.confidence, next(ends)))
+                interval = next(ends)
+            pair = _pair(s, a, b, labels, good, how.confidence, interval)
+            pairs.append(replace(pair, p_value=p_value))
     return levels, pairs, means.resamples
 
 

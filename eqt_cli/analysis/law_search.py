@@ -260,11 +260,6 @@ class SearchFolder:
     path: Path
     kind: Kind
 
-    @property
-    def record(self) -> dict[str, Any] | None:
-        """The record of the search; None if the folder has none."""
-        return self.kind.record_in(self.path)
-
     def write_record(self, record: dict[str, Any]) -> None:
         """Write the record atomically."""
         with files.refusals(self.path, "used", OTHER_FOLDER):
@@ -325,7 +320,7 @@ class SearchFolder:
         EqtError
             If it holds another search or another result, and `force` is false.
         """
-        record = self.record
+        record = self.kind.record_in(self.path)
         entries = _entries(self.kind, r"[A-Za-z0-9._-]+", marked=True)  # those of any law
         there = [name for name in entries if files.kind_of(self.path / name)]
         if there and record is None:

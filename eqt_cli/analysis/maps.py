@@ -377,10 +377,14 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     if points > MOST_POINTS and not whole:
         more = f"{points} points are not listed; a table of all comes with --table points."
         return [replace(summary, notes=[*summary.notes, more])]
-    rows = [
-        [str(cell.point), write.text(result.point_name(cell.point)), *_row(wins, cell, write)]
-        for cell in wins.cells
-    ]
+    rows = []
+    for cell in wins.cells:
+        at = [str(cell.point), write.text(result.point_name(cell.point))]
+        counts = zip(cell.failed, cell.censored, strict=True)
+        means = [_mean(wins.means[cell.point, law], *lost) for law, lost in enumerate(counts)]
+        p_value = "-" if math.isnan(cell.p_value) else f"{cell.p_value:.2g}"
+        winner = write.text(wins.verdict(cell))
+        rows.append([*at, *means, winner, _difference(cell, write), p_value])
     difference = f"difference, {write.text('%')}"
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
     header = ["point", "at", *map(write.text, wins.titles), "winner", difference, "adjusted p"]
@@ -455,16 +459,6 @@ def _where(wins: Map, result: Result, law: int, write: Plain) -> list[str]:
         _difference(most, write),
         write.text(f"point {most.point}, {result.point_name(most.point)}"),
     ]
-
-
-def _row(wins: Map, cell: Cell, write: Plain) -> list[str]:
-    means = [
-        _mean(wins.means[cell.point, law], cell.failed[law], cell.censored[law])
-        for law in range(len(wins.labels))
-    ]
-    winner = write.text(wins.verdict(cell))
-    p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
-    return [*means, winner, _difference(cell, write), p_value]
 
 
 def _mean(mean: float, failed: int, censored: int) -> str:
@@ -558,10 +552,11 @@ def sweep_tables(result: Result, more: Sequence[str] = ()) -> list[TextTable]:
     Of scenarios, such as ideal, a limit and a lag, none is a choice, so that none is best: a table
     has the means of the laws in each.
     """
-    if are_scenarios(result):
+    named = all(not key.is_number for key in result.swept_keys)
+    if named and len(result.labels) > 1 and result.points <= MOST_POINTS:
         return [
             map_tables(compare_map(result, name, Resampling()), result, Plain())[1]
-            for name in _compared(result)
+            for name in result.compared_first
         ]
     others = [each for name in more if result.has(name) for each in result.in_parts(name)]
     table = extreme_points(result, [*result.compared_first, *others])
@@ -570,18 +565,8 @@ def sweep_tables(result: Result, more: Sequence[str] = ()) -> list[TextTable]:
 
 def winners(result: Result) -> list[Map]:
     """Which law wins where, by each metric, without intervals; nothing where there is one law."""
-    return [compare_map(result, name, Resampling(), intervals=False) for name in _compared(result)]
-
-
-def are_scenarios(result: Result) -> bool:
-    """Whether the points differ in names only, few enough to be listed, under several laws."""
-    named = all(not key.is_number for key in result.swept_keys)
-    return named and len(result.labels) > 1 and result.points <= MOST_POINTS
-
-
-def _compared(result: Result) -> Iterator[str]:
-    if len(result.labels) > 1:
-        yield from result.compared_first
+    names = result.compared_first if len(result.labels) > 1 else []
+    return [compare_map(result, name, Resampling(), intervals=False) for name in names]
 
 
 def _won(wins: Map) -> str:

@@ -320,8 +320,7 @@ class ExactStates:
         loop = with_moving_reference(loop)
         loop = replace(loop, inertia=loop.inertia.with_functions(parameters.function))
         if not at_rest:
-            moving = loop.reference.with_functions(parameters.function)
-            loop = replace(loop, reference=moving)
+            loop = replace(loop, reference=loop.reference.with_functions(parameters.function))
         any_force = FreeForce(parameters.array(1, m))
         if not loop.vehicle.is_ideal:
             vehicle = Vehicle(forces=(any_force,), control=loop.vehicle.control)

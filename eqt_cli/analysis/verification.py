@@ -127,7 +127,7 @@ def verify_experiment(
         verifier = _Verifier(experiment, runs, workers, exact)
         desired = shared_reference(verifier.study)
         with step(RUNS_DONE, verifier.study.plans.total):
-            laws = [verifier.of_new_runs(label, desired) for label in experiment.loops]
+            laws = [verifier.runs_of(label, desired) for label in experiment.loops]
         return verifier.verification(laws, desired)
 
 
@@ -157,7 +157,7 @@ def verify_stored(
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
         with step(INTEGRATED, runs * len(experiment.loops)):
-            laws = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
+            laws = [verifier.runs_of(label, desired, results) for label in experiment.loops]
         return verifier.verification(laws, desired)
 
 
@@ -181,24 +181,54 @@ class _Verifier:
         check_laws(first)
         return first
 
-    def of_new_runs(self, label: str, reference: Desired) -> certificates.Runs:
-        """The runs of the study."""
-        batch, solution = self._solved(label)
-        with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            names = (*JUDGED, *self._by_parts, *SHOWN, *self._of_estimate, *self._of_axis.values())
-            values = measured(batch, solution, reference, names)
-        return self._runs(batch, solution, label, values | {"status": solution.status}, reference)
+    def runs_of(
+        self, label: str, reference: Desired, stored: Result | None = None
+    ) -> certificates.Runs:
+        """The runs that a result stores or, without one, those of the study.
 
-    def of_stored_runs(self, label: str, results: Result, reference: Desired) -> certificates.Runs:
-        """The runs of a result; states, which it does not hold, are those of the study."""
-        batch, solution = self._solved(label)
-        index = list(self.experiment.loops).index(label)
-        optional = *SHOWN, *self._of_estimate, *self._of_axis.values()
-        shown = [name for name in optional if results.has(name)]
-        names = [*JUDGED, *self._by_parts, *shown, "status"]
-        values = {name: results.read(name, controller=index) for name in names}
-        values["time"] = results["time"]
-        return self._runs(batch, solution, label, values, reference)
+        A result holds no states: these are always those of the study.
+        """
+        [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
+        solution = self._engine(batch).solve(batch.problem, self.workers, reporter().advance)
+        names = (*JUDGED, *self._by_parts)
+        optional = (*SHOWN, *self._of_estimate, *self._of_axis.values())
+        if stored is None:
+            with np.errstate(all="ignore"):  # runs that failed are NaN, or large
+                values = measured(batch, solution, reference, (*names, *optional))
+            values |= {"time": batch.problem.times, "status": solution.status}
+        else:
+            index = list(self.experiment.loops).index(label)
+            names = (*names, "status", *filter(stored.has, optional))
+            values = {name: stored.read(name, controller=index) for name in names}
+            values["time"] = stored["time"]
+        values |= {name: values[x] for name, x in self._of_axis.items() if x in values}
+        loop = batch.problem.loop
+        self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
+        good = values["status"] == 0
+        signals, estimate = (
+            {name: values[name][good[: len(values[name])]] for name in names if name in values}
+            for names in (SHOWN, self._of_estimate)
+        )
+        return certificates.Runs(
+            label=label,
+            claims_decrease=loop.claims_decrease,
+            rtol=batch.engine.rtol,
+            threshold=self._threshold,
+            settled=np.isfinite(values["settling_time"][good]) if self._by_parts else None,
+            times=values["time"],
+            **{"lyapunov": None, **signals},
+            **{name: values[name][good] for name in JUDGED},
+            failed=int(np.count_nonzero(~good)),
+            departures=loop.departures,
+            vehicle=self._vehicle(batch, solution),
+            energy=loop.controller.energy,
+            theorem=loop.controller.theorem,
+            estimate=estimate if self._of_estimate else None,
+            desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
+            rate=self._rate(label),
+            barrier=loop.barrier,
+            leaves_spin=len(loop.free_rows) > 1,
+        )
 
     @property
     def _by_parts(self) -> tuple[str, ...]:
@@ -229,52 +259,11 @@ class _Verifier:
         parts = (part for part in self.experiment.group.parts if part.name in threshold)
         return math.hypot(*(as_distance(part, threshold[part.name]) for part in parts))
 
-    def _solved(self, label: str) -> tuple[Batch, Solution]:
-        [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
-        return batch, self._engine(batch).solve(batch.problem, self.workers, reporter().advance)
-
     def _engine(self, batch: Batch) -> Engine:
         """The engine of the runs of a batch; noted for the summary."""
         engine = compiled_if_faster(batch.engine, batch.problem)
         self.engines[engine.name] = None
         return engine
-
-    def _runs(
-        self,
-        batch: Batch,
-        solution: Solution,
-        label: str,
-        values: Mapping[str, Array],
-        reference: Desired,
-    ) -> certificates.Runs:
-        loop = batch.problem.loop
-        values = dict(values) | {k: values[x] for k, x in self._of_axis.items() if x in values}
-        self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
-        good = values["status"] == 0
-        signals, estimate = (
-            {name: values[name][good[: len(values[name])]] for name in names if name in values}
-            for names in (SHOWN, self._of_estimate)
-        )
-        return certificates.Runs(
-            label=label,
-            claims_decrease=loop.claims_decrease,
-            rtol=batch.engine.rtol,
-            threshold=self._threshold,
-            settled=np.isfinite(values["settling_time"][good]) if self._by_parts else None,
-            times=values.get("time", batch.problem.times),
-            **{"lyapunov": None, **signals},
-            **{name: values[name][good] for name in JUDGED},
-            failed=int(np.count_nonzero(~good)),
-            departures=loop.departures,
-            vehicle=self._vehicle(batch, solution),
-            energy=loop.controller.energy,
-            theorem=loop.controller.theorem,
-            estimate=estimate if self._of_estimate else None,
-            desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
-            rate=self._rate(label),
-            barrier=loop.barrier,
-            leaves_spin=len(loop.free_rows) > 1,
-        )
 
     @cached_property
     def _along(self) -> Along:
