@@ -97,13 +97,6 @@ def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor
     assert (law.gains["kd"].upper, both.lower, both.upper) == (None, None, None)
 
 
-def test_the_memory_of_a_law_is_part_of_the_loop() -> None:
-    ki, c2 = 0.3, 0.5  # Js² + ds + k + kᵢ(s + c₂)/s
-    law = {"kind": "goodarzi2013", "ki": ki, "c2": c2}
-    roots = np.roots([J, DAMPING, STIFFNESS + ki, ki * c2])
-    assert of(WHEEL, controllers=[law]).growth.rate == pytest.approx(roots.real.max(), rel=1e-9)
-
-
 def test_a_gain_that_a_law_does_not_use_has_no_margin() -> None:
     assert set(of(WHEEL, controllers=["sliding"]).gains) == {"kp", "both"}
 

@@ -489,18 +489,6 @@ def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeyp
 
 PAGE = Path(__file__).parents[1] / "README.md"
 
-ELSEWHERE = {
-    "settling time: not interpolated": "results/test_metrics.py",
-    "public copy of Lee 2010: transport term dropped": "analysis/test_published_faults.py",
-    "public copy of a logarithmic law: J transposed": "analysis/test_published_faults.py",
-    "public copy of Lee 2012: k_R twice": "analysis/test_published_faults.py",
-    "public copy of Goodarzi 2013: no feedforward": "analysis/test_published_faults.py",
-    "a term of 1e-30 in a law": "analysis/test_exact_proofs.py",
-    "two factors exchanged, with a weight of 1e-30": "analysis/test_exact_proofs.py",
-    "Ad of the inverse, with a weight of 1e-30": "analysis/test_exact_proofs.py",
-}
-"""Faults that the tests of another file plant, or of which `eqt verify` says nothing."""
-
 
 def table():
     """All planted faults, with the rows that they turn red, as it stands on the page."""
@@ -525,9 +513,3 @@ def _rows(red):
 def test_the_page_has_the_table_of_all_faults():
     """To mend it, put there what `table()` gives."""
     assert table() in PAGE.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(("fault", "file"), ELSEWHERE.items())
-def test_the_page_says_where_other_faults_are_planted(fault, file):
-    assert f"| {fault} | `tests/{file}` |" in PAGE.read_text(encoding="utf-8")
-    assert (Path(__file__).parents[1] / file).exists()

@@ -341,12 +341,6 @@ def test_only_the_numbers_of_generations_and_searches_may_change_between_session
     assert read(seed=4).digest != read().digest
 
 
-def test_no_other_command_minds_the_section():
-    without = {key: value for key, value in WHEEL.items() if key != "worst"}
-    one, other = (api.load_experiment(config) for config in (WHEEL, without))
-    assert one.digest == other.digest
-
-
 @from_yaml
 def test_what_is_wrong_is_said_at_its_place(changed, message):
     assert message in error_of(read, **changed, kind=ConfigError)
