@@ -59,9 +59,9 @@ class Cell:
         Index of the law with the best mean among the laws with the fewest failed runs.
     runner_up
         Index of the next best law.
-    wins
-        Whether a law, which is then the best, is better than every other law in more than half of
-        the runs, after the adjustment for all points, and in the mean.
+    winner
+        Index of the law, which is then the best, that is better than every other law in more than
+        half of the runs, after the adjustment for all points, and in the mean; else `NOBODY`.
     in_most_runs
         Index of the law that is better than every other one in more than half of the runs; it does
         not win if its mean is not the better one. `NOBODY` if the runs do not decide.
@@ -81,7 +81,7 @@ class Cell:
     point: int
     best: int
     runner_up: int
-    wins: bool
+    winner: int
     in_most_runs: int
     p_value: float
     difference: Interval
@@ -89,11 +89,6 @@ class Cell:
     failed: tuple[int, ...]
     censored: tuple[int, ...]
     unranked: tuple[bool, ...]
-
-    @property
-    def winner(self) -> int:
-        """Index of the winner; `NOBODY` if the runs do not decide."""
-        return self.best if self.wins else NOBODY
 
 
 @dataclass(frozen=True)
@@ -230,7 +225,7 @@ def compare_map(
             point=point,
             best=int(best[point]),
             runner_up=int(runner_up[point]),
-            wins=bool(agrees[point]),
+            winner=int(best[point]) if agrees[point] else NOBODY,
             in_most_runs=int(decision.in_most_runs[point]),
             p_value=float(decision.p_values[point]),
             difference=Interval(*ends[point].tolist()),
@@ -361,12 +356,15 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     name = write.name(wins.quantity)
     unit = write.unit(wins.unit)
     points = len(wins.cells)
-    counted = [
-        [write.text(title), str(wins.wins(law)), *_where(wins, result, law, write)]
-        for law, title in enumerate(wins.titles)
-    ]
-    undecided = sum(cell.winner == NOBODY for cell in wins.cells)
-    counted.append([wins.without_winner, str(undecided), "", ""])
+    counted = []
+    for law, title in enumerate(wins.titles):
+        won, largest = [cell for cell in wins.cells if cell.winner == law], ["-", ""]
+        if won:
+            most = max(won, key=lambda cell: abs(cell.lead.value))
+            at = write.text(f"point {most.point}, {result.point_name(most.point)}")
+            largest = [_difference(most, write), at]
+        counted.append([write.text(title), str(len(won)), *largest])
+    counted.append([wins.without_winner, str(wins.wins(NOBODY)), "", ""])
     summary = TextTable(
         "winners",
         f"Which law has the better {name}, at {points} points of {count_of(wins.runs, 'run')} each",
@@ -379,12 +377,12 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         return [replace(summary, notes=[*summary.notes, more])]
     rows = []
     for cell in wins.cells:
-        at = [str(cell.point), write.text(result.point_name(cell.point))]
+        place = [str(cell.point), write.text(result.point_name(cell.point))]
         counts = zip(cell.failed, cell.censored, strict=True)
         means = [_mean(wins.means[cell.point, law], *lost) for law, lost in enumerate(counts)]
         p_value = "-" if math.isnan(cell.p_value) else f"{cell.p_value:.2g}"
         winner = write.text(wins.verdict(cell))
-        rows.append([*at, *means, winner, _difference(cell, write), p_value])
+        rows.append([*place, *means, winner, _difference(cell, write), p_value])
     difference = f"difference, {write.text('%')}"
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
     header = ["point", "at", *map(write.text, wins.titles), "winner", difference, "adjusted p"]
@@ -447,18 +445,6 @@ def _unranked(wins: Map) -> Iterator[str]:
 
 def _listed(wins: Map, counts: list[int]) -> str:
     return ", ".join(f"{title} {n}" for title, n in zip(wins.titles, counts, strict=True) if n)
-
-
-def _where(wins: Map, result: Result, law: int, write: Plain) -> list[str]:
-    """Return the largest difference by which a law wins, and the point where it does."""
-    won = [cell for cell in wins.cells if cell.winner == law]
-    if not won:
-        return ["-", ""]
-    most = max(won, key=lambda cell: abs(cell.lead.value))
-    return [
-        _difference(most, write),
-        write.text(f"point {most.point}, {result.point_name(most.point)}"),
-    ]
 
 
 def _mean(mean: float, failed: int, censored: int) -> str:

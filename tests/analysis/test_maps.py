@@ -105,7 +105,7 @@ def test_maps_without_a_better_law_have_few_false_wins(null: str, runs: int) -> 
         values = NULLS[null](random, (25, 2, runs))
         stored = Stored(values, failed=np.isnan(values))
         found = compare_map(stored, stored.name, Resampling(), intervals=False)
-        false += any(cell.wins for cell in found.cells)
+        false += any(cell.winner != NOBODY for cell in found.cells)
     assert false < 13
 
 
@@ -171,7 +171,7 @@ def test_of_two_equal_best_laws_neither_wins_where_a_third_is_worse() -> None:
     offsets = np.array([[0], [0], [3], [3]])
     drawn = [random.normal(0, 1, (60, 4, RUNS)) + offsets for _ in range(15)]
     maps = [compared(Stored(values), resamples=9) for values in drawn]
-    assert sum(cell.wins for found in maps for cell in found.cells) <= 1
+    assert sum(cell.winner != NOBODY for found in maps for cell in found.cells) <= 1
 
 
 def test_a_law_that_does_not_settle_is_not_ranked_where_others_settle(
