@@ -266,18 +266,16 @@ def exact_rate(label: str, x: Any, z: Any, wd: Any, N: Any, M: Any) -> Fraction:
     return (1 + s) * (damping + e @ N @ free + cubic) + e_dot @ N @ (J @ w) + e @ M @ e_dot
 
 
-def boxes(count: int) -> Any:
-    random = np.random.default_rng(3)
+@pytest.mark.parametrize(
+    ("count", "least"),
+    [(40, 3), pytest.param(1000, 50, marks=pytest.mark.ci("a thousand boxes in fractions"))],
+)
+def test_intervals_hold_the_exact_values(count: int, least: int) -> None:
+    """T of boxes, against fractions at points in them; at least so many are ≺ 0 for sure."""
+    random, surely = np.random.default_rng(3), 0
     sides = 2.0 ** -random.integers(2, 9, count)
     centres = random.integers(-2000, 2000, (count, 3)) / 1024
     shares = random.integers(-64, 65, (count, 3)) / 64
-    return random, centres, sides, shares
-
-
-def check_boxes(count: int) -> int:
-    """Compare T of boxes with fractions at points in them; return how many are ≺ 0 for sure."""
-    random, centres, sides, shares = boxes(count)
-    surely = 0
     for centre, side, share in zip(centres, sides, shares, strict=True):
         label = ("eqt", "gt", "nog")[random.integers(3)]
         N, M = random.integers(-64, 65, (2, 3, 3)) / 512
@@ -302,7 +300,7 @@ def check_boxes(count: int) -> int:
                 for v in _pairs()
             ]
             assert is_definite(-_from_pairs(columns))
-    return surely
+    assert surely > least
 
 
 def rational(v: Any) -> Any:
@@ -328,15 +326,6 @@ def _from_pairs(values: Sequence[Fraction]) -> Any:
         if i != j:
             M[i, j] = M[j, i] = (value - M[i, i] - M[j, j]) / 2
     return M
-
-
-def test_intervals_hold_the_exact_values() -> None:
-    assert check_boxes(40) > 3
-
-
-@pytest.mark.ci("a thousand boxes in fractions")
-def test_intervals_hold_the_exact_values_of_a_thousand_boxes() -> None:
-    assert check_boxes(1000) > 50
 
 
 def test_a_matrix_that_may_be_indefinite_is_not_positive() -> None:
