@@ -18,7 +18,7 @@ from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
-from eqt_cli.extensions.network.reader import network_of
+from eqt_cli.extensions.network.reader import Built, network_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # What a network observes --------------------------------------------------------------------------
@@ -198,21 +198,16 @@ _PAIRS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
 class Emitted:
-    """The steps of a network as C.
+    """The steps of a network as C."""
 
-    Parameters
-    ----------
-    network
-        As `text_of` of the reader gives it.
-    """
-
-    def __init__(self, network: Mapping[str, Any]) -> None:
+    def __init__(self, network: Built) -> None:
+        self.network = network
         self.constants: list[str] = []
         self.lines: list[str] = []
-        self.sizes = {"x": network["inputs"], "h": len(network["start"])}
-        self.result = str(network["steps"][-1]["out"])
-        for step in network["steps"]:
-            getattr(self, f"_{step['op']}", self._by_entry)(step)
+        for step in network.steps:
+            name, size = step["out"], network.length[step["out"]]
+            self.lines.append(f"double {name}[{size}];")
+            getattr(self, f"_{step['op']}", self._by_entry)(step, name, size)
 
     def _constant(self, values: Sequence[float]) -> str:
         name = f"c{len(self.constants)}"
@@ -220,82 +215,70 @@ class Emitted:
         self.constants.append(f"static const double {name}[] = {{{listed}}};")
         return name
 
-    def _declare(self, step: Mapping[str, Any], size: int) -> str:
-        name = step["out"]
-        self.sizes[name] = size
-        self.lines.append(f"double {name}[{size}];")
-        return name
+    def _assign(self, entry: str, size: int, formula: str) -> None:
+        self.lines.append(f"for (i = 0; i < {size}; i++) {entry} = {formula};")
 
-    def _product(self, name: str, of: str, W: Array, b: Array) -> None:
-        """name = W of + b."""
+    def _product(self, name: str, vector: str, W: Array, b: Array) -> None:
+        """name = W vector + b."""
         m, n = W.shape
         weights, bias = self._constant(W.T.ravel().tolist()), self._constant(b.tolist())
-        self.lines += [
-            f"for (i = 0; i < {m}; i++) {name}[i] = {bias}[i];",
-            f"for (j = 0; j < {n}; j++)",
-            f"    for (i = 0; i < {m}; i++) {name}[i] += {weights}[{m} * j + i] * {of}[j];",
-        ]
+        self._assign(f"{name}[i]", m, f"{bias}[i]")
+        self.lines.append(f"for (j = 0; j < {n}; j++)")
+        self._assign(f"{name}[i]", m, f"{name}[i] + {weights}[{m} * j + i] * {vector}[j]")
 
-    def _affine(self, step: Mapping[str, Any]) -> None:
-        W, b = (np.array(step[key], dtype=float) for key in ("W", "b"))
-        self._product(self._declare(step, len(W)), step["of"][0], W, b)
+    def _affine(self, step: Mapping[str, Any], name: str, size: int) -> None:
+        self._product(name, step["of"][0], np.array(step["W"]), np.array(step["b"]))
 
-    def _by_entry(self, step: Mapping[str, Any]) -> None:
-        of, numbers = step["of"][0], {k: repr(float(v)) for k, v in step.get("numbers", {}).items()}
-        formula, size = _BY_ENTRY[step["op"]].format(**numbers), self.sizes[of]
-        name = self._declare(step, size)
+    def _by_entry(self, step: Mapping[str, Any], name: str, size: int) -> None:
+        vector, numbers = step["of"][0], step.get("numbers", {})
+        formula = _BY_ENTRY[step["op"]].format(**{key: repr(x) for key, x in numbers.items()})
         self.lines.append(
-            f"for (i = 0; i < {size}; i++) {{ const double v = {of}[i]; {name}[i] = {formula}; }}"
+            f"for (i = 0; i < {size}; i++) "
+            f"{{ const double v = {vector}[i]; {name}[i] = {formula}; }}"
         )
 
-    def _pair(self, step: Mapping[str, Any]) -> None:
-        sides, sizes = [], []
-        for each in step["of"]:
-            name = each if isinstance(each, str) else self._constant(each)
-            sizes.append(self.sizes[name] if isinstance(each, str) else len(each))
-            sides.append(f"{name}[{'0' if sizes[-1] == 1 else 'i'}]")
-        size = max(sizes)
-        name = self._declare(step, size)
-        formula = f" {_PAIRS[step['op']]} ".join(sides)
-        self.lines.append(f"for (i = 0; i < {size}; i++) {name}[i] = {formula};")
+    def _pair(self, step: Mapping[str, Any], name: str, size: int) -> None:
+        sides = []
+        for side in step["of"]:
+            vector = side if isinstance(side, str) else self._constant(side)
+            length = self.network.length[side] if isinstance(side, str) else len(side)
+            sides.append(f"{vector}[{'0' if length == 1 else 'i'}]")
+        self._assign(f"{name}[i]", size, f" {_PAIRS[step['op']]} ".join(sides))
 
     _add = _sub = _mul = _div = _pair
 
-    def _concat(self, step: Mapping[str, Any]) -> None:
-        name, at = self._declare(step, sum(self.sizes[of] for of in step["of"])), 0
-        for of in step["of"]:
-            size = self.sizes[of]
-            self.lines.append(f"for (i = 0; i < {size}; i++) {name}[{at} + i] = {of}[i];")
-            at += size
+    def _concat(self, step: Mapping[str, Any], name: str, size: int) -> None:
+        start = 0
+        for vector in step["of"]:
+            length = self.network.length[vector]
+            self._assign(f"{name}[{start} + i]", length, f"{vector}[i]")
+            start += length
 
-    def _head(self, step: Mapping[str, Any]) -> None:
+    def _head(self, step: Mapping[str, Any], name: str, size: int) -> None:
         """The first half."""
-        of = step["of"][0]
-        name = self._declare(step, size := self.sizes[of] // 2)
-        self.lines.append(f"for (i = 0; i < {size}; i++) {name}[i] = {of}[i];")
+        self._assign(f"{name}[i]", size, f"{step['of'][0]}[i]")
 
-    def _gru(self, step: Mapping[str, Any]) -> None:
+    def _gru(self, step: Mapping[str, Any], name: str, size: int) -> None:
         """h ← (1 − z) n + z h, n = tanh(W_n x + b_n + r (U_n h + d_n)); in the order r, z, n."""
-        W, U, b, d = (np.array(step[key], dtype=float) for key in ("W", "U", "b", "d"))
-        size, at, k = U.shape[1], int(step["at"]), len(self.lines)
-        self.lines += [f"double a{k}[{3 * size}], u{k}[{3 * size}];", f"double *g{k} = h + {at};"]
-        self._product(f"a{k}", step["of"][0], W, b)
-        self._product(f"u{k}", f"g{k}", U, d)
+        W, U, b, d = (np.array(step[key]) for key in ("W", "U", "b", "d"))
+        a, u, h = f"a_{name}", f"u_{name}", f"h_{name}"
+        self.lines += [
+            f"double {a}[{3 * size}], {u}[{3 * size}];",
+            f"double *{h} = h + {step['at']};",
+        ]
+        self._product(a, step["of"][0], W, b)
+        self._product(u, h, U, d)
         self.lines += [
             f"for (i = 0; i < {size}; i++) {{",
-            f"    const double r = 1.0 / (1.0 + eqt_exp(-(a{k}[i] + u{k}[i])));",
-            f"    const double z = 1.0 / (1.0 + eqt_exp(-(a{k}[{size} + i] + u{k}[{size} + i])));",
-            f"    const double n = eqt_tanh(a{k}[{2 * size} + i] + r * u{k}[{2 * size} + i]);",
-            f"    g{k}[i] = (1.0 - z) * n + z * g{k}[i];",
+            f"    const double r = 1.0 / (1.0 + eqt_exp(-({a}[i] + {u}[i])));",
+            f"    const double z = 1.0 / (1.0 + eqt_exp(-({a}[{size} + i] + {u}[{size} + i])));",
+            f"    const double n = eqt_tanh({a}[{2 * size} + i] + r * {u}[{2 * size} + i]);",
+            f"    {name}[i] = {h}[i] = (1.0 - z) * n + z * {h}[i];",
             "}",
         ]
-        name = self._declare(step, size)
-        self.lines.append(f"for (i = 0; i < {size}; i++) {name}[i] = g{k}[i];")
 
 
 CALL = """\
-{functions}
-{constants}
 static const double offset[] = {{{offset}}}, linear[] = {{{linear}}},
     square[] = {{{square}}}, to_torque[] = {{{matrix}}};
 
@@ -362,15 +345,14 @@ def source_of(
         Where the last outputs stand among the inputs, and their scale; None if they are not
         observed.
     """
-    outputs, hidden = made.sizes[made.result], made.sizes["h"]
+    network, hidden = made.network, len(made.network.start)
+    outputs = network.outputs
     remembers, (last_at, last_scale) = int(last is not None), last or (0, 1.0)
     numbers = {"offset": curve[0], "linear": curve[1], "square": curve[2], "matrix": matrix.ravel()}
     text = CALL.format(
-        functions="{functions}",
-        constants="{constants}",
         steps="\n".join(f"    {line}" for line in made.lines),
-        result=made.result,
-        inputs=made.sizes["x"],
+        result=network.steps[-1]["out"],
+        inputs=network.inputs,
         outputs=outputs,
         hidden=hidden,
         memory=hidden + outputs * remembers,
@@ -382,10 +364,7 @@ def source_of(
         **{name: ", ".join(map(repr, x.tolist())) or "0" for name, x in numbers.items()},
     )
     functions = needed(PRELUDE + text, headers("double"))
-    constants = "\n".join(made.constants)
-    return text.replace("{functions}", f"{PRELUDE}\n{functions}", 1).replace(
-        "{constants}", constants, 1
-    )
+    return "\n".join([PRELUDE, functions, *made.constants, text])
 
 
 @lru_cache(maxsize=64)
@@ -407,10 +386,10 @@ AGREES = 1e-6
 def check_examples(text: str, name: str) -> None:
     """Raise an `InputError` where the network in C does not give the outputs of its examples."""
     network = network_of(text, name)
-    if not network["examples"]:
+    if not network.examples:
         return
-    inputs, expected = map(np.array, network["examples"])
-    outputs, states = np.empty_like(expected), np.array([[*network["start"]]])
+    inputs, expected = map(np.array, network.examples)
+    outputs, states = np.empty_like(expected), np.array([[*network.start]])
     function = function_of(bare_source(emitted(text, name)))
     for k, row in enumerate(np.ascontiguousarray(inputs)):
         call(function, states, row[None], outputs[k : k + 1])
@@ -424,9 +403,8 @@ def check_examples(text: str, name: str) -> None:
 
 def bare_source(made: Emitted) -> str:
     """Return the C of a network by itself, whose outputs are what it returns."""
-    outputs = made.sizes[made.result]
-    as_they_are = np.outer([0.0, 1.0, 0.0], np.ones(outputs))
-    return source_of(made, np.eye(outputs), as_they_are)
+    unit = np.eye(made.network.outputs)
+    return source_of(made, unit, np.outer([0.0, 1.0, 0.0], np.ones(len(unit))))
 
 
 def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
@@ -478,7 +456,7 @@ class Network(Controller):
         return with_fields(self, text=texts.get(self.file, ""))
 
     @property
-    def network(self) -> dict[str, Any]:
+    def network(self) -> Built:
         """The network, checked."""
         return network_of(self.text, self.file)
 
@@ -494,19 +472,14 @@ class Network(Controller):
             check_examples(self.text, self.file)
         if problems:
             return
-        sizes, wanted = self._sizes(G), self.network["inputs"]
-        if sum(sizes) != wanted:
+        sizes, inputs = self._sizes(G), self.network.inputs
+        if sum(sizes) != inputs:
             pairs = zip(self.observes, sizes, strict=True)
             listed = ", ".join(f"{each.signal} {size}" for each, size in pairs)
             problems.at("observes").add(
                 f"gives {sum(sizes)} numbers ({listed}), and the network in {self.file} takes "
-                f"{wanted}"
+                f"{inputs}"
             )
-
-    @property
-    def outputs_of_network(self) -> int:
-        """Number of outputs."""
-        return int(self.network["outputs"])
 
     @property
     def preview(self) -> tuple[float, ...]:
@@ -540,7 +513,7 @@ class Network(Controller):
         self, G: MatrixLieGroup, plant: PlantModel, problems: Problems
     ) -> tuple[Array, Array]:
         """Return the matrix from commands to the torque, ``(m, k)``, and the rows c₀, c₁, c₂."""
-        said, k = self.commands_, self.outputs_of_network
+        said, k = self.commands_, self.network.outputs
         names, B, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
         if of_rotors:
             rotors = [each for each in plant.actuators if each.thruster_names]
@@ -591,7 +564,7 @@ class Network(Controller):
         batch, rows, later = x.velocity.shape[:-1], [], 0
         for signal in self.observes:
             if signal.signal == LAST:
-                row = np.concatenate([0.0 * x.velocity[..., :1]] * self.outputs_of_network, axis=-1)
+                row = np.concatenate([0.0 * x.velocity[..., :1]] * self.network.outputs, axis=-1)
             else:
                 row = signal.values(G, x, later)
             later += signal.preview.steps if signal.preview else 0
@@ -605,20 +578,20 @@ class Network(Controller):
         x = LawInput(0.0, G.identity, zero, G.identity, zero, zero)
         x = x._replace(later_pose=G.exp(later), later_velocity=later)
         return [
-            self.outputs_of_network if signal.signal == LAST else signal.values(G, x).shape[-1]
+            self.network.outputs if signal.signal == LAST else signal.values(G, x).shape[-1]
             for signal in self.observes
         ]
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the states of recurrent units, and the last command."""
-        lengths = {"hidden": len(self.network["start"])}
+        lengths = {"hidden": len(self.network.start)}
         if any(signal.signal == LAST for signal in self.observes):
-            lengths[LAST] = self.outputs_of_network
+            lengths[LAST] = self.network.outputs
         return {name: length for name, length in lengths.items() if length}
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return the states of recurrent units at the start."""
-        start = np.array(self.network["start"])
+        start = np.array(self.network.start)
         return {"hidden": start + 0.0 * s.P[..., :1]} if len(start) else {}
 
     def torque(self, s: Tracking) -> Array:

@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
@@ -41,12 +41,13 @@ def network_text(path: Path) -> str:
         made = stream.read(MOST_BYTES + 1)
     if len(made) > MOST_BYTES:
         raise InputError(f"{path.name}: expected at most {MOST_BYTES:,} bytes")
-    built = readers[path.suffix](made, path.name)
-    return json.dumps(built.network())
+    built = readers[path.suffix](made, path.name).complete()
+    keys = ("inputs", "outputs", "start", "examples", "steps")
+    return json.dumps({key: getattr(built, key) for key in keys})
 
 
 @lru_cache(maxsize=16)
-def network_of(text: str, name: str) -> dict[str, Any]:
+def network_of(text: str, name: str) -> "Built":
     """Return the network of a text, whose every operation, name and number is checked.
 
     Raises
@@ -62,7 +63,7 @@ def network_of(text: str, name: str) -> dict[str, Any]:
         built.examples = [_finite(np.array(each), name) for each in data["examples"]]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, RecursionError) as error:
         raise InputError(f"{name}: is not a network as eqt stores it: {error}") from error
-    return built.network()
+    return built.complete()
 
 
 def _of_torch(made: bytes, name: str) -> "Built":
@@ -81,6 +82,13 @@ class Built:
         Name of the file, for messages.
     inputs
         Number of inputs.
+
+    Attributes
+    ----------
+    start, examples, steps
+        As in `network_text`.
+    length
+        The lengths of the vector of inputs, ``x``, and of the output of each step.
     """
 
     def __init__(self, name: str, inputs: int) -> None:
@@ -154,13 +162,16 @@ class Built:
         """Raise an `InputError`."""
         raise InputError(f"{self.name}: has {what}, which eqt does not compute")
 
-    def network(self) -> dict[str, Any]:
-        """Return the network as data."""
+    def complete(self) -> Self:
+        """Return the network, which has an operation."""
         if not self.steps:
             self.refuse("no operation")
-        outputs = self.length[self.steps[-1]["out"]]
-        known = {"inputs": self.inputs, "outputs": outputs, "start": self.start}
-        return known | {"examples": self.examples, "steps": self.steps}
+        return self
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs."""
+        return self.length[self.steps[-1]["out"]]
 
 
 def _finite(values: Array, name: str) -> Any:

@@ -128,8 +128,8 @@ def read(tmp_path):
 
 def outputs_of(network, rows):
     """What the network in C gives of rows one after the other."""
-    states = np.array([[*network["start"], 0.0]])
-    found = np.empty((len(rows), network["outputs"]))
+    states = np.array([[*network.start, 0.0]])
+    found = np.empty((len(rows), network.outputs))
     function = function_of(bare_source(Emitted(network)))
     for k, row in enumerate(np.ascontiguousarray(rows, dtype=float)):
         call(function, states, row[None], found[k : k + 1])
@@ -161,7 +161,7 @@ def test_recurrent_units_are_those_of_onnxruntime(read):
         y, h = session.run(["y", "h_out"], {"x": row[None], "h_in": h})
         expected.append(y[0])
     network = network_of(read(made), "policy.onnx")
-    assert network["start"] == [0.0] * 6
+    assert network.start == [0.0] * 6
     np.testing.assert_allclose(outputs_of(network, rows), expected, atol=1e-6)
 
 
@@ -369,7 +369,7 @@ def test_a_network_remembers_its_last_command_and_its_units(tmp_path):
         result.read(name, run=0)[0] for name in ("velocity", "torque", "law_output")
     )
     network = network_of(network_text(path), path.name)
-    states, last, y = np.array([[*network["start"], 0.0]]), np.zeros(3), np.empty((1, 3))
+    states, last, y = np.array([[*network.start, 0.0]]), np.zeros(3), np.empty((1, 3))
     for k in range(20):
         row = np.concatenate([velocity[k], 2 * last])[None]
         call(function_of(bare_source(Emitted(network))), states, row, y)
@@ -524,7 +524,7 @@ def test_a_changed_network_in_a_result_is_refused_or_computed_as_data(policy, ki
         here = here[key]
     here[last] = value
     if kind == "name":  # names are eqt's own
-        assert network_of(json.dumps(data), "policy.onnx")["steps"][0]["out"] == "t0"
+        assert network_of(json.dumps(data), "policy.onnx").steps[0]["out"] == "t0"
         return
     said = error_of(network_of, json.dumps(data), "policy.onnx", kind=InputError)
     assert said.startswith("policy.onnx: ")
