@@ -45,21 +45,6 @@ SAME_TIME = 1e-12
 TINY = 1e-300
 
 
-class Factor(NamedTuple):
-    """One factor exp(a(t) ξ) in the frame of its axis, where it is exp(U(a)).
-
-    Attributes
-    ----------
-    numbers : (..., n)
-        The numbers of U by the group's `screw`.
-    angles : (..., 3, k)
-        a, a' and a'', each times the rates of the `screw`.
-    """
-
-    numbers: Array
-    angles: Array
-
-
 def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array, Array]:
     """Write Q_0 Π exp(a_k ξ_k) as L_0 exp(U_1) L_1 exp(U_2) … L_K, with U_k in the frame h_k.
 
@@ -85,7 +70,7 @@ def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array
 
 
 def motion_along(
-    G: MatrixLieGroup, links: Array, factors: Sequence[Factor]
+    G: MatrixLieGroup, links: Array, numbers: Sequence[Array] | Array, angles: Sequence[Array]
 ) -> tuple[Array, Array, Array]:
     """Return Q, V = Q⁻¹Q̇ and V̇ of a product of factors.
 
@@ -98,12 +83,16 @@ def motion_along(
     ----------
     links : (..., K + 1, d, d)
         As by `screws`.
+    numbers
+        Of each factor, those of U by the group's `screw`, ``(..., n)``.
+    angles
+        Of each factor exp(a(t) ξ), a, a' and a'', each times the rates of the `screw`,
+        ``(..., 3, k)``.
     """
     T = moving = None  # V and V̇ as rows
-    for k in reversed(range(len(factors))):
-        numbers, angles = factors[k]
-        A, link = G.exp_along(numbers, angles[..., 0, :]), links[..., k, :, :]
-        rows = G.along(numbers[..., None, :], angles[..., 1:, :])
+    for k in reversed(range(len(numbers))):
+        A, link = G.exp_along(numbers[k], angles[k][..., 0, :]), links[..., k, :, :]
+        rows = G.along(numbers[k][..., None, :], angles[k][..., 1:, :])
         if T is None or moving is None:
             T, moving = link @ A, rows
             continue
@@ -113,7 +102,7 @@ def motion_along(
         moving[..., 1, :] = moving[..., 1, :] + bracket
         T = link @ (A @ T)
     assert T is not None and moving is not None
-    last = links[..., len(factors), :, :]
+    last = links[..., len(numbers), :, :]
     moving = moving @ transpose(G.Ad_matrix(G.inverse(last)))
     return T @ last, moving[..., 0, :], moving[..., 1, :]
 
@@ -137,11 +126,9 @@ class Piece(NamedTuple):
             powers.append(powers[p // 2] * powers[p - p // 2])
         stacked = stack(powers[: self.angles.shape[-1]])
         angles = (self.angles @ stacked[..., None, None, :, None])[..., 0]
-        factors = [
-            Factor(self.numbers[..., k, :], angles[..., k, :, :])
-            for k in range(self.numbers.shape[-2])
-        ]
-        return motion_along(G, self.links, factors)
+        factors = range(self.numbers.shape[-2])
+        numbers = [self.numbers[..., k, :] for k in factors]
+        return motion_along(G, self.links, numbers, [angles[..., k, :, :] for k in factors])
 
 
 @dataclass(frozen=True)

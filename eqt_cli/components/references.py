@@ -465,12 +465,11 @@ class PathReference(ClosedReference):
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
         """Return the product, its velocity and its acceleration."""
         links, numbers, rates = self.prepared(G, self._constants)
-        factors = []
-        for each, of_each, rate in zip(self.factors, numbers, rates, strict=True):
-            angle = series(each.expression, {"t": t}, 2)
-            derivatives = stack([angle.derivative(k) for k in range(3)])
-            factors.append(motions.Factor(of_each, derivatives[..., None] * rate))
-        return motions.motion_along(G, links, factors)
+        angles = []
+        for factor, rate in zip(self.factors, rates, strict=True):
+            angle = series(factor.expression, {"t": t}, 2)
+            angles.append(stack([angle.derivative(k) for k in range(3)])[..., None] * rate)
+        return motions.motion_along(G, links, numbers, angles)
 
     def series(self, G: MatrixLieGroup, t: Any, order: int) -> Jet:
         """Return Q_d as a series; a factor E has the rate ȧ E ξ^."""

@@ -402,7 +402,7 @@ class Code(_Numbers):
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
         """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self._rows(s)
-        torque, updated = self.called.torque(numbers, float(period), memory, inputs)
+        torque, updated = self.called.call(0, numbers, float(period), memory, inputs)
         return self._adapted.output.torque_of(s, torque), self._named(updated, s)
 
     @property
@@ -418,8 +418,8 @@ class Code(_Numbers):
 
     def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
-        inputs, numbers, _ = self._rows(s)
-        return self._named(self.called.started(numbers, 0.0, inputs), s)
+        inputs, numbers, memory = self._rows(s)
+        return self._named(self.called.call(1, numbers, 0.0, np.zeros_like(memory), inputs)[1], s)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the memory of the law that it claims to be, or the fields by their names."""

@@ -384,12 +384,6 @@ class UserCode(RunsCode):
         """Whether the text has a function that sets the memory at the start of a run."""
         return self.defines(f"{self.prefix}_start")
 
-    @property
-    def has_period(self) -> bool:
-        """Whether the numbers include the control period, which eqt then sets."""
-        names = {name for name, _ in self.numbers}
-        return "period" not in names and "period" in (self.fields(f"{self.prefix}_numbers") or ())
-
     def check(self) -> None:
         """Raise an `InputError` where a name is not in the text."""
         if not self.defines(self.function):
@@ -438,8 +432,10 @@ class UserCode(RunsCode):
             "EQT_LIST_NUMBERS": sizes("NUMBER", numbers),
             "EQT_LIST_MEMORY": sizes("MEMORY", memory),
         }
-        definitions |= {"EQT_CODE_START": f"{X}_start"} if self.starts else {}
-        definitions |= {"EQT_SET_PERIOD": "1"} if self.has_period else {}
+        if self.starts:
+            definitions["EQT_CODE_START"] = f"{X}_start"
+        if "period" not in numbers and "period" in (self.fields(f"{X}_numbers") or ()):
+            definitions["EQT_SET_PERIOD"] = "1"
         defined = "".join(f"#define {name} {text}\n" for name, text in definitions.items())
         return f"{defined}\n{SHIM.read_text(encoding='utf-8')}"
 
@@ -477,17 +473,6 @@ class CodeFunction:
     library: Any = field(repr=False, compare=False)
     fills: bool = False
 
-    def started(self, numbers: Array, period: float, inputs: Array) -> Array:
-        """Return the memory at the start of runs with these inputs, ``(runs, …)``."""
-        memory = np.zeros((len(inputs), sum(self.lengths.values())))
-        return self._called(1, numbers, period, memory, inputs)[1]
-
-    def torque(
-        self, numbers: Array, period: float, memory: Array, inputs: Array
-    ) -> tuple[Array, Array]:
-        """Return the torques of runs, and their memory a period later, ``(runs, …)`` each."""
-        return self._called(0, numbers, period, memory, inputs)
-
     @cached_property
     def watching(self) -> CodeFunction | None:
         """The function that also keeps its outcomes; None if it cannot be compiled like that."""
@@ -503,7 +488,7 @@ class CodeFunction:
         Returns
         -------
         torques
-            As of `torque`.
+            As of `call`.
         outcomes : (runs, decisions)
             1: it was true; 2: it was false; 3: both; 0: it was not reached.
         apart : (runs, decisions)
@@ -512,8 +497,8 @@ class CodeFunction:
         shape = len(inputs), len(self.code.decisions[1])
         results = np.zeros(shape, dtype=np.uint8), np.zeros(shape)
         if self.code.starts:
-            self._called(1, numbers, period, np.zeros_like(memory), inputs, *results)
-        torques, _ = self._called(0, numbers, period, memory, inputs, *results)
+            self.call(1, numbers, period, np.zeros_like(memory), inputs, *results)
+        torques, _ = self.call(0, numbers, period, memory, inputs, *results)
         return torques, *results
 
     @cached_property
@@ -524,9 +509,18 @@ class CodeFunction:
         """
         return static_state(compiler.object_file(self.code.source))
 
-    def _called(
+    def call(
         self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array, *more: Array
     ) -> tuple[Array, Array]:
+        """Return the torques of runs, and their memory afterwards, ``(runs, …)`` each.
+
+        Parameters
+        ----------
+        begins
+            1: at the start of runs, where the memory is 0; 0: a period later.
+        more
+            Arrays for the outcomes of decisions.
+        """
         later = np.array(memory, dtype=float, order="C")
         rows = np.ascontiguousarray(inputs, dtype=float)
         torques = np.empty((len(rows), self.code.axes))
@@ -698,9 +692,10 @@ class PythonFunction(CodeFunction):
 
     watching, static_state = None, ([], [])
 
-    def _called(
+    def call(
         self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array, *_: Array
     ) -> tuple[Array, Array]:
+        """Return torques and memory, as the process answers."""
         rows, how = np.hstack([numbers, memory, inputs]).tolist(), {"starts": begins == 1}
         starts = range(0, len(rows), MOST_ROWS)
         requests = ({**how, "period": period, "rows": rows[k : k + MOST_ROWS]} for k in starts)

@@ -106,14 +106,11 @@ class Compiled:
         )
         self.code = SimpleNamespace(inputs=names, adapted=())
 
-    def torque(self, numbers, period, memory, inputs):
+    def call(self, begins, numbers, period, memory, inputs):
         self.given = numbers, period, memory, inputs
-        return inputs[:, 10:13], memory + 1.0  # the velocity as the torque
-
-    def started(self, numbers, period, inputs):
-        self.given = numbers, period, inputs
         first = np.arange(float(sum(self.lengths.values())))
-        return np.broadcast_to(first, (len(inputs), len(first)))
+        later = np.broadcast_to(first, memory.shape) if begins else memory + 1.0
+        return inputs[:, 10:13], later  # the velocity as the torque
 
 
 @pytest.fixture
