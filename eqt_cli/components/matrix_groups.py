@@ -346,8 +346,6 @@ class EuclideanGroup(MatrixLieGroup):
     def _exp_of_symbols(self, V: Array) -> Array:
         """R = I + c_1 ω^ + c_2 ω^², and (I + c_2 ω^ + c_3 ω^²) x of each column x."""
         n, turn, columns = self.space, V[..., : self.rotations], transpose(self._columns(V))
-        if not self.rotations:
-            return self.assemble(np.eye(n), columns)
         _, c1, c2, c3, *_ = (c[..., None] for c in stumpff(stack([dot(turn, turn)])))
         W = (turn @ self._generators.reshape(self.rotations, -1)).reshape(*turn.shape[:-1], n, n)
         W2 = W @ W

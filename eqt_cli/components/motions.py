@@ -110,27 +110,6 @@ def motion_along(
 # Motions in pieces --------------------------------------------------------------------------------
 
 
-class Piece(NamedTuple):
-    """One of `Pieces`, or an array of pieces for some times."""
-
-    since: Array
-    links: Array
-    numbers: Array
-    angles: Array
-
-    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """Return Q, V and V̇ at time t."""
-        local = as_array(as_array(t) - self.since)
-        powers = [np.ones_like(local), local]
-        for p in range(2, self.angles.shape[-1]):
-            powers.append(powers[p // 2] * powers[p - p // 2])
-        stacked = stack(powers[: self.angles.shape[-1]])
-        angles = (self.angles @ stacked[..., None, None, :, None])[..., 0]
-        factors = range(self.numbers.shape[-2])
-        numbers = [self.numbers[..., k, :] for k in factors]
-        return motion_along(G, self.links, numbers, [angles[..., k, :, :] for k in factors])
-
-
 @dataclass(frozen=True)
 class Pieces:
     """Q(t) = Q_i Π_k exp(a_ik(t − t_i) ξ_ik) from t_i to t_{i+1}, a_ik polynomials.
@@ -180,10 +159,10 @@ class Pieces:
 
     def motion(self, G: MatrixLieGroup, t: Array) -> tuple[Array, Array, Array]:
         """Return Q, V and V̇ at some times, ``(n,)``."""
-        return self.piece(*self.at(t)).motion(G, t)
+        return self.piece(*self.at(t)).motion_within(G, t)
 
-    def piece(self, since: Array, varying: Array) -> Piece:
-        """Return the piece with the numbers of `at`, which may be symbols."""
+    def piece(self, since: Array, varying: Array) -> Pieces:
+        """Return one of them, or an array, with the numbers of `at`, which may be symbols."""
         flat = np.empty_like(varying, shape=(*varying.shape[:-1], self._flat.shape[1]))
         flat[...] = self._flat[0]
         flat[..., self._varying] = varying
@@ -192,7 +171,19 @@ class Pieces:
             last = first + math.prod(shape)
             parts.append(flat[..., first:last].reshape(*flat.shape[:-1], *shape))
             first = last
-        return Piece(since, *parts)
+        return Pieces(since, *parts)
+
+    def motion_within(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Return Q, V and V̇ at time t of one piece, or of an array of them at as many times."""
+        local = as_array(as_array(t) - self.starts)
+        powers = [np.ones_like(local), local]
+        for p in range(2, self.angles.shape[-1]):
+            powers.append(powers[p // 2] * powers[p - p // 2])
+        stacked = stack(powers[: self.angles.shape[-1]])
+        angles = (self.angles @ stacked[..., None, None, :, None])[..., 0]
+        factors = range(self.numbers.shape[-2])
+        numbers = [self.numbers[..., k, :] for k in factors]
+        return motion_along(G, self.links, numbers, [angles[..., k, :, :] for k in factors])
 
 
 def piece_at(starts: Array, t: Any) -> Any:

@@ -278,9 +278,9 @@ class InPiece(ClosedReference):
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
         """Return the motion of the piece."""
-        return self.prepared(G, self._piece).motion(G, t)
+        return self.prepared(G, self._piece).motion_within(G, t)
 
-    def _piece(self, G: MatrixLieGroup) -> motions.Piece:
+    def _piece(self, G: MatrixLieGroup) -> motions.Pieces:
         return self.whole.prepared(G, self.whole.pieces).piece(self.since, self.numbers)
 
 
@@ -349,8 +349,7 @@ class ConstantReference(PiecewiseReference):
     def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
         """Return one piece of one factor with a(t) = t."""
         pose = pose_from(self.pose, G, Problems())
-        if pose is None:
-            raise InputError(f"expected a pose of {G.name}, got {self.pose}")
+        assert pose is not None
         V = vector(self.velocity, G.dimension, G)
         polynomial = np.array([[[0.0, 1.0]]])
         return motions.Pieces.of(G, np.zeros(1), pose[None], V[None, None], polynomial)

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 import yaml
-from plain_satellite import hat
+from plain import hat
 from scipy.integrate import solve_ivp
 
 from eqt_cli.analysis.certificates import Verdict

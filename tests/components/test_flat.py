@@ -60,27 +60,21 @@ def known(name, horizon=2.1, along=None, forces=(), **given):
     return found, law, weight
 
 
-def difference(function, t, h=1e-3):
-    """By a fourth-order difference, whose error is h⁴/30 of the fifth derivative."""
-    near, far = function(t + h) - function(t - h), function(t + 2 * h) - function(t - 2 * h)
-    return (8 * near - far) / (12 * h)
-
-
 @pytest.mark.parametrize("way", ["helix", "ahead", "minimum snap", "waypoints", "path"])
 @pytest.mark.parametrize("name", GROUPS)
-def test_rates_are_those_of_the_pose_and_the_force_is_along_the_axis(name, way):
+def test_rates_are_those_of_the_pose_and_the_force_is_along_the_axis(name, way, derivative):
     reference, law, weight = known(name, **options(way, GROUPS[name].space))
     G, t = GROUPS[name], np.array([0.3, 0.77, 1.9])
     Q, V, V_dot = reference.motion(G, t)
-    turned = G.inverse(Q) @ difference(lambda t: reference.motion(G, t)[0], t)
+    turned = G.inverse(Q) @ derivative(lambda h: reference.motion(G, t + h)[0])
     np.testing.assert_allclose(G.hat(V), turned, rtol=0, atol=1e-6)
-    slope = difference(lambda t: reference.motion(G, t)[1], t)
+    slope = derivative(lambda h: reference.motion(G, t + h)[1])
     np.testing.assert_allclose(V_dot, slope, rtol=0, atol=1e-6)
     force = law.momentum(V_dot) - G.ad_star(V, law.momentum(V)) - weight.in_body(G, t, Q, V)
     np.testing.assert_allclose(force[:, G.rotations : -1], 0.0, atol=1e-12)
     position, heading = reference.flat_output(G, t)
     for k in range(4):
-        slope = difference(lambda t, k=k: reference.flat_output(G, t).position[..., k, :], t)
+        slope = derivative(lambda h, k=k: reference.flat_output(G, t + h).position[..., k, :])
         np.testing.assert_allclose(position[..., k + 1, :], slope, rtol=0, atol=1e-6)
     if heading is not None:
         ahead = np.stack([np.cos(heading[..., 0]), np.sin(heading[..., 0])], axis=-1)
@@ -93,7 +87,7 @@ def test_rates_are_those_of_the_pose_and_the_force_is_along_the_axis(name, way):
 
 
 @pytest.mark.parametrize("name", GROUPS)
-def test_a_push_along_the_axis_does_what_drag_of_the_own_axes_leaves(name):
+def test_a_push_along_the_axis_does_what_drag_of_the_own_axes_leaves(name, derivative):
     G, t = GROUPS[name], np.array([0.3, 0.77, 1.9])
     options = {"linear": [0.0] * G.rotations + [0.9, 0.2, 0.5][-G.space :]}
     drag = Drag(**options, current=[1.0, -0.4, 0.2][: G.space]).of_run(G, None)
@@ -101,9 +95,9 @@ def test_a_push_along_the_axis_does_what_drag_of_the_own_axes_leaves(name):
     given |= {"heading": "0.3*t"} if G.space == 3 else {}
     reference, law, weight = known(name, forces=(drag,), **given)
     Q, V, V_dot = reference.motion(G, t)
-    turned = G.inverse(Q) @ difference(lambda t: reference.motion(G, t)[0], t)
+    turned = G.inverse(Q) @ derivative(lambda h: reference.motion(G, t + h)[0])
     np.testing.assert_allclose(G.hat(V), turned, rtol=0, atol=1e-6)
-    slope = difference(lambda t: reference.motion(G, t)[1], t)
+    slope = derivative(lambda h: reference.motion(G, t + h)[1])
     np.testing.assert_allclose(V_dot, slope, rtol=0, atol=1e-6)
     force = law.momentum(V_dot) - G.ad_star(V, law.momentum(V))
     force = force - weight.in_body(G, t, Q, V) - drag.in_body(G, t, Q, V)

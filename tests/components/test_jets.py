@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from case_tables import from_yaml
-from plain_satellite import exp, hat
+from plain import hat
+from plain_satellite import exp
 from scipy.integrate import solve_ivp
 
 import eqt_cli

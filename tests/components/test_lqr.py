@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from case_tables import from_yaml, in_ci, refusal
+from plain import hat
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, logm, solve_continuous_are, solve_discrete_are
 
@@ -48,10 +49,6 @@ GAINS = 1e-10
 
 def law_of(**changes):
     return eqt_cli.load_experiment({**BODY, **changes}).experiment(0).loops["lqr"].controller
-
-
-def hat(w):
-    return np.cross(np.eye(3), w)
 
 
 def test_gains_at_rest_are_the_closed_form():

@@ -7,6 +7,7 @@ equations of a rigid body that rotors push along one axis. Only the configuratio
 import functools
 
 import numpy as np
+from plain import hat
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are, solve_discrete_are
 
@@ -43,10 +44,6 @@ def table_of(pieces, **changes):
     law = {"kind": "lqr", "weights": WEIGHTS, "pieces": pieces}
     loaded = eqt_cli.load_experiment(config(controllers=[law], **changes))
     return loaded.experiment(0).loops["lqr"].controller.table
-
-
-def hat(w):
-    return np.cross(np.eye(3), w)
 
 
 def ad(V):

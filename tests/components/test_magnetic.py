@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from case_tables import from_yaml, refusal
-from plain_satellite import hat
+from plain import hat
 from scipy.integrate import solve_ivp
 
 from eqt_cli.base.errors import ConfigError

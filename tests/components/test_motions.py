@@ -176,7 +176,7 @@ def jumps(G, times, pieces):
     """The largest jump of pose, velocity and acceleration where pieces meet, and these."""
     inner = times[1:-1]
     before, after = (
-        pieces.piece(*pieces.at(inner + side)).motion(G, inner) for side in (-1e-6, 1e-6)
+        pieces.piece(*pieces.at(inner + side)).motion_within(G, inner) for side in (-1e-6, 1e-6)
     )
     found = [np.abs(one - other).max() for one, other in zip(before, after, strict=True)]
     return np.array(found), np.array([np.abs(part).max() for part in after])

@@ -231,11 +231,6 @@ def test_a_constant_reference_rests_unless_told():
     assert not V.any()
 
 
-def test_a_constant_reference_needs_a_pose():
-    said = refusal(InputError, ConstantReference(pose="nowhere").pieces, G)
-    assert said == "expected a pose of SO3, got nowhere"
-
-
 def test_other_functions_of_time_leave_a_reference_as_it_is():
     one, t = TorqueReference(["1", "2", "t"]), 0.5
     other = one.with_functions(lambda: formula("7"))

@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 import pytest
 from case_tables import in_ci
+from plain import hat
 from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 from small_loops import any_matrix, closed_loop
@@ -49,10 +50,6 @@ def any_states(loop, runs, seed=1):
 
 
 # Literally on SO(3) -------------------------------------------------------------------------------
-
-
-def hat(u):
-    return np.cross(np.eye(3), u)
 
 
 def vee(U):

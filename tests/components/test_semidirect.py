@@ -67,7 +67,7 @@ def right(S, Y, U):
 
 
 def ad(S, W, U):
-    """The bracket of the algebra of G ⋉ g*, eq. (28)."""
+    """The bracket of the algebra of G ⋉ g*, as in section 4: eq. (28)."""
     (V_W, P_W), (V_U, P_U) = W, U
     return S.G.ad(V_W, V_U), S.G.ad_star(V_U, P_W) - S.G.ad_star(V_W, P_U)
 

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from case_tables import in_ci
-from plain_satellite import hat
+from plain import hat
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from case_tables import from_yaml
-from plain_satellite import exp, hat, pyramid
+from plain import hat
+from plain_satellite import exp, pyramid
 from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 

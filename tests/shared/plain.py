@@ -10,6 +10,11 @@ from scipy.linalg import expm
 TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 
 
+def hat(w):
+    """The matrix of w ×."""
+    return np.cross(np.eye(3), w)
+
+
 def basis(group):
     """The basis of so(3), se(3) or se(2), rotation first."""
     if group == "SE2":

@@ -1,10 +1,7 @@
 """The attitude of a body and the axes of wheels, of plain NumPy; it shares no line with eqt."""
 
 import numpy as np
-
-
-def hat(v):
-    return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+from plain import hat
 
 
 def exp(v):

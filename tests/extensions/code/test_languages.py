@@ -118,14 +118,6 @@ def test_twenty_faults_are_named_in_python_as_in_c(said, written, config, python
     assert found[DOUBLE].split("%")[-1] == expected.split("%")[-1]
 
 
-@pytest.mark.ci("compiles C++ for each fault")
-@pytest.mark.parametrize("said", FAULTS)
-def test_twenty_faults_are_named_in_cplusplus(said, cplusplus, judged):
-    found = judged(cplusplus(*FAULTS[said][0]))
-    assert list(found) == [DOUBLE]
-    assert found[DOUBLE].startswith(said)
-
-
 def test_laws_that_were_typed_in_well(python, judged):
     assert judged(python()) == {}
 

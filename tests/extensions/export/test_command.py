@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from case_tables import from_yaml, in_ci
-from exported_laws import FLAGS, compilers, made, written
+from exported_laws import FLAGS, compilers, library, made, written
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError
@@ -201,11 +201,8 @@ REFERENCES = {
 def test_a_closed_reference_has_the_values_of_the_law(tmp_path, kind):
     experiment = made("SO3", ["lee2010"], reference=REFERENCES[kind])
     [law] = exported(experiment, [], DOUBLE, reference=True)
-    folder = written(law, tmp_path)
-    made_file, source = str(folder / "law.so"), str(folder / "lee2010.c")
-    flags = [*FLAGS, "-O1", "-fPIC", "-shared"]
-    subprocess.run([*compilers()[0], *flags, source, "-o", made_file], check=True)
-    function = ctypes.CDLL(made_file).lee2010_reference
+    compiled = library(law, written(law, tmp_path), compilers()[0])
+    function = ctypes.CDLL(str(compiled)).lee2010_reference
     for t in (0.0, 0.05, 0.1, 0.25, 0.3, 0.31, 0.5, 0.6, 0.9):
         found = np.full(31, np.nan)
         function(ctypes.c_double(t), found.ctypes.data_as(ctypes.c_void_p))
