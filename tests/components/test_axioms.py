@@ -16,7 +16,7 @@ from drawn import drawn
 
 from eqt_cli.base.arrays import apply_matrix, dot, transpose
 from eqt_cli.base.errors import ComponentError, TraceError
-from eqt_cli.components.groups import MatrixLieGroup, Part, ProductGroup, group_named, groups
+from eqt_cli.components.groups import MatrixLieGroup, ProductGroup, group_named, groups
 from eqt_cli.components.matrix_groups import (
     FARTHEST,
     SO3,
@@ -552,9 +552,3 @@ def test_a_screw_without_a_rotation_has_the_rate_1(name):
     assert numbers[0] == 0.0
     assert_equal(G.Ad(frame, G.along(numbers, rates)), V)
     assert np.abs(numbers[1:]).max() == np.abs(V).max()
-
-
-def test_a_block_with_two_angles_does_not_turn_for_its_name():
-    """‖I − R‖_F of SO(4) is no angle's: a group says whether the formula is for its block."""
-    block = slice(0, 4)
-    assert not Part("rotation", slice(0, 6), (block, block), "1", "rad/s", "N m").turns

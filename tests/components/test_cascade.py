@@ -59,6 +59,14 @@ def experiment(**changes):
     return eqt_cli.load_experiment(config).experiment(0)
 
 
+DRAG = np.array([2.2, 1.3, 0.4])  # N s/m, on 4.34 kg
+
+
+def with_drag(linear, **options):
+    drag = {"kind": "drag", "linear": [0, 0, 0, *linear], **options}
+    return {"model": {"forces": [*QUADROTOR["model"]["forces"], drag]}}
+
+
 def loop_of(**changes):
     return next(iter(experiment(**changes).loops.values()))
 
@@ -175,11 +183,13 @@ def flat_states(loop, x, v, R, W, t=0.0):
     return loop.initial_state(Q, V, Q, 0 * V, t)
 
 
-def test_the_law_and_its_rates_are_those_written_by_hand():
-    loop, times = loop_of(reference=HELIX), np.linspace(0.0, 3.0, 1000)
+@pytest.mark.parametrize("drag", [None, DRAG], ids=["no drag", "drag"])
+def test_the_law_and_its_rates_are_those_written_by_hand(drag):
+    known = {} if drag is None else with_drag(drag.tolist())
+    loop, times = loop_of(reference=HELIX, **known), np.linspace(0.0, 3.0, 1000)
     x, v, R, W = states_near(times)
     s = loop.tracking(times, flat_states(loop, x, v, R, W, times))
-    wrench, Wc, Wc_rate, _ = by_hand(x, v, R, W, *helix(times))
+    wrench, Wc, Wc_rate, _ = by_hand(x, v, R, W, *helix(times), drag)
     inner = loop.controller.commanded(s).tracking
     np.testing.assert_allclose(inner.Vd, Wc, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(inner.Vd_dot, Wc_rate, rtol=1e-10, atol=1e-9)  # up to 300 rad/s²
@@ -244,22 +254,28 @@ def nearest(R):
 
 
 @pytest.mark.parametrize(
-    ("reference", "desired", "R0", "engine", "duration"),
+    ("reference", "desired", "R0", "engine", "duration", "drag"),
     [
-        (HELIX, helix, np.eye(3), "native", 0.05),
-        in_ci("the plain program takes a minute", *(HELIX, helix, np.eye(3), "native", 10.0)),
+        (HELIX, helix, np.eye(3), "native", 0.05, None),
+        (HELIX, helix, np.eye(3), "native", 0.05, DRAG),
+        (HELIX, helix, np.eye(3), "solve_ivp", 0.05, DRAG),
+        in_ci("the plain program takes a minute", *(HELIX, helix, np.eye(3), "native", 10.0, None)),
         in_ci(
             "the plain program takes half a minute",
-            *(HOVER, hover, nearest(UPSIDE_DOWN), "native", 10.0),
+            *(HOVER, hover, nearest(UPSIDE_DOWN), "native", 10.0, None),
         ),
-        in_ci("the plain program takes ten seconds", *(HELIX, helix, np.eye(3), "solve_ivp", 1.0)),
+        in_ci(
+            "the plain program takes ten seconds",
+            *(HELIX, helix, np.eye(3), "solve_ivp", 1.0, None),
+        ),
     ],
 )
-def test_lees_examples_are_those_of_a_plain_program(reference, desired, R0, engine, duration):
+def test_lees_examples_are_those_of_a_plain_program(reference, desired, R0, engine, duration, drag):
     times = np.linspace(0.0, duration, 21)
     solver = {"engine": engine, "rtol": 1e-12, "atol": 1e-14}
-    loop, states, s = flown(times, R0, reference=reference, solver=solver)
-    x, W = plain(times, R0, desired)
+    known = {} if drag is None else with_drag(drag.tolist())
+    loop, states, s = flown(times, R0, reference=reference, solver=solver, **known)
+    x, W = plain(times, R0, desired, drag)
     np.testing.assert_allclose(s.Q[:, :3, 3], x, atol=1e-11)
     np.testing.assert_allclose(s.V[:, :3], W, atol=1e-8)
     # The balance of the attitude law's energy, measured 3e-14: it holds for right rates only.
@@ -407,36 +423,7 @@ def wrong_rate(monkeypatch):
 
 # Drag along the axes of the body, which a quadrotor can fly exactly ------------------------------
 
-DRAG = np.array([2.2, 1.3, 0.4])  # N s/m, on 4.34 kg
 CIRCLE = {"kind": "flat", "position": ["3*cos(t)", "3*sin(t)", 1], "heading": "0.3*t"}
-
-
-def with_drag(linear, **options):
-    drag = {"kind": "drag", "linear": [0, 0, 0, *linear], **options}
-    return {"model": {"forces": [*QUADROTOR["model"]["forces"], drag]}}
-
-
-def test_the_law_with_drag_is_that_of_a_plain_program():
-    loop, times = loop_of(reference=HELIX, **with_drag(DRAG.tolist())), np.linspace(0, 3, 1000)
-    x, v, R, W = states_near(times)
-    s = loop.tracking(times, flat_states(loop, x, v, R, W, times))
-    wrench, Wc, Wc_rate, _ = by_hand(x, v, R, W, *helix(times), DRAG)
-    inner = loop.controller.commanded(s).tracking
-    np.testing.assert_allclose(inner.Vd, Wc, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(inner.Vd_dot, Wc_rate, rtol=1e-9, atol=1e-8)
-    np.testing.assert_allclose(loop.torque(s), wrench, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
-def test_runs_with_drag_are_those_of_a_plain_program(engine):
-    times, solver = np.linspace(0.0, 0.05, 6), {"engine": engine, "rtol": 1e-12, "atol": 1e-14}
-    given = {"reference": HELIX, "solver": solver} | with_drag(DRAG.tolist())
-    loop, states, s = flown(times, np.eye(3), **given)
-    x, W = plain(times, np.eye(3), helix, DRAG)
-    np.testing.assert_allclose(s.Q[:, :3, 3], x, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(s.V[:, :3], W, rtol=0, atol=1e-9)
-    L = loop.lyapunov(s)
-    assert np.abs(L + loop.work(states) - L[0]).max() <= 1e-12 * L[0]
 
 
 def errors_on(times, **changes):

@@ -29,8 +29,6 @@ ROUNDING = 1e-11
 # above 1, because their errors grow with it.
 DIFFERENCES = 1e-8
 
-THE_FOUR = ["eqt", "gt", "nog", "asym"]
-
 
 def on_groups(names, values):
     """All on SO(3) and on a product with all that groups have, the first on every group."""
@@ -203,15 +201,6 @@ def test_error_state_and_input_of_section_7_on_SO3(samples_of, data):
     assert_equal(tau_E, Rd @ -np.cross(w_, pi_d) + Rd @ tau_, LITERAL)
 
 
-@pytest.mark.parametrize("name", THE_FOUR)
-@drawn()
-def test_power_of_the_feedforward_on_SO3(samples_of, data, name):
-    """ω̃ᵀ(τ_ff − τ_d) = (𝕀ω̃)ᵀ(ω × ω_d) for each of the four."""
-    s = without_gains(tracking(samples_of("SO3"), data))
-    power = s.V_tilde @ (law(name).torque(s) - s.tau_d)
-    assert_equal(power, (s.inertia.matrix @ s.V_tilde) @ np.cross(s.V, s.Vd), LITERAL)
-
-
 @drawn(kappa=st.floats(0.1, 10.0))
 def test_homogeneous_damping_on_SO3_knows_no_frame(samples_of, data, kappa):
     s = tracking(samples_of("SO3"), data)
@@ -264,6 +253,7 @@ def test_gt_by_the_levi_civita_connection(samples, data):
 
 @drawn(member=members(on_plane=True))
 def test_power_of_the_feedforward_on_the_plane(samples, data, member):
+    """⟨τ_ff − τ_d, Ṽ⟩ = ⟨𝕀Ṽ, ad_V V_d⟩; on SO(3), (𝕀ω̃)ᵀ(ω × ω_d)."""
     s = without_gains(tracking(samples, data))
     power = dot(member.torque(s) - s.tau_d, s.V_tilde)
     assert_equal(power, dot(s.P_tilde, s.G.ad(s.V, s.Vd)))
