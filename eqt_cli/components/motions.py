@@ -89,22 +89,21 @@ def motion_along(
         Of each factor exp(a(t) ξ), a, a' and a'', each times the rates of the `screw`,
         ``(..., 3, k)``.
     """
-    T = moving = None  # V and V̇ as rows
-    for k in reversed(range(len(numbers))):
+    last = len(numbers) - 1
+    for k in reversed(range(last + 1)):
         A, link = G.exp_along(numbers[k], angles[k][..., 0, :]), links[..., k, :, :]
         rows = G.along(numbers[k][..., None, :], angles[k][..., 1:, :])
-        if T is None or moving is None:
-            T, moving = link @ A, rows
+        if k == last:
+            T, moving = link @ A, rows  # V and V̇ as rows
             continue
         rows = rows @ transpose(G.Ad_matrix(G.inverse(T)))
         bracket = G.ad(rows[..., 0, :], moving[..., 0, :])
         moving = rows + moving
         moving[..., 1, :] = moving[..., 1, :] + bracket
         T = link @ (A @ T)
-    assert T is not None and moving is not None
-    last = links[..., len(numbers), :, :]
-    moving = moving @ transpose(G.Ad_matrix(G.inverse(last)))
-    return T @ last, moving[..., 0, :], moving[..., 1, :]
+    end = links[..., last + 1, :, :]
+    moving = moving @ transpose(G.Ad_matrix(G.inverse(end)))
+    return T @ end, moving[..., 0, :], moving[..., 1, :]
 
 
 # Motions in pieces --------------------------------------------------------------------------------
