@@ -602,27 +602,28 @@ class SO3(EuclideanGroup):
     space = 3
 
 
-class SE2(EuclideanGroup):
+class WithPosition(EuclideanGroup):
+    """Groups with one translation column, a position in m."""
+
+    columns = ("position",)
+    rates = ("v",)
+    column_units = ("m",)
+    force_units = ("N",)
+
+
+class SE2(WithPosition):
     """Rigid motions of the plane; V = (ω, v), angular before linear velocity, in the body frame."""
 
     name = "SE2"
     space = 2
-    columns = ("position",)
-    rates = ("v",)
-    column_units = ("m",)
-    force_units = ("N",)
     rotation_group = SO2()
 
 
-class SE3(EuclideanGroup):
+class SE3(WithPosition):
     """Rigid motions of space; V = (ω, v), angular before linear velocity, in the body frame."""
 
     name = "SE3"
     space = 3
-    columns = ("position",)
-    rates = ("v",)
-    column_units = ("m",)
-    force_units = ("N",)
     rotation_group = SO3()
 
 
@@ -640,13 +641,10 @@ class SE23(EuclideanGroup):
 # R^n: translations without rotations, for products of groups --------------------------------------
 
 
-class VectorGroup(EuclideanGroup):
+class VectorGroup(WithPosition):
     """Vectors of R^n under addition, R1 to R9, as matrices [[I, x], [0, 1]]; V is ẋ."""
 
     name = "R<n>"
-    columns = ("position",)
-    column_units = ("m",)
-    force_units = ("N",)
 
     def __init__(self, n: int) -> None:
         self.space = n
