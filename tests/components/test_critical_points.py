@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_loops import any_matrix
 
 from eqt_cli.base.arrays import frobenius
 from eqt_cli.components.groups import MatrixLieGroup, group_named
@@ -15,12 +16,6 @@ from eqt_cli.components.mechanics import gradient
 
 # Hundreds of last places of numbers of order 10.
 ROUNDING = 1e-13
-
-
-def coupled_weight(G, seed=0):
-    """Any positive definite weight, rotations and translations coupled."""
-    A = np.random.default_rng(seed).standard_normal((G.size, G.size))
-    return A @ A.T + np.eye(G.size)
 
 
 def summary(name, K):
@@ -63,7 +58,7 @@ def test_points_beside_the_identity_with_index_and_dimension(name, weights, poin
 
 @pytest.mark.parametrize("name", ["SE3", "SE23"])
 def test_translations_add_no_points(name):
-    indices = [index for _, index, _ in summary(name, coupled_weight(group_named(name)))]
+    indices = [index for _, index, _ in summary(name, any_matrix(group_named(name).size, 0))]
     assert indices == [0, 3, 2, 1]
 
 
@@ -93,14 +88,14 @@ def test_a_group_of_unknown_structure_has_no_known_points():
 
 def test_points_are_critical_members_of_the_group(G):
     for seed in range(3):
-        K = coupled_weight(G, seed)
+        K = any_matrix(G.size, seed)
         for each in critical_sets(G, K):
             assert G.violation(each.Q) < ROUNDING
             assert np.abs(gradient(G, K, each.Q)).max() < ROUNDING * np.abs(K).max()
 
 
 def test_hessians_are_derivatives_of_the_gradient(G, derivative):
-    K = coupled_weight(G)
+    K = any_matrix(G.size, 0)
     for each in critical_sets(G, K):
         columns = [
             derivative(lambda t, Q=each.Q, E=E: gradient(G, K, Q @ G.exp(t * E)))
@@ -113,7 +108,7 @@ def test_hessians_are_derivatives_of_the_gradient(G, derivative):
 
 def test_descent_from_anywhere_ends_at_a_listed_point(G):
     """No critical point is missing: where ‖gradient‖ is small, a listed set is near."""
-    K = coupled_weight(G)
+    K = any_matrix(G.size, 0)
     random = np.random.default_rng(1)
     Q = G.exp(random.standard_normal((20, G.dimension)))
     for _ in range(200):  # descent on ½‖gradient‖² by Gauss-Newton, which ends at any index
@@ -219,7 +214,7 @@ def test_distance_in_a_product_adds_the_squares_of_its_blocks():
 
 
 def test_distance_is_zero_at_the_points_and_positive_at_the_identity(G):
-    K = coupled_weight(G)
+    K = any_matrix(G.size, 0)
     found = critical_sets(G, K)
     if len(found) > 1:
         at_points = distance_to_unstable(G, K, np.array([each.Q for each in found[1:]]))

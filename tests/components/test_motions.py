@@ -7,15 +7,13 @@ import pytest
 from case_tables import in_ci, refusal
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
-from small_loops import expressions
+from small_loops import closed_loop, expressions
 
 from eqt_cli.base.arrays import frobenius, norm
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.components import motions
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia
-from eqt_cli.components.laws import EqT
-from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.inertia import FactoredInertia, PrescribedInertia
 from eqt_cli.components.motions import spline
 from eqt_cli.components.references import (
     ConstantReference,
@@ -28,7 +26,6 @@ from eqt_cli.components.references import (
 )
 from eqt_cli.components.waypoints import Waypoint, WaypointsReference
 from eqt_cli.engines.engine import Problem, engines
-from eqt_cli.loop.closed_loop import ClosedLoop
 
 GROUPS = ("SO3", "SE3", "SE23", "SE2", "SE3*SO2")
 KINDS = ("path", "slew", "waypoints", "rates")
@@ -85,15 +82,6 @@ def reference(kind, G):
     found.check(G, problems)
     assert not list(problems)
     return found
-
-
-def closed_loop(G, reference, inertia=None):
-    random = np.random.default_rng(1)
-    A = random.uniform(-1.0, 1.0, (G.dimension, G.dimension))
-    tensor = A @ A.T + np.eye(G.dimension)
-    gains = Gains(np.diag(np.linspace(1.0, 2.0, G.size)), np.eye(G.dimension))
-    inertia = inertia or Inertia(tensor, np.linalg.inv(tensor))
-    return ClosedLoop(G, inertia, gains, reference, EqT())
 
 
 def on_reference(loop, engine, times=TIMES):
@@ -252,7 +240,7 @@ def after_rates(G, t, steps):
 @on_engines
 def test_rates_are_integrated(G, engine):
     times = TIMES[:11]
-    s = on_reference(closed_loop(G, reference("rates", G)), engine, times)
+    s = on_reference(closed_loop(G, reference=reference("rates", G)), engine, times)
     coarse, fine = (after_rates(G, TIMES[1], steps) for steps in (20, 40))
     np.testing.assert_allclose(s.Qd[0, 1], (4 * fine - coarse) / 3, rtol=0, atol=DEFINITION)
     expected = 0.3 * np.cos(np.arange(1, G.dimension + 1) * times[:, None])
@@ -284,7 +272,7 @@ def test_so_it_does_far_from_0(start):
 )
 def test_a_run_that_starts_on_its_reference_stays_there(kind, engine):
     G = group_named("SO3" if engine == "native" else "SE23")  # what is compiled knows no group
-    s = on_reference(closed_loop(G, reference(kind, G)), engine, TIMES[:33])
+    s = on_reference(closed_loop(G, reference=reference(kind, G)), engine, TIMES[:33])
     assert frobenius(s.Q - s.Qd).max() < ON_REFERENCE
     assert norm(s.V_tilde).max() < ON_REFERENCE
 
@@ -294,7 +282,7 @@ def test_so_it_does_with_an_inertia_that_varies():
     rows = [["1 + 0.2*sin(t)", "0", "0"], ["0.1*sin(t)", "1", "0"], ["0", "0", "exp(-0.1*t)"]]
     factor = expressions(rows)
     inertia = FactoredInertia(np.diag([1.0, 2.0, 3.0]), factor)
-    s = on_reference(closed_loop(G, reference("path", G), inertia), "solve_ivp")
+    s = on_reference(closed_loop(G, reference=reference("path", G), inertia=inertia), "solve_ivp")
     assert norm(s.V_tilde).max() < ON_REFERENCE
 
 
@@ -302,7 +290,7 @@ def test_velocities_that_a_reference_knows_are_its_own():
     """And not those of the momentum that an inertia makes of them, which are rounded twice."""
     G = group_named("SE3")
     found = reference("path", G)
-    loop = closed_loop(G, found)
+    loop = closed_loop(G, reference=found)
     state = loop.initial_state(*[G.identity, np.zeros(G.dimension)] * 2)
     s = loop.tracking(2.2, state[None])
     _, V, V_dot = found.motion(G, 2.2)
@@ -315,7 +303,7 @@ def test_velocities_that_a_reference_knows_are_its_own():
     [("path", []), ("slew", []), ("waypoints", []), ("rates", ["desired_pose"])],
 )
 def test_state_holds_no_more_of_the_reference_than_is_integrated(G, kind, stretches):
-    lengths = closed_loop(G, reference(kind, G)).layout.lengths
+    lengths = closed_loop(G, reference=reference(kind, G)).layout.lengths
     assert [name for name in lengths if name.startswith("desired")] == stretches
 
 
@@ -333,7 +321,7 @@ class Spin(Reference):
 
 @on_engines
 def test_a_reference_that_a_torque_drives_is_integrated(G, engine):
-    s = on_reference(closed_loop(G, Spin()), engine)
+    s = on_reference(closed_loop(G, reference=Spin()), engine)
     expected = 0.5 * TIMES[:, None] * np.eye(G.dimension)[0]
     np.testing.assert_allclose(s.Vd[0], expected, rtol=0, atol=ON_REFERENCE)
 
@@ -355,13 +343,13 @@ def test_a_torque_that_steps_is_integrated_exactly(engine, text):
     A side changes 1e-12 behind its instant, relative to what is compared.
     """
     G = group_named("R1")
-    s = on_reference(closed_loop(G, TorqueReference([text])), engine)
+    s = on_reference(closed_loop(G, reference=TorqueReference([text])), engine)
     np.testing.assert_allclose(s.Pd[0, :, 0], np.maximum(TIMES - 1.25, 0), rtol=0, atol=1e-11)
 
 
 def test_spans_hold_every_sample_once():
     G = group_named("SO3")
-    loop = closed_loop(G, reference("waypoints", G))
+    loop = closed_loop(G, reference=reference("waypoints", G))
     state = loop.initial_state(G.identity, np.zeros(3), G.identity, np.zeros(3))
     for times in (TIMES, np.array([0.0, 6.0]), np.array([0.3, 1.0, 1.2, 5.5])):
         spans = Problem(loop, state[None], times).spans
@@ -378,7 +366,7 @@ def test_spans_hold_every_sample_once():
 
 def test_a_horizon_without_instants_is_one_span():
     G = group_named("SO3")
-    loop = closed_loop(G, TorqueReference(["cos(t)", "sin(t)", 0.0]))
+    loop = closed_loop(G, reference=TorqueReference(["cos(t)", "sin(t)", 0.0]))
     state = loop.initial_state(G.identity, np.zeros(3), G.identity, np.zeros(3))
     [span] = Problem(loop, state[None], TIMES).spans
     np.testing.assert_array_equal(span.grid, TIMES)
@@ -387,7 +375,7 @@ def test_a_horizon_without_instants_is_one_span():
 
 def test_step_limit_counts_the_steps_of_all_spans():
     G = group_named("SO3")
-    loop = closed_loop(G, reference("waypoints", G))
+    loop = closed_loop(G, reference=reference("waypoints", G))
     Qd, Vd = loop.reference.initial(G, G.identity, np.zeros(3))
     problem = Problem(loop, loop.initial_state(Qd, Vd, Qd, Vd)[None], TIMES)
     solution = engines.get("native")(max_steps=12).solve(problem)
