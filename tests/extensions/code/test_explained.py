@@ -4,16 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from small_loops import closed_loop
 
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import TorqueReference
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.extensions.firmware.code_evidence import Question, drawn_states, explained
-from eqt_cli.loop.closed_loop import ClosedLoop
 
 OTHER = pytest.mark.ci("SE(3) has what they have")
 
@@ -31,16 +29,8 @@ def question(request):
     def ask(name):
         G, law = group_named(request.param), controllers.get(name)()
         m, random = G.dimension, np.random.default_rng(1)
-        A, K_d = random.standard_normal((2, m, m))
-        inertia = A @ A.T + m * np.eye(m)
-        loop = ClosedLoop(
-            G,
-            Inertia(inertia, np.linalg.inv(inertia)),
-            Gains(np.eye(G.size), K_d + m * np.eye(m)),
-            TorqueReference([0.5] * m),
-            law,
-            Vehicle(control=Sampling(0.02)),
-        )
+        gains = Gains(np.eye(G.size), random.standard_normal((m, m)) + m * np.eye(m))
+        loop = closed_loop(G, law, gains=gains, vehicle=Vehicle(control=Sampling(0.02)))
         return Question(loop, *drawn_states(loop, 5.0, random))
 
     return ask
