@@ -454,36 +454,33 @@ def _memory_rows(
     at_rest = loop.controller.memory_rate(still.tracking(*of_loop, question.memory))
     first = question.inputs.tracking(*of_loop, question.forgetful)
     begun, law = judged.law.initial_memory(first), loop.controller.initial_memory(first)
-    after, start = "after a period", "at the start of a run"
-    words: dict[str, list[str]] = {after: [], start: []}
-    worst = {after: (0.0, 0.0), start: (0.0, 0.0)}
+    moved, started = {}, {}  # in the code and in the law, and the sizes that are rounded
     for name, z in question.memory.items():
-        begins, both = law.get(name, 0.0) + 0.0 * z, np.concatenate([z, later[name]], axis=-1)
-        for when, value, expected, sizes in (
-            (after, memory[name] - z, later[name] - z, both),
-            (start, begun[name], begins, begins),
-        ):
+        both, begins = np.concatenate([z, later[name]], axis=-1), law.get(name, 0.0) + 0.0 * z
+        moved[name] = memory[name] - z, later[name] - z, both
+        started[name] = begun[name], begins, begins
+    for when, parts in (("after a period", moved), ("at the start of a run", started)):
+        words, worst = [], (0.0, 0.0)
+        for name, (value, expected, sizes) in parts.items():
             differences = np.abs(value - expected).max(axis=-1)
             bounds = _memory_bounds(question, sizes, real)
             place = int((differences / bounds).argmax())
             difference, bound = float(differences[place]), float(bounds[place])
-            if difference * worst[when][1] >= worst[when][0] * bound:
-                worst[when] = difference, bound
+            if difference * worst[1] >= worst[0] * bound:
+                worst = difference, bound
             if difference <= bound:
                 continue
-            if when == start:
-                there, here = value[place].tolist(), expected[place].tolist()
-                words[when].append(f"{name} starts at {there}, but at {here} in the law")
+            if parts is started:
+                code, asked = value[place].tolist(), expected[place].tolist()
+                words.append(f"{name} starts at {code}, but at {asked} in the law")
             elif np.abs(value).max() <= bound:
-                words[when].append(f"{name} does not advance: it is stale")
+                words.append(f"{name} does not advance: it is stale")
             else:
-                of_pose = period * (at_rest[name] + 0.0 * z)
+                of_pose = period * (at_rest[name] + 0.0 * question.memory[name])
                 columns = {"velocity error": expected - of_pose, "pose error": of_pose}
-                words[when].append(f"{name} advances {sum_of(columns, value, bound)}")
-    for when, said in words.items():
-        verdict = Verdict.FAILS if said else Verdict.HOLDS
-        name = f"memory of {loop.controller.title} {when}"
-        yield _row(judged, name, verdict, said, *worst[when])
+                words.append(f"{name} advances {sum_of(columns, value, bound)}")
+        verdict = Verdict.FAILS if words else Verdict.HOLDS
+        yield _row(judged, f"memory of {loop.controller.title} {when}", verdict, words, *worst)
 
 
 def _memory_bounds(question: Question, z: Array, real: str) -> Array:
