@@ -471,8 +471,8 @@ def _memory_rows(
             if difference <= bound:
                 continue
             if parts is started:
-                code, asked = value[place].tolist(), expected[place].tolist()
-                words.append(f"{name} starts at {code}, but at {asked} in the law")
+                code, law = value[place].tolist(), expected[place].tolist()
+                words.append(f"{name} starts at {code}, but at {law} in the law")
             elif np.abs(value).max() <= bound:
                 words.append(f"{name} does not advance: it is stale")
             else:
