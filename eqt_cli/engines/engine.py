@@ -116,7 +116,7 @@ class Problem:
         Sensor errors at every control instant, ``(draws, instants, …)``; None if the law is given
         the true state.
     draws : (runs,)
-        Row of `errors` of each run, which runs at several points share; None: its own number.
+        Row of `errors` of each run; None: its own number.
     halved
         Whether no step is longer than half its span: where spans bound the steps of a solve,
         those of a tighter one would be the same.
@@ -160,11 +160,7 @@ class Problem:
 
     def drawn(self, runs: slice | Array = slice(None)) -> Errors | None:
         """Return the sensor errors of some runs, as drawn, ``(runs, ticks, …)``; None if true."""
-        if self.errors is None:
-            return None
-        known, which = np.unique(self.rows[runs], return_inverse=True)
-        errors = self.errors.of(known)
-        return errors if np.array_equal(which, np.arange(len(known))) else errors.of(which)
+        return None if self.errors is None else self.errors.of(self.rows[runs])
 
     @property
     def begun(self) -> tuple[ClosedLoop, Array]:

@@ -140,11 +140,15 @@ def _problem(
     if runs is not None and any(loop.vehicle.varies for loop in loops):
         varying |= _drawn(study, tuple(points.tolist()), tuple(runs.tolist()))
     problem = Problem(first, Q, experiments[0].times, varying)
+    errors = None
+    if runs is not None and first.vehicle.measures:
+        seeds = [experiments[row].config.ensemble.seed for row in which]
+        streams = [
+            (seed, Stream.VEHICLE, run) for seed, run in zip(seeds, runs.tolist(), strict=True)
+        ]
+        errors = Draws(first.group, first.vehicle, problem.control_instants, streams)
     states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
-    errors = draws = None
-    if runs is not None and loops[0].vehicle.measures:
-        errors, draws = _errors(problem, [experiments[row] for row in which], runs.tolist())
-    return replace(problem, states=states, errors=errors, draws=draws)
+    return replace(problem, states=states, errors=errors)
 
 
 def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
@@ -186,7 +190,7 @@ class Draws:
     instants
         Number of ticks.
     runs
-        Arguments of `generator_at` of each distinct run.
+        Arguments of `generator_at` of each run; runs at several points may share them.
     """
 
     group: MatrixLieGroup
@@ -205,7 +209,7 @@ class Draws:
     def of(self, rows: Array) -> Errors:
         """Return the errors of some runs, ``(rows, ticks, …)``."""
         keys = [(*self._known, *self.runs[row]) for row in rows]
-        errors = {key: _errors_cache.pop(key, None) for key in keys}
+        errors = {key: _errors_cache.pop(key, None) for key in dict.fromkeys(keys)}
         missing = [key for key, each in errors.items() if each is None]
         for first in range(0, len(missing), DRAWN_AT_ONCE):
             some = missing[first : first + DRAWN_AT_ONCE]
@@ -221,20 +225,6 @@ class Draws:
                 break
             bytes_kept -= sum(part.nbytes for part in _errors_cache.pop(oldest, ()))
         return Errors(*map(np.stack, zip(*(errors[key] for key in keys), strict=True)))
-
-
-def _errors(
-    problem: Problem, experiments: Sequence[Experiment], runs: Sequence[int]
-) -> tuple[Draws, Array]:
-    """Return the sensor errors of the distinct runs, and the row of each run among them."""
-    streams = [
-        (experiment.config.ensemble.seed, Stream.VEHICLE, run)
-        for experiment, run in zip(experiments, runs, strict=True)
-    ]
-    distinct = sorted(set(streams))
-    rows = {stream: row for row, stream in enumerate(distinct)}
-    draws = Draws(problem.loop.group, problem.loop.vehicle, problem.control_instants, distinct)
-    return draws, np.array([rows[stream] for stream in streams])
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:
