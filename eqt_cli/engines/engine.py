@@ -472,7 +472,7 @@ def walked(
     integrator: Integrator, groups: Sequence[Array], progress: Progress, threads: int
 ) -> Solution:
     """Return the solution of all groups of runs, by at most this number of threads."""
-    problem, waiting, lock = integrator.problem, iter(groups), threading.Lock()
+    problem, lock = integrator.problem, threading.Lock()
     runs, n = problem.states.shape
     states = np.empty((runs, len(problem.times), n))  # whose memory is touched where it is filled
     status, steps = np.zeros(runs, dtype=np.int32), np.zeros(runs, dtype=np.int64)
@@ -482,29 +482,18 @@ def walked(
         with lock:
             progress(runs)
 
-    def work() -> None:
-        of_thread = copy(integrator)
+    def walk(group: Array) -> None:
         with np.errstate(all="ignore"):  # a state that is not finite ends its run
-            while True:
-                with lock:
-                    group = next(waiting, None)
-                if group is None:
-                    return
-                _walk(of_thread, solution, group, report)
+            _walk(copy(integrator), solution, group, report)
 
     threads = min(threads, len(groups))
     if threads == 1:
-        work()
+        for group in groups:
+            walk(group)
         return solution
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work) for _ in range(threads)]
-        try:
-            for future in futures:
-                future.result()
-        except BaseException:
-            with lock:
-                list(waiting)  # no further group is begun; current ones end
-            raise
+        for _ in pool.map(walk, groups):  # after an error no further group is begun
+            pass
     return solution
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
@@ -262,7 +262,6 @@ def integration(field: Program, at_samples: SampleProgram | None = None) -> Call
     return advance
 
 
-@dataclass(frozen=True)
 class Rows:
     """Numbers that a program takes, and along which axes they vary.
 
@@ -272,16 +271,14 @@ class Rows:
         ``(n,)``, preceded by the axes, runs and samples, along which they vary.
     by_run, by_sample
         Whether they vary along this axis.
+    length
+        The length n of a row.
     """
 
-    values: Array
-    by_run: bool = False
-    by_sample: bool = False
-
-    @property
-    def length(self) -> int:
-        """The length n of a row."""
-        return int(self.values.shape[-1])
+    def __init__(self, values: Array, by_run: bool = False, by_sample: bool = False) -> None:
+        self.values = np.ascontiguousarray(values, dtype=float)  # as C reads them
+        self.by_run, self.by_sample = by_run, by_sample
+        self.length = int(values.shape[-1])
 
     def of(self, runs: slice) -> Rows:
         """Return the rows of some runs."""
@@ -304,18 +301,17 @@ def measuring(rows: Sequence[Rows], starts: Array, memory: Array, stored: Array)
     stored : (runs, samples, stored)
         Numbers that it keeps of each sample, to be filled in.
     """
-    sources = _sources(rows, [row.values for row in rows])
     places = (array.ctypes.data for array in (starts, memory, stored))
-    return ctypes.pointer(_Measuring(sources, *places))
+    return ctypes.pointer(_Measuring(_sources(rows), *places))
 
 
-def _sources(inputs: Sequence[Rows], arrays: Sequence[Array]) -> Any:
+def _sources(inputs: Sequence[Rows]) -> Any:
     """Return where the numbers of some rows lie in memory."""
     sources = (_Source * len(inputs))()
-    for place, (rows, array) in enumerate(zip(inputs, arrays, strict=True)):
+    for place, rows in enumerate(inputs):
         along = rows.length if rows.by_sample else 0
-        per_run = array[:1].size if rows.by_run else 0
-        sources[place] = _Source(array.ctypes.data, per_run, along)
+        per_run = rows.values[:1].size if rows.by_run else 0
+        sources[place] = _Source(rows.values.ctypes.data, per_run, along)
     return sources
 
 
@@ -327,12 +323,12 @@ def _evaluate(program: Program, stretches: tuple[int, ...]) -> Any:
 
 
 def _evaluations(
-    program: Program, runs: int, samples: int, inputs: Sequence[Rows], arrays: Sequence[Array]
+    program: Program, runs: int, samples: int, inputs: Sequence[Rows]
 ) -> tuple[_Evaluations, dict[str, Array]]:
     """Return what calls a program, and the arrays that it will fill in."""
     outputs = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
     places = (ctypes.c_void_p * len(outputs))(*(x.ctypes.data for x in outputs.values()))
-    return _Evaluations(runs, samples, len(inputs), _sources(inputs, arrays), places), outputs
+    return _Evaluations(runs, samples, len(inputs), _sources(inputs), places), outputs
 
 
 def evaluated(
@@ -345,8 +341,7 @@ def evaluated(
     inputs
         Its inputs, one stretch after the other.
     """
-    arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in inputs]
-    batch, outputs = _evaluations(program, runs, samples, inputs, arrays)
+    batch, outputs = _evaluations(program, runs, samples, inputs)
     _evaluate(program, tuple(rows.length for rows in inputs))(ctypes.byref(batch))
     return outputs
 
@@ -442,13 +437,12 @@ class Walk:
             Samples are spans; the last `ticks` ones are those of `measure`.
         """
         runs, function = self._c.span.runs, _evaluate(program, tuple(row.length for row in inputs))
-        arrays = [rows.values for rows in inputs]
-        batch, outputs = _evaluations(program, runs, 1, inputs, arrays)
+        batch, outputs = _evaluations(program, runs, 1, inputs)
         moves = (ctypes.c_int64 * len(inputs))(*[0] * (len(inputs) - ticks), *[1] * ticks)
-        address, at_start = ctypes.cast(function, ctypes.c_void_p), _sources(inputs, arrays)
+        address, at_start = ctypes.cast(function, ctypes.c_void_p), _sources(inputs)
         self._c.programs[self._c.parts] = _Instant(address, batch, batch.sources, at_start, moves)
         self._c.parts += 1
-        self._lives.append((arrays, batch, outputs, at_start, moves))
+        self._lives.append((inputs, batch, outputs, at_start, moves))
         return outputs
 
     def measure(self, errors: Sequence[Array], first: int) -> None:

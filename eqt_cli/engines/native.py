@@ -380,10 +380,17 @@ class Lanes(Integrator):
         """Begin these runs with no step taken, and the length of the first one unknown."""
         if self._law.around_code is not None:
             super().begin(runs)
-        count = len(runs)
         self._parameters = self._all_parameters[runs]
-        self._steps, self._times = np.zeros(count), np.zeros(count)
-        self._counts, self._ends = np.zeros((2, count), dtype=np.int64)
+        self._times = np.zeros(len(runs))
+        self._counts, self._ends = np.zeros((2, len(runs)), dtype=np.int64)
+        self._of_runs = {
+            "parameters": self._parameters,
+            "steps": np.zeros(len(runs)),
+            "counts": self._counts,
+            "ends": self._ends,
+            "times": self._times,
+            **self._settings,
+        }
         self._walk = self._walking(runs) if len(self._listed) else None
 
     def _walking(self, runs: Array) -> library.Walk | None:
@@ -399,13 +406,8 @@ class Lanes(Integrator):
             self._listed,
             {"times": self.problem.times, "held": self._all_held, "samples": samples},
             to_next_run=samples[0].size,
-            parameters=self._parameters,
             states=self._whole,
-            steps=self._steps,
-            counts=self._counts,
-            ends=self._ends,
-            times=self._times,
-            **self._settings,
+            **self._of_runs,
         )
         inputs = [
             Rows(self._whole, by_run=True),
@@ -552,14 +554,9 @@ class Lanes(Integrator):
             longest=span.longest,
             grid=np.array(times),
             held=self._held,
-            parameters=self._parameters,
             states=ended,
             samples=samples,
-            steps=self._steps,
-            counts=self._counts,
-            ends=self._ends,
-            times=self._times,
-            **self._settings,
+            **self._of_runs,
         )
         return ended
 
@@ -772,8 +769,8 @@ class Native(Engine):
         if measures is None:
             return super().measured(function, reduction, problem, rows, returned, workers, progress)
         inputs = [
-            *(Rows(np.ascontiguousarray(row), row.ndim == 3, by_sample=True) for row in rows),
-            Rows(times[:, None].copy(), by_sample=True),
+            *(Rows(row, row.ndim == 3, by_sample=True) for row in rows),
+            Rows(times[:, None], by_sample=True),
             Rows(held_rows(loop, times), by_sample=True),
             Rows(measures.columns, by_sample=True),
         ]

@@ -628,10 +628,9 @@ class _Spread:
             for group in self.groups:
                 group.put(name, data, positions)
             return
-        first, *rest = positions
-        if isinstance(first, int):
-            first, data = slice(first, first + 1), data[None]
-        for inner, values in zip(range(first.start, first.stop), data, strict=True):
+        points, *rest = positions
+        assert isinstance(points, slice)
+        for inner, values in zip(range(points.start, points.stop), data, strict=True):
             self.groups[inner].put(name, values, tuple(rest))
             if name in self.in_root:
                 self.root.put(name, values, (self.points[inner], *rest))
