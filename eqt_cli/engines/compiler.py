@@ -228,7 +228,7 @@ class Cache:
 
         What is returned is what was checked: nobody reads the file a second time.
         """
-        for path in self.folder.glob(f"{_short(key)}-*{ending}"):
+        for path in self.folder.glob(f"{key}-*{ending}"):
             with suppress(OSError):
                 content = _private_content(path)
                 if content is not None and path.name == _name(key, content, ending):
@@ -319,15 +319,11 @@ def _is_safe(status: os.stat_result) -> bool:
 
 def digest(text: str) -> str:
     """Return the key of a text."""
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _short(key: str) -> str:
-    return key[:32]
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _name(key: str, content: bytes, ending: str) -> str:
-    return f"{_short(key)}-{hashlib.sha256(content).hexdigest()}{ending}"
+    return f"{key}-{hashlib.sha256(content).hexdigest()}{ending}"
 
 
 # The C compiler of this machine, and the libraries that it builds from laws -----------------------

@@ -512,7 +512,11 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
     place, spans = 0, problem.spans
     while place < len(spans):
         if place and np.max(steps) <= SUSPECT:
-            place, states, steps = _ahead(integrator, place, states, going, solution.steps)
+            after, states, work, steps = integrator.walk_ahead(place, states)
+            solution.steps[runs] += np.where(going, work, 0)
+            if after > place:
+                reached(spans[after - 1].stop)
+            place = after
         if place == len(spans):
             break
         span, place = spans[place], place + 1
@@ -541,17 +545,6 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
         reached(span.stop)
     _end(integrator, solution, runs, failed, progress)
     reached.finish()
-
-
-def _ahead(
-    integrator: Integrator, place: int, states: Array, going: Array, work: Array
-) -> tuple[int, Array, Any]:
-    """Walk ahead from a span, and count the work; return place, states and the last steps."""
-    after, states, more, last = integrator.walk_ahead(place, states)
-    work[integrator.runs] += np.where(going, more, 0)
-    if after > place:
-        integrator.reached(integrator.problem.spans[after - 1].stop)
-    return after, states, last
 
 
 def _end(

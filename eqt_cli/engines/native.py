@@ -16,7 +16,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -298,27 +297,21 @@ def held_rows(loop: ClosedLoop, times: Array) -> Array:
 
 def _explain(error: Exception, loop: ClosedLoop) -> str:
     """Describe which component did what, from its frames in the traceback."""
-    places = _places(error.__traceback__, loop) or {"the closed loop": ""}
-    (owner, place), *callers = reversed(places.items())
+    # The traced components are copies of the same classes, with symbols for numbers.
+    names = {type(part): name for part, _, name in reversed(parts_of(loop))}
+    places: dict[str, str] = {}
+    for frame, line in traceback.walk_tb(error.__traceback__):
+        name = names.get(type(frame.f_locals.get("self")))
+        if name:
+            summary = traceback.FrameSummary(frame.f_code.co_filename, line, frame.f_code.co_name)
+            places[name] = f"{Path(frame.f_code.co_filename).name}:{line}: {summary.line}"
+    (owner, place), *callers = reversed((places or {"the closed loop": ""}).items())
     called = "".join(f", called by {name} at {where}" for name, where in callers)
     return (
         f"{owner} cannot be compiled: {type(error).__name__}: {error}"
         f"{place and ' at ' + place}{called}; write it with operators, @ and the functions of "
         "eqt_cli.base.arrays, or use `engine: solve_ivp`"
     )
-
-
-def _places(trace: TracebackType | None, loop: ClosedLoop) -> dict[str, str]:
-    """Return the components in the traceback, the innermost last, and the line of each."""
-    # The traced components are copies of the same classes, with symbols for numbers.
-    names = {type(part): name for part, _, name in reversed(parts_of(loop))}
-    places: dict[str, str] = {}
-    for frame, line in traceback.walk_tb(trace):
-        name = names.get(type(frame.f_locals.get("self")))
-        if name:
-            summary = traceback.FrameSummary(frame.f_code.co_filename, line, frame.f_code.co_name)
-            places[name] = f"{Path(frame.f_code.co_filename).name}:{line}: {summary.line}"
-    return places
 
 
 # Integration of runs through a span by compiled DOP853; each run has its own steps ----------------

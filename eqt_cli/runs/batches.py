@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from itertools import groupby
 from operator import itemgetter
 from typing import Any, Literal
@@ -198,23 +198,20 @@ class Draws:
     instants: int
     runs: list[tuple[Any, ...]]
 
-    @cached_property
-    def _known(self) -> tuple[Hashable, ...]:
-        """All that the errors of a run depend on, besides the run."""
+    def of(self, rows: Array) -> Errors:
+        """Return the errors of some runs, ``(rows, ticks, …)``."""
+        # All that the errors of a run depend on, besides the run.
         vehicle, sensors = self.vehicle, self.vehicle.sensors()
         timing = repr(vehicle.channels(self.group)), vehicle.tick, self.instants
         parts = (self.group.name, repr(sensors), *map(type, sensors.values()))
-        return (*parts, *timing, vehicle.estimates)
-
-    def of(self, rows: Array) -> Errors:
-        """Return the errors of some runs, ``(rows, ticks, …)``."""
-        keys = [(*self._known, *self.runs[row]) for row in rows]
+        drawing: Hashable = (*parts, *timing, vehicle.estimates)
+        keys = [(drawing, *self.runs[row]) for row in rows]
         errors = {key: _errors_cache.pop(key, None) for key in dict.fromkeys(keys)}
         missing = [key for key, each in errors.items() if each is None]
         for first in range(0, len(missing), DRAWN_AT_ONCE):
             some = missing[first : first + DRAWN_AT_ONCE]
-            randoms = [partial(generator_at, *key[len(self._known) :]) for key in some]
-            drawn = self.vehicle.measurement_errors(self.group, self.instants, randoms)
+            randoms = [partial(generator_at, *run) for _, *run in some]
+            drawn = vehicle.measurement_errors(self.group, self.instants, randoms)
             errors |= {
                 key: Errors(*(part[k].copy() for part in drawn)) for k, key in enumerate(some)
             }
