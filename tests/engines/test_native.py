@@ -178,12 +178,6 @@ def test_long_runs_of_an_explicit_method_are_compiled():
     assert native.compiled_if_faster(given[0], short) is given[0]
 
 
-def test_tightened_tolerances():
-    engine = native.Native(rtol=1e-6, atol=1e-8, max_steps=7).tightened(0.01)
-    assert (engine.rtol, engine.atol) == (pytest.approx(1e-8), pytest.approx(1e-10))
-    assert engine.max_steps == 7
-
-
 def test_work_for_stability_is_that_of_dop853():
     rates = np.array([[-50.0, -1.0], [-70.0, -2.0]])
     expected = SolveIvp().work_for_stability(rates, 3.0) / 12  # its stages

@@ -21,7 +21,6 @@ from eqt_cli.engines.engine import (
     _nearest,
     _note,
     _Reached,
-    engines,
     walked,
 )
 from eqt_cli.numbers.leaves import STRUCTURE
@@ -90,15 +89,6 @@ def test_an_engine_that_says_nothing_else_calls_laws_in_one_thread():
     assert not engine.estimates_errors
     assert engine.work_for_stability(np.array([[-1e3]]), 1.0) == 0
     assert [engine.runs_at_once(most) for most in (0, 1, 7)] == [1, 1, 7]
-
-
-def test_what_engines_say_of_themselves():
-    known = {name: engines.get(name) for name in ("solve_ivp", "native")}
-    said = {
-        name: (engine.estimates_errors, engine.threads, not engine.calls_laws)
-        for name, engine in known.items()
-    }
-    assert said == {"solve_ivp": (False, False, False), "native": (True, True, True)}
 
 
 @pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])

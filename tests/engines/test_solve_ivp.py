@@ -195,10 +195,6 @@ def test_runs_at_once_are_whole_blocks():
     assert [engine.runs_at_once(most) for most in (1, 29, 30, 100)] == [30, 30, 30, 90]
 
 
-def test_block_is_one_by_default_for_methods_with_jacobians():
-    assert [SolveIvp(method=method).runs_per_block for method in METHODS] == [200] * 3 + [1] * 3
-
-
 def test_tightened_tolerances():
     engine = SolveIvp(rtol=1e-6, atol=1e-9, method="RK45", block=7).tightened(0.01)
     assert (engine.rtol, engine.atol) == (pytest.approx(1e-8), pytest.approx(1e-11))

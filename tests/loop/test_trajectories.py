@@ -425,14 +425,6 @@ def test_nothing_is_taken_out_of_L_where_the_dissipation_is_not_known():
     assert loop.work(loop_with(EqT()).vector_field(0.0, start(loop))).all()
 
 
-def test_join_undoes_split():
-    layout = StateLayout({"a": 2, "b": 0, "c": 3})
-    state = np.arange(10.0).reshape(2, 5)
-    assert layout.length == 5
-    assert layout.slices["c"] == slice(2, 5)
-    np.testing.assert_array_equal(layout.join(layout.split(state), state), state)
-
-
 def test_join_leaves_out_what_the_layout_does_not_have():
     found = StateLayout({"a": 1}).join({"a": 3.0, "b": 4.0}, np.empty((2, 1)))
     np.testing.assert_array_equal(found, [[3.0], [3.0]])
