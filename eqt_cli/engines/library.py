@@ -49,16 +49,19 @@ def integration_source(
         Whether there is ``eqt_walk``, too.
     """
     program, comparisons = with_comparison_sides(field)
-    lengths = dict(program.inputs)
+    lengths, memory = dict(program.inputs), 0
+    states = seen = {*range(lengths["state"])}
+    if at_samples is not None:
+        memory = dict(at_samples.program.inputs)["memory"]
+        inputs = [value for value in at_samples.program.values if isinstance(value, Input)]
+        seen = {value.number for value in inputs if value.group == "state"}
     sizes = {
         "EQT_STATES": lengths["state"],
         "EQT_PARAMETERS": lengths["parameters"],
         "EQT_HELD": lengths["held"],
         "EQT_COMPARISONS": comparisons,
-        "EQT_MEMORY": 0 if at_samples is None else at_samples.memory,
+        "EQT_MEMORY": memory,
     }
-    states = range(lengths["state"])
-    seen = states if at_samples is None else at_samples.states
     emitted = [
         _defined(sizes),
         _array("char eqt_all", [1 for _ in states]),
@@ -89,22 +92,6 @@ class SampleProgram(NamedTuple):
     program: Program
     stretches: tuple[int, ...]
 
-    @property
-    def memory(self) -> int:
-        """The number of entries that it keeps from sample to sample."""
-        return dict(self.program.inputs)["memory"]
-
-    @property
-    def states(self) -> set[int]:
-        """The places in ``state`` that it reads."""
-        inputs = (value for value in self.program.values if isinstance(value, Input))
-        return {value.number for value in inputs if value.group == "state"}
-
-    @property
-    def stored(self) -> int:
-        """The number of entries that it keeps of each sample."""
-        return len(self.program.outputs[1].entries)
-
 
 def _measuring(at_samples: SampleProgram) -> str:
     lengths = dict(at_samples.program.inputs)
@@ -115,7 +102,7 @@ def _measuring(at_samples: SampleProgram) -> str:
     sizes = {
         "EQT_SOURCES": len(at_samples.stretches),
         "EQT_ROWS": sum(at_samples.stretches),
-        "EQT_KEPT": at_samples.stored,
+        "EQT_KEPT": len(at_samples.program.outputs[1].entries),
     }
     called = ", ".join(
         [*(arguments[name] for name, _ in at_samples.program.inputs), "(after)", "(kept)"]

@@ -799,10 +799,6 @@ def compiled_if_faster(engine: Engine, problem: Problem) -> Engine:
     if not isinstance(engine, SolveIvp) or engine.method not in FUNCTIONS:
         return engine
     long = max(len(problem.times), len(problem.spans)) >= WORTH_COMPILING
-    if not long or Native.unavailable():
-        return engine
-    try:
-        programs(problem.loop)
-    except EqtError:
+    if not long or refusal([problem.loop]):
         return engine
     return Native(rtol=max(engine.rtol, SMALLEST_RTOL), atol=engine.atol)
