@@ -806,12 +806,12 @@ class NoiseCovariance(LargestExcess):
                 yield from _off_identity(values.reshape(-1, values.shape[-1]))
 
 
-def rare_mean_squares(n: float) -> tuple[float, float]:
-    """Between which the mean of n squares of normals lies, but for one time in a million."""
+def rare_deviation(mean: float, n: float) -> float:
+    """Return how far such a mean of n squares of normals is from 1 one time in a million."""
     from scipy.special import gammaincinv  # slow to import
 
-    low, high = (float(2 * gammaincinv(n / 2, p) / n) for p in (RARE, 1 - RARE))
-    return low, high
+    share = RARE if mean < 1 else 1 - RARE
+    return abs(float(2 * gammaincinv(n / 2, share) / n) - 1)
 
 
 def _off_identity(z: Array) -> Iterator[Excess]:
@@ -821,10 +821,9 @@ def _off_identity(z: Array) -> Iterator[Excess]:
     the lower bound, however few rows there are.
     """
     n, axes = z.shape
-    low, high = rare_mean_squares(n)
     covariance = z.T @ z / n
     for variance in np.diag(covariance).tolist():
-        yield abs(variance - 1), 1 - low if variance < 1 else high - 1, ""
+        yield abs(variance - 1), rare_deviation(variance, n), ""
     for off in covariance[np.triu_indices(axes, 1)].tolist():
         yield abs(off), DEVIATIONS * np.sqrt(2 / n), ""  # products of normals have long tails
 
@@ -856,8 +855,8 @@ class Consistent(EstimateCheck):
             return
         nees, degrees = runs.estimate["nees"], runs.estimate["nees_dof"]
         mean = float((nees / degrees).mean())
-        low, high = rare_mean_squares(float(degrees[:, 0].sum()))
-        yield abs(mean - 1), 1 - low if mean < 1 else high - 1, f"NEES is {mean:.3g} times its mean"
+        bound = rare_deviation(mean, float(degrees[:, 0].sum()))
+        yield abs(mean - 1), bound, f"NEES is {mean:.3g} times its mean"
 
 
 class WhiteInnovations(EstimateCheck):
@@ -880,9 +879,8 @@ class WhiteInnovations(EstimateCheck):
             return
         squares = np.where(count > 0, count * square, 0.0)
         mean = float(squares.sum() / total)
-        low, high = rare_mean_squares(total)
         words = f"mean square {mean:.3g} of {total:.0f} innovations"
-        yield abs(mean - 1), 1 - low if mean < 1 else high - 1, words
+        yield abs(mean - 1), rare_deviation(mean, total), words
         if squares.sum() > 0:
             products = np.where(squares > 0, squares * correlation, 0.0).sum()
             relation = float(products / squares.sum())

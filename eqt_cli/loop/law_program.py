@@ -178,14 +178,13 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
     programs = [traced(step, groups)]
     programs += [traced(start, groups)] * bool(memory) + [traced(output, groups)] * bool(outputs)
     read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
-    used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
-    unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
     flat = loop.controller.reads_flat_output  # instead of the desired pose, or beside its rates
     spare = {known + name for name in units if adapter or (flat and name.startswith("desired_"))}
-    unused |= spare - read
-    reads = tuple(each for each in reads if INPUT + each.name not in unused)
-    left = tuple((group, size) for group, size in groups.items() if group not in unused)
-    trimmed = [dataclasses.replace(each, inputs=left) for each in programs]
+    unused = (spare | {NUMBER + entry.name for entry in numbers[:-1]}) - read
+    used = tuple(entry for entry in numbers if NUMBER + entry.name not in unused)
+    reads = tuple(entry for entry in reads if INPUT + entry.name not in unused)
+    inputs = tuple((group, size) for group, size in groups.items() if group not in unused)
+    trimmed = [dataclasses.replace(program, inputs=inputs) for program in programs]
     words = adapter.output.words if adapter else str
     turns, unit = G.parts[0], by_part(G, "force_unit")
     of_command = {"torque": turns.force_unit, "rates": turns.velocity_unit, "dipole": "A m^2"}

@@ -317,8 +317,9 @@ def _solve(
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
-    if solver.estimates_errors:
-        _judge(first.solution, estimate, solver.judgement.max_error)
+    limit = solver.judgement.max_error
+    if solver.estimates_errors and limit is not None:
+        _judge(first.solution, estimate, limit)
     return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}
 
 
@@ -575,10 +576,8 @@ def _moved(problem: Problem, error: float) -> Array:
     return loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
 
 
-def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:
+def _judge(solution: Solution, estimate: Array, limit: float) -> None:
     """Set the status `ACCURACY` for runs whose error estimate is above `max_error`, or is NaN."""
-    if limit is None:
-        return
     for run in np.flatnonzero((solution.status == Status.OK) & ~(estimate <= limit)):
         solution.status[run] = Status.ACCURACY
         solution.messages[run] = (
