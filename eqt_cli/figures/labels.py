@@ -16,23 +16,8 @@ from eqt_cli.figures import style
 from eqt_cli.figures.style import mathematical, shift
 from eqt_cli.results.result import Result
 
-_SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
-"""Symbol of the paper among words: with an index or a star, or a single letter."""
-_COMMANDS = {
-    "_ff": r"_{\mathrm{ff}}",
-    "^nog": r"^{\mathrm{nog}}",
-    "^asym": r"^{\mathrm{asym}}",
-    "L": r"\mathcal{L}",
-    "Ad*": r"\mathrm{Ad}^*",
-    "ad*": r"\mathrm{ad}^*",
-    "Ad_": r"\mathrm{Ad}_",
-    "⁻¹": "^{-1}",
-    "g*": r"\mathfrak{g}^*",
-    "⋉": r"\ltimes",
-    "→": r"\to",
-    "Υ": r"\Upsilon",
-    "τ": r"\tau",
-}
+_DESIRED = re.compile(r"\b(\w)_d\b")
+"""Symbol of a desired value among words."""
 _LONGEST = 30
 """Most characters in a line of a user's name of a signal."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
@@ -124,17 +109,8 @@ def component(symbol: str, axis: str) -> str:
 
 
 def notation(text: str) -> str:
-    r"""Return words, such as names of certificates, with the paper's symbols typeset.
-
-    ``rate of Ad_{Q_d⁻¹}`` becomes ``rate of $\mathrm{Ad}_{Q_d^{-1}}$``.
-    """
-    return _SYMBOL.sub(lambda symbol: f"${_typeset(symbol[0])}$", text)
-
-
-def _typeset(symbol: str) -> str:
-    for plain, command in _COMMANDS.items():
-        symbol = symbol.replace(plain, command)
-    return _DESCRIPTIVE.sub(r"_{\\mathrm{\1}}", symbol)
+    r"""Return words with symbols of desired values typeset: ``$\tau_{\mathrm{d}}$`` for ``τ_d``."""
+    return _DESIRED.sub(lambda symbol: quantity(f"{mathematical(symbol[1])}_d", ""), text)
 
 
 def free_text(name: str, characters: int) -> str:
@@ -142,26 +118,20 @@ def free_text(name: str, characters: int) -> str:
 
     ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown verbatim.
     """
-    shown = "".join(c if c.isprintable() else " " for c in name)
-    if not style.DOLLAR.search(shown):  # parsing would warn of letters that the font lacks
-        return _in_lines(shown.replace(r"\$", "$"), characters)
-    try:
-        MathTextParser("path").parse(shown)
-    except ValueError:
-        return _in_lines(shown, characters)
-    return shown
+    text = "".join(c if c.isprintable() else " " for c in name)
+    if style.DOLLAR.search(text):  # else parsing would warn of letters that the font lacks
+        try:
+            MathTextParser("path").parse(text)
+        except ValueError:
+            return _literal(text)
+        return text
+    text = text.replace(r"\$", "$")
+    return _literal(text) if "$" in text else "\n".join(textwrap.wrap(text, characters))
 
 
 def part_name(suffix: str) -> str:
     """Return the words in the suffix of a norm over a part: ``rotation`` for ``_rotation``."""
     return suffix.removeprefix("_").replace("_", " ")
-
-
-def _in_lines(text: str, characters: int) -> str:
-    """Wrap text without mathematics."""
-    if "$" in text:
-        return _literal(text)
-    return "\n".join(_literal(line) for line in textwrap.wrap(text, characters))
 
 
 def _literal(text: str) -> str:

@@ -5,10 +5,10 @@ import re
 import traceback
 import unicodedata
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import product
 from math import lcm
 from pathlib import Path
@@ -16,11 +16,9 @@ from typing import Any, Literal
 
 import matplotlib
 import numpy as np
-from matplotlib import RcParams, style, textpath
-from matplotlib.backends import backend_agg
+from matplotlib import RcParams, style
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.font_manager import FontProperties, fontManager
-from matplotlib.mathtext import MathTextParser
 from matplotlib.style import use
 
 from eqt_cli.base.errors import EqtError, suggestion
@@ -110,31 +108,17 @@ _IN_LATEX = {
 
 def sentence(text: str) -> str:
     """Return words, with mathematics between dollar signs, for a LaTeX document."""
-    pieces = enumerate(DOLLAR.split(text.replace("\n", " ")))
-    return "".join(
-        f"${_mathematics(piece)}$" if number % 2 else _escaped(piece.replace(r"\$", "$"))
-        for number, piece in pieces
-    )
-
-
-def _escaped(text: str) -> str:
-    """Escape text, so that no character is a command."""
-    return "".join(map(_escaped_letter, unicodedata.normalize("NFC", text)))
-
-
-def _escaped_letter(letter: str) -> str:
-    if letter in _IN_LATEX:
-        return _IN_LATEX[letter]
-    symbol = command(letter)
-    return letter if symbol is None else rf"\ensuremath{{{symbol}}}"
-
-
-def _mathematics(text: str) -> str:
-    """Return Matplotlib's mathematics for LaTeX, with ``%``, ``#`` and ``&`` escaped."""
-    safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
-    return "".join(
-        letter if (symbol := command(letter)) is None else f"{{{symbol}}}" for letter in safe
-    )
+    pieces = DOLLAR.split(text.replace("\n", " "))
+    for k, piece in enumerate(pieces):
+        if k % 2:  # Matplotlib's mathematics
+            safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", piece)
+            commands = {x: f"{{{command(x)}}}" for x in safe if command(x)}
+            pieces[k] = f"${''.join(commands.get(x, x) for x in safe)}$"
+        else:
+            plain = unicodedata.normalize("NFC", piece.replace(r"\$", "$"))
+            commands = {x: rf"\ensuremath{{{command(x)}}}" for x in plain if command(x)}
+            pieces[k] = "".join((commands | _IN_LATEX).get(x, x) for x in plain)
+    return "".join(pieces)
 
 
 # Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle -------------
@@ -376,22 +360,14 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
         if to_hex(_PRESENT["grid.color"]) == ink():
             # From a sheet without a grid; eqt shows one, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
-        name, reader = "MathTextParser", _reader_of_formulas(style)
-        of_png, of_paths = replaced(backend_agg, name, reader), replaced(textpath, name, reader)
-        with of_png, of_paths, _moderate_numbers():
+        with _moderate_numbers():
             yield
-
-
-@lru_cache(maxsize=1)
-def _reader_of_formulas(style: Style) -> Callable[[str], Any]:
-    """Return one reader for all renderers of a style: each would read all formulas again."""
-    return lru_cache(MathTextParser)
 
 
 @contextmanager
 def replaced(owner: Any, name: str, by: Any) -> Iterator[None]:
     """Replace an attribute for a while."""
-    original = vars(owner)[name]  # static methods as they are
+    original = getattr(owner, name)
     setattr(owner, name, by)
     try:
         yield
@@ -557,11 +533,6 @@ def mixed(colour: Any, other: Any, share: float) -> str:
     both = zip(to_rgba(colour), to_rgba(other), strict=True)
     red, green, blue, _ = (share * a + (1 - share) * b for a, b in both)
     return to_hex((red, green, blue))
-
-
-def darker(colour: str) -> str:
-    """Return a colour for words: a third of the way to the colour of text."""
-    return mixed(colour, ink(), 2 / 3)
 
 
 def size_of_type(key: str) -> float:
