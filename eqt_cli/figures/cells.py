@@ -28,8 +28,6 @@ FEW = 12
 """Most values that are written below a scale instead of round numbers."""
 _ROUNDING = 1e-9
 """Share of the largest value in its unit below which a component is rounding error."""
-_DIGIT, _BETWEEN = 0.055, 0.06
-"""Width of a digit, and of the gap between two numbers, in."""
 
 
 def spans_decade(values: Array) -> bool:
@@ -93,28 +91,17 @@ def scale_rounding(panels: Sequence[tuple[Axes, str]]) -> None:
             axes.set_ylim(-0.1 * largest[unit], 0.1 * largest[unit])
 
 
-def number_values(axes: Axes, values: Array, room: float) -> None:
-    """Number the horizontal scale at its values if they are few, as far as `room` inches allow.
+def number_values(axes: Axes, values: Array) -> None:
+    """Number the horizontal scale at its values if they are few; else as Matplotlib does.
 
-    Many values get Matplotlib's numbers. Set the scale to linear or logarithmic first.
+    Set the scale to linear or logarithmic first. Crowded numbers are hidden with the layout.
     """
     levels = np.unique(values)
-    log = axes.get_xscale() == "log"
-    if len(levels) > FEW:
-        if log:
-            scale_log(axes, "x", levels)
-        return
-    places = np.log(levels) if log else levels
-    places = (places - places[0]) / (np.ptp(places) or 1.0) * room
-    texts, end = [], -np.inf
-    for place, level in zip(places, levels, strict=True):
-        number = f"{level:.4g}"
-        half = _DIGIT * (len(number) - 0.5 * ("." in number)) / 2
-        fits = place - half >= end
-        texts.append(_number(level) if fits else "")
-        end = place + half + _BETWEEN if fits else end
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_xticks(levels, texts)
+    if len(levels) <= FEW:
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.set_xticks(levels, [_number(level) for level in levels])
+    elif axes.get_xscale() == "log":
+        scale_log(axes, "x", levels)
 
 
 def _number(value: float, _position: int | None = None) -> str:
@@ -157,7 +144,7 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
         return
     if axis.logarithmic:
         panel.set_xscale("log")
-    number_values(panel, axis.values, room - _AROUND)
+    number_values(panel, axis.values)
 
 
 _TICK_LETTER = 0.06

@@ -16,7 +16,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.lines import Line2D
 from matplotlib.textpath import text_to_path
 from matplotlib.ticker import MaxNLocator
 
@@ -54,6 +53,8 @@ NO_NUMBERS = "<density>"
 sample over an edge."""
 _LEAST_IN_LINE = 12
 """Least characters in a line of a name, so that few words are broken."""
+_BETWEEN = 0.06
+"""Least gap between two numbers side by side, in."""
 _LETTER = 0.2
 """Width of the letter of a panel, in."""
 _SMALLER = re.compile(r"\$[^$]*(\^|_|\\frac)")
@@ -79,6 +80,8 @@ class OwnPage(Figure):
 
     def finish(self, remarks: Sequence[str]) -> Figure:
         """Print remarks below the last of the axes; return the figure of these."""
+        for panel in self.panels.values():
+            hide_crowded(panel.xaxis)
         last = [*self.panels.values()][-1]
         name, size = last.xaxis.label, _SMALL * size_of_type("font.size")
         most = _characters(last.get_window_extent().width / last.figure.dpi, size)
@@ -310,8 +313,7 @@ def freeze(figure: Figure) -> None:
     for axes in figure.axes:
         # The panel of a colour scale gets its place when it is drawn.
         for scale in (axes.xaxis, axes.yaxis) if axes.get_label() != COLOUR_SCALE else ():
-            scale.get_tightbbox()
-            _hide_crowded(scale)
+            hide_crowded(scale)
             place = scale.label.get_transform().transform(scale.label.get_position())
             scale.set_label_coords(*axes.transAxes.inverted().transform(place))
 
@@ -321,16 +323,17 @@ def _numbers(scales: Iterable[Axis]) -> list[str]:
     return [tick.label1.get_text() for scale in scales for tick in scale.majorTicks]
 
 
-def _hide_crowded(scale: Axis) -> None:
-    """Hide the numbers of a logarithmic scale that would cover the one before."""
-    end = -np.inf
-    for tick in scale.majorTicks if scale.get_scale() == "log" else ():
+def hide_crowded(scale: Axis) -> None:
+    """Hide the numbers of a horizontal or logarithmic scale that would cover the one before."""
+    scale.get_tightbbox()  # which places them
+    end, across = -np.inf, scale is scale.axes.xaxis
+    for tick in scale.majorTicks if across or scale.get_scale() == "log" else ():
         box = tick.label1.get_window_extent()
-        first, last = (box.x0, box.x1) if scale is scale.axes.xaxis else (box.y0, box.y1)
+        first, last = (box.x0, box.x1) if across else (box.y0, box.y1)
         if first < end:
             tick.label1.set_visible(False)
         elif tick.label1.get_visible():
-            end = last
+            end = last + _BETWEEN * scale.axes.figure.dpi * across
 
 
 def _characters(room: float, size: float, sample: str = _SAMPLE) -> int:
@@ -397,13 +400,6 @@ def thin_line(look: Look, count: int) -> dict[str, Any]:
     """Return the line style of one of `count` single runs of a controller."""
     opacity = min(0.8, 4 / np.sqrt(count))  # few lines are visible, many make shades
     return {"color": (look.colour, opacity), "linewidth": THIN}
-
-
-def thin_line_legend(shown: Sequence[Ensemble], most: int) -> dict[str, Artist]:
-    """Return a legend handle by name, where at most `most` good runs are drawn."""
-    runs = max(np.count_nonzero(ensemble.good) for ensemble in shown)
-    name = "single runs" if runs <= most else f"first {most} runs"
-    return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
 
 
 FAR = 10.0

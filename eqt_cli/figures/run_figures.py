@@ -20,14 +20,7 @@ from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_log, scale_norm, spans_decade
 from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws, law_columns
 from eqt_cli.figures.labels import axis_labels, in_words, part_name
-from eqt_cli.figures.layout import (
-    add_legend,
-    band_look,
-    bound_below,
-    name_scale,
-    thin_line,
-    thin_line_legend,
-)
+from eqt_cli.figures.layout import THIN, add_legend, band_look, bound_below, name_scale, thin_line
 from eqt_cli.figures.shown import Ensemble
 from eqt_cli.figures.style import Look, Width, component_style, ink
 
@@ -111,7 +104,9 @@ class RunsFigure(OverTime):
             self._scale(column, runs.solver_error(signal))  # after all curves
         if len(parts) == 1:
             layout.hide_inner_scales(panels, places)
-        handles = thin_line_legend(shown, MOST_LINES)
+        are_few = all(np.count_nonzero(e.good) <= MOST_LINES for e in shown)
+        name = "single runs" if are_few else f"first {MOST_LINES} runs"
+        handles: dict[str, Artist] = {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
         handles["median over runs"] = Line2D([], [], color=ink())
         if estimated:
             handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)

@@ -13,6 +13,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
+from eqt_cli.figures.layout import hide_crowded
 from eqt_cli.figures.shown import ShownSweep
 from eqt_cli.figures.sweep_figures import _PALE_TINT, Pareto, Rates, Settled, SweepFigure, Winners
 from eqt_cli.results.quantity import briefly
@@ -63,22 +64,29 @@ def test_controllers_have_markers_of_their_own_which_hide_no_other(swept, pictur
 @pytest.mark.parametrize(
     ("values", "texts"),
     [
-        ([0.1, 0.11, 5], ["0.1", "", "5"]),
+        ([0.1, 0.11, 5], ["0.1", "0.11", "5"]),
         ([-1, 0, 1], [r"$\mathdefault{-1}$", "0", "1"]),
         ([1e-5, 1], [r"$1 \times 10^{-5}$", "1"]),
     ],
 )
-def test_values_are_written_where_there_is_room(values, texts):
+def test_few_values_are_written(values, texts):
     axes = Figure().add_subplot()
-    number_values(axes, np.array(values, dtype=float), 3.0)
+    number_values(axes, np.array(values, dtype=float))
     assert [text.get_text() for text in axes.get_xticklabels()] == texts
     assert list(axes.get_xticks()) == values
+
+
+def test_a_value_is_left_out_that_would_cover_the_one_before():
+    axes = Figure().add_subplot(xlim=(0, 5.1))
+    number_values(axes, np.array([0.1, 0.11, 5]))
+    hide_crowded(axes.xaxis)
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0.1", "5"]
 
 
 def test_many_values_get_round_numbers():
     axes = Figure().add_subplot()
     values = np.linspace(0.123, 1, FEW + 1)
-    number_values(axes, values, 3.0)
+    number_values(axes, values)
     assert values[0] not in axes.get_xticks()
 
 
