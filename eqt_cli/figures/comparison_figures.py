@@ -53,6 +53,9 @@ _MEDIAN: dict[str, Any] = {"linewidth": 1.2, "solid_capstyle": "butt"}
 _MARK: dict[str, Any] = {"linestyle": "none"}
 _MEAN = _MARK | {"marker": "D", "markersize": 3, "markeredgewidth": 0.6}
 _POINT = _MARK | {"marker": "o", "markersize": 1.6, "markeredgewidth": 0}
+_RUN = _POINT | {"alpha": 0.4}
+_TINT = 0.25
+"""Share of a law's colour in its box."""
 
 
 def draw_box(
@@ -78,7 +81,8 @@ def draw_box(
     caps = np.where(known, quantiles, np.nan)[[0, -1]]
     axes.plot(caps, [row, row], "|", color=colour, markersize=4, label=f"ends {label}")
     if known[1]:
-        axes.add_patch(Rectangle((lower, top), upper - lower, 2 * _HALF, facecolor=_tint(colour)))
+        tint = colour, _TINT
+        axes.add_patch(Rectangle((lower, top), upper - lower, 2 * _HALF, facecolor=tint))
         corners = [(upper, bottom), (lower, bottom), (lower, top), (upper, top)]
         outline = corners + corners[:1] if known[3] else corners
         axes.plot(*zip(*outline, strict=True), label=f"quartiles {label}", **solid)
@@ -87,40 +91,27 @@ def draw_box(
     if sample.values.size <= MOST_POINTS:
         seen = np.where(np.isfinite(sample.values), sample.values, np.nan)
         heights = row + _SPREAD * (2 * (_GOLDEN * np.arange(seen.size) % 1) - 1)
-        axes.plot(seen, heights, label=f"runs {label}", **_single())
+        axes.plot(seen, heights, label=f"runs {label}", color=ink(), **_RUN)
     else:
         extremes = sample.seen[[0, -1]] if sample.seen.size else np.full(2, np.nan)
         if sample.censored:
             extremes[1] = np.nan
         axes.plot(extremes, [row, row], label=f"extremes {label}", **_POINT, color=colour)
     if np.isfinite(sample.mean):
-        axes.plot([sample.mean], [row], label=f"mean {label}", **_mean())
-
-
-def _mean() -> dict[str, Any]:
-    return _MEAN | {"markerfacecolor": ink(0), "markeredgecolor": ink()}
-
-
-def _single() -> dict[str, Any]:
-    return _POINT | {"color": ink(), "alpha": 0.4}
-
-
-def _tint(colour: str) -> tuple[str, float]:
-    return colour, 0.25
+        hollow = _MEAN | {"markerfacecolor": ink(0), "markeredgecolor": ink()}
+        axes.plot([sample.mean], [row], label=f"mean {label}", **hollow)
 
 
 def box_legend(runs: Sequence[int]) -> tuple[list[Artist], list[str]]:
     """Return handles and names of the parts of boxes with these numbers of runs."""
     any_colour = ink(_ANY)
     handles: dict[str, Artist] = {
-        "quartiles, median": Patch(
-            facecolor=_tint(any_colour), edgecolor=any_colour, linewidth=0.8
-        ),
+        "quartiles, median": Patch(facecolor=(any_colour, _TINT), edgecolor=any_colour, lw=0.8),
         "10–90 %": Line2D([], [], color=any_colour, linewidth=0.8),
-        "mean": Line2D([], [], **_mean()),
+        "mean": Line2D([], [], **_MEAN, markerfacecolor=ink(0), markeredgecolor=ink()),
     }
     if min(runs) <= MOST_POINTS:
-        handles["single runs"] = Line2D([], [], **_single())
+        handles["single runs"] = Line2D([], [], color=ink(), **_RUN)
     if max(runs) > MOST_POINTS:
         handles["extremes"] = Line2D([], [], **_POINT, color=any_colour)
     return list(handles.values()), list(handles)
@@ -336,7 +327,7 @@ class Forest(OfDifferences):
         right.set_xlim(-0.04, 1.04)
         right.set_xlabel("share settled (%)")
         right.xaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
-        left.set_yticks(rows, [free_text(swept.point_name(int(k)), _LONGEST) for k in rows])
+        left.set_yticks(rows, [free_text(swept.results.point_name(int(k)), _LONGEST) for k in rows])
         left.set_ylim(points - 0.4, -0.6)
         for panel in (left, right):
             panel.grid(axis="y", visible=False)

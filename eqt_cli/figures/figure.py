@@ -32,7 +32,6 @@ from eqt_cli.figures.shown import (
     ShownMetrics,
     ShownReference,
     ShownSweep,
-    TimeRange,
     error_of,
     names,
 )
@@ -64,7 +63,7 @@ class ShownRuns(ShownControllers):
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
         super().__init__(results, figure, chosen)
-        self._time = chosen.time
+        self._chosen = chosen
         for one in results:
             self._check_stored(one, "lyapunov")
             if len(one.times) < 2:
@@ -101,7 +100,7 @@ class ShownRuns(ShownControllers):
 
     def _samples(self, result: Result) -> Array:
         """Return the indices of the samples that are shown."""
-        return self._time.samples(result.times, partial(error_of, result, self.figure))
+        return self._chosen.samples(result.times, partial(error_of, result, self.figure))
 
     def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
         """Return a signal of the good runs of a controller, ``(runs, samples, …)``.
@@ -493,7 +492,7 @@ class Figure(Component, Generic[S]):
     @property
     def chosen(self) -> Chosen:
         """Selection of controllers and their colours."""
-        return Chosen(self.controllers, self.focus, colours=self.colours)
+        return Chosen(self.controllers, self.focus, self.colours)
 
     def _only(self, results: Sequence[Result], what: str) -> Result:
         """Return the only result; refuse several."""
@@ -526,7 +525,7 @@ class Timed(Figure[S]):
     @property
     def chosen(self) -> Chosen:
         """Selection of controllers, colours and range of time."""
-        return super().chosen._replace(time=TimeRange(self.start, self.end))
+        return super().chosen._replace(start=self.start, end=self.end)
 
 
 @dataclass(frozen=True)

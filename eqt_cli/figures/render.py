@@ -82,17 +82,15 @@ def _without_date() -> Iterator[None]:
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:
-    title, description = _printable(title), _printable(description)
+    title, description = (  # without control characters, which XML cannot hold
+        "".join(letter if letter.isprintable() else " " for letter in text)
+        for text in (title, description)
+    )
     if format == "pdf":
         return {"Title": title, "Subject": description, "Creator": _MAKER, "CreationDate": None}
     if format == "svg":
         return {"Title": title, "Description": description, "Creator": _MAKER, "Date": None}
     return {"Title": title, "Description": description, "Software": _MAKER}
-
-
-def _printable(text: str) -> str:
-    """Return text without control characters, which XML cannot hold."""
-    return "".join(character if character.isprintable() else " " for character in text)
 
 
 MOST_SAMPLES = 101

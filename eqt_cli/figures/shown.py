@@ -17,7 +17,6 @@ from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
-from eqt_cli.loop.signals import MIXED
 from eqt_cli.results.metrics import RANKED
 from eqt_cli.results.quantity import SweptKey
 from eqt_cli.results.result import Result
@@ -32,9 +31,24 @@ MOST_COLOURS = 6
 """Largest number of laws with a colour each; the others are grey."""
 
 
-class TimeRange(NamedTuple):
-    """Range of time that is shown, s; None for the start or the end of the data."""
+class Chosen(NamedTuple):
+    """What a figure shows.
 
+    Attributes
+    ----------
+    controllers
+        Labels or titles of the controllers to show; all if empty.
+    focus
+        Controllers to draw in colour; the first `MOST_COLOURS` laws if empty.
+    colours
+        Colours by label or title; those of the style for the other controllers.
+    start, end
+        Range of time, s; None for the start or the end of the data.
+    """
+
+    controllers: Sequence[str] = ()
+    focus: Sequence[str] = ()
+    colours: Mapping[str, str] = MappingProxyType({})
     start: float | None = None
     end: float | None = None
 
@@ -57,27 +71,6 @@ class TimeRange(NamedTuple):
                 f"s; the result holds {times[0]:g} s to {times[-1]:g} s"
             )
         return inside
-
-
-class Chosen(NamedTuple):
-    """Which controllers a figure shows.
-
-    Attributes
-    ----------
-    controllers
-        Labels or titles of the controllers to show; all if empty.
-    focus
-        Controllers to draw in colour; the first `MOST_COLOURS` laws if empty.
-    time
-        Range of time to show; all by default.
-    colours
-        Colours by label or title; those of the style for the other controllers.
-    """
-
-    controllers: Sequence[str] = ()
-    focus: Sequence[str] = ()
-    time: TimeRange = TimeRange()
-    colours: Mapping[str, str] = MappingProxyType({})
 
 
 ALL = Chosen()
@@ -537,11 +530,6 @@ class ShownSweep:
         """The name of the error by which laws are compared first."""
         return next(iter(self.results.compared_first), "mean_pose_error")
 
-    def of_one_unit(self, name: str) -> str:
-        """Return the name of a metric; of its first part where the parts have different units."""
-        mixed = self.results.has(name) and self.results.units(name) == MIXED
-        return self.results.in_parts(name)[0] if mixed else name
-
     def metric(self, name: str) -> Array:
         """Return a metric of every run, ``(points, shown controllers, runs)``; NaN where it failed.
 
@@ -563,17 +551,6 @@ class ShownSweep:
         if not np.isfinite(means).any():
             raise self.error(f"finds no point at which every run has a {name}")
         return means
-
-    def laws(self, shown: int) -> dict[int, str]:
-        """Return the titles of the registered laws that the n-th shown controller equals, by point.
-
-        Empty unless the sweep is over the controllers' options.
-        """
-        return self.results.laws(self.controllers[shown])
-
-    def point_name(self, point: int) -> str:
-        """Return the swept values at a point: ``kp 2, kd 0.5``."""
-        return self.results.point_name(point)
 
     def notes(self) -> list[str]:
         """Return the notes for the reader about runs without a number."""
@@ -692,7 +669,7 @@ class ShownReference:
                 raise error_of(source, figure, message)
             pose, velocity, torque = (source[name] for name in desired)
             self.group, motion = source.group, (source.times, pose, velocity, torque)
-        samples = chosen.time.samples(
+        samples = chosen.samples(
             motion[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
         )
         self.times, self.pose, self.velocity, self.torque = (part[samples] for part in motion)

@@ -123,7 +123,7 @@ class SweepFigure(OfOneMetric):
             image = cells.draw(panel, means[:, index], norm=norm, cmap=colours_of(better))
             cells.hatch(panel, np.flatnonzero(failed[:, index].any(axis=-1)), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index].any(axis=-1)), BEYOND)
-            named = swept.laws(index)
+            named = swept.results.laws(swept.controllers[index])
             others = np.array([point not in named for point in range(len(means))])
             shown = np.where(others, means[:, index], np.nan)
             cells.write(panel, shown, image, room)
@@ -160,7 +160,7 @@ def _draw_curves(
             panel.vlines(across, *band, label=title, color=look.colour, linewidth=0.8)
         style |= {"marker": look.marker, "markersize": 4.5, "markerfacecolor": "none"}
         lines += panel.plot(across, means[order, k], label=title, **style)  # hollow: all are seen
-        for point, law in swept.laws(k).items():
+        for point, law in swept.results.laws(swept.controllers[k]).items():
             _name(panel, axis.values[point], means[point, k], law)
     scale_along(panel, swept.results, axis, WIDTHS[width])
     panel.set_ylabel(label)
@@ -293,23 +293,21 @@ class Winners(OfDifferences):
         add_title(panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}")
         _explain_winners(drawing, colours, wins, bool(failed), pale=too_few)
         share = f"{100 * (1 - self.confidence):g} %"
-        swept.remarks += (
-            [
+        points = len(wins.cells)
+        if wins.has_too_few_runs:
+            swept.remarks.append(
                 f"Colours: the better mean of {wins.runs} runs, too few for a win at one of "
-                f"{len(wins.cells)} points, which takes {wins.fewest}."
-            ]
-            if wins.has_too_few_runs
-            else [
-                f"No law wins at any of {len(wins.cells)} points, with {wins.runs} runs each. "
-                "Colours: the better mean."
-            ]
-            if nobody
-            else [
+                f"{points} points, which takes {wins.fewest}."
+            )
+        elif nobody:
+            remark = f"No law wins at any of {points} points, with {wins.runs} runs each."
+            swept.remarks.append(f"{remark} Colours: the better mean.")
+        else:
+            swept.remarks += [
                 "Numbers: difference from the next law in per cent of its mean.",
-                f"{len(wins.cells)} points, {wins.runs} runs each; probability of any false win ≤ "
-                f"{share}; failures of less than {3 / wins.runs:.2g} of all runs are not excluded.",
+                f"{points} points, {wins.runs} runs each; probability of any false win ≤ {share}; "
+                f"failures of less than {3 / wins.runs:.2g} of all runs are not excluded.",
             ]
-        )
         return drawing
 
 
@@ -480,7 +478,7 @@ class Pareto(OfSweep):
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Draw the means over the runs of every point, and the front of every controller."""
         swept.require_choices()
-        cost_name = self.cost or swept.of_one_unit("effort")
+        cost_name = self.cost or swept.results.in_parts("effort")[0]
         error_name = self.error or swept.error_metric
         cost, error = swept.means(cost_name), swept.means(error_name)
         drawing, panel = one_panel(width, _PARETO_HEIGHTS[width])

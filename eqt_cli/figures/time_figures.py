@@ -1,8 +1,7 @@
 """Figures over time: the paper's, torque, commands and the reference."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 from typing import Any, ClassVar, Literal
 
@@ -387,7 +386,11 @@ class Commands(Panelled, OverTime):
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if signal != "torque":
             axes = self._members(runs, width)
-        places = {name: list(axes).index(name) for name in self.picked(self._shown(runs, axes))}
+        members = list(axes)
+        if signal == LAW_OUTPUT:
+            held = np.any([self._holds(runs, e) for e in runs.shown], axis=0)
+            members = [name for name, is_held in zip(axes, held, strict=True) if is_held]
+        places = {name: list(axes).index(name) for name in self.picked(members)}
         wanted = list(places)
         span = runs.span
         if signal != LAW_OUTPUT and (closely := self._closely(runs, places)):
@@ -419,7 +422,7 @@ class Commands(Panelled, OverTime):
         units = [runs.unit(signal)] * len(names)
         if signal == LAW_OUTPUT:
             units = runs.results[0].units(OUTPUT).split("; ")
-            runs.ensembles = [e for e in runs.shown if any(map(partial(self._has, runs, e), names))]
+            runs.ensembles = [e for e in runs.shown if self._holds(runs, e).any()]
             if not runs.ensembles:
                 raise runs.error("finds no numbers of these laws, which have no memory")
         elif len(names) > _FEW and width == "column" and not self.controllers:
@@ -432,29 +435,23 @@ class Commands(Panelled, OverTime):
             labels[name] = free_text(f"{words} {behind}" if unit != "1" else words, _MOST_NAME)
         return labels
 
-    def _has(self, runs: ShownRuns, ensemble: Ensemble, name: str) -> bool:
-        """Return whether a law has a number."""
-        k = runs.members(LAW_OUTPUT).index(name)
-        return bool(np.isfinite(runs.of_run(LAW_OUTPUT, ensemble, self.run)[:, k]).any())
-
-    def _shown(self, runs: ShownRuns, names: Iterable[str]) -> list[str]:
-        """Return the rows that a shown law has."""
-        if self._signal != LAW_OUTPUT:
-            return list(names)
-        return [name for name in names if any(self._has(runs, e, name) for e in runs.shown)]
+    def _holds(self, runs: ShownRuns, ensemble: Ensemble) -> Array:
+        """Return which of the numbers of all laws a law holds."""
+        held: Array = np.any(np.isfinite(runs.of_run(LAW_OUTPUT, ensemble, self.run)), axis=0)
+        return held
 
     def _panels(
-        self, runs: ShownRuns, width: Width, places: Iterable[str]
+        self, runs: ShownRuns, width: Width, places: Mapping[str, int]
     ) -> tuple[Drawing, dict[str, LawRow]]:
         """Return the figure and its panels: a column per law, or one for numbers of laws."""
         if self._signal != LAW_OUTPUT:
             return law_columns(runs, width, list(places))
-        rows = [[name] for name in places]
-        drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
-        has = {name: [e for e in runs.shown if self._has(runs, e, name)] for name in panels}
-        return drawing, {
-            name: {e.label: panel for e in has[name]} for name, panel in panels.items()
-        }
+        drawing, panels = sheet(width, [[name] for name in places], runs.span, runs.unit("time"))
+        rows: dict[str, LawRow] = {}
+        for name, k in places.items():
+            laws = [e for e in runs.shown if self._holds(runs, e)[k]]
+            rows[name] = {e.label: panels[name] for e in laws}
+        return drawing, rows
 
     def _values(self, runs: ShownRuns, ensemble: Ensemble, k: int) -> tuple[Array, Array]:
         """Return what an axis, thruster or wheel gives, and what the law asks for."""

@@ -129,6 +129,6 @@ class Scatter(OfSweep):
             lines += axes.plot(x[:, k], y[:, k], label=title, **look)
         axes.set_xlabel(metric_label(swept.results, self.across, 36))
         axes.set_ylabel(metric_label(swept.results, self.up, 36))
-        axes.set_title(free_text(swept.point_name(0), 40))
+        axes.set_title(free_text(swept.results.point_name(0), 40))
         add_legend(drawing, lines, swept.titles)
         return drawing

@@ -90,7 +90,7 @@ class ShownMeasured:
         seen, flown, (pose, *_) = self.pair.recording, self.pair.simulated, self.pair.errors
         self.unit, self.group = result.units("time"), seen.group
         fail = partial(error_of, result, figure)
-        of_seen, of_flown = (chosen.time.samples(motion.times, fail) for motion in (seen, flown))
+        of_seen, of_flown = (chosen.samples(motion.times, fail) for motion in (seen, flown))
         self.times = seen.times[of_seen], flown.times[of_flown]
         G = self.group
         error = G.log(G.inverse(self.pair.reference.pose) @ flown.pose)
