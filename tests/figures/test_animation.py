@@ -230,12 +230,6 @@ def test_bodies_that_only_turn_leave_the_trail_of_their_x_axis(results):
     np.testing.assert_allclose(np.linalg.norm(scene.trails[0], axis=-1), 1, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (4, 2)])
-def test_bodies_stand_two_by_two(count, columns, results):
-    labels = ["eqt", "gt", "nog", "asym"][:count]
-    assert scene_of(motion(results, 0, labels)).columns == columns
-
-
 def test_three_bodies_leave_no_place_empty(results):
     stage = _Stage(scene_of(motion(results, 0, ["eqt", "gt", "nog"])), 1.0)
     boxes = [body.axes.get_window_extent() for body in stage.bodies]

@@ -241,10 +241,6 @@ def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opene
     assert encode(figures.get(name)(**options).draw([zeros]), "pdf")
 
 
-def test_figures_are_found_by_scanning():
-    assert {"distributions", "paper", "pareto", "runs", "sweep", "torque"} <= set(figures.names())
-
-
 @unarranged
 def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
     files = render([opened(so3)], "paper", tmp_path / "new" / "figures", ["svg", "json"])

@@ -18,16 +18,6 @@ PRINT = Paper(like="print")
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
 
-def test_lines_are_the_means_over_runs(so3, opened, picture):
-    results = opened(so3)
-    drawing = picture(PRINT, results)
-    assert len(drawing.axes) == 4
-    for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
-        for index, line in enumerate(axes.lines):
-            np.testing.assert_array_equal(line.get_xdata(), results["time"])
-            np.testing.assert_array_equal(line.get_ydata(), results[signal][index].mean(axis=0))
-
-
 def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_own(
     simulate, opened, curve_names, picture
 ):

@@ -6,7 +6,6 @@ from said import error_of
 
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.layout import EMPTY
-from eqt_cli.figures.style import WIDTHS
 from eqt_cli.figures.time_figures import Torque, _places
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -159,16 +158,6 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, pi
         r"$f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
     ]
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
-
-
-@pytest.mark.ci("arranges a figure for each number")
-@pytest.mark.parametrize("width", WIDTHS)
-def test_any_number_of_controllers_shares_the_panels(width, simulate, opened, picture):
-    path = simulate(
-        controllers=[{"kind": "family", "label": label} for label in "abcdefghi"],
-        ensemble={"runs": 1, "seed": 1},
-    )
-    assert len(picture(Torque(), opened(path), width=width).axes) == 3
 
 
 def test_an_axis_along_which_nothing_pushes_has_no_panel_unless_asked(se3, altered, opened):

@@ -62,6 +62,10 @@ def test_without_a_balance_nothing_is_said(energy_sentence):
     ("value", "words"),
     [
         (1.0, "1"),
+        (-np.pi, "−π"),
+        (1_000_000, "1000000"),
+        (0.5, "0.5"),
+        (float("inf"), "inf"),
         (-1e-9, "−1e−09"),
         (True, "yes"),
         (None, ""),

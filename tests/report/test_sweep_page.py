@@ -54,19 +54,6 @@ def test_a_point_at_which_runs_failed_counts_them_and_has_no_means(results, monk
     assert row[3 + place] is None
 
 
-def test_a_point_of_which_few_runs_settle_is_judged_by_all(results, monkeypatch):
-    settling = np.full_like(results["settling_time"], np.nan)
-    settling[..., 0] = 0.5
-    read = results.read
-    monkeypatch.setattr(
-        results,
-        "read",
-        lambda name, **at: settling if name == "settling_time" else read(name, **at),
-    )
-    expected = (0.5 + (results.runs - 1) * results.horizon) / results.runs
-    assert results.means("settling_time") == pytest.approx(np.full((6, 4), expected))
-
-
 def test_the_best_point_is_one_at_which_no_run_failed(results, monkeypatch):
     status, best = results["status"], int(np.argmin(results["effort"].mean(axis=-1)[:, 0]))
     status[best, 0, 0] = 1
@@ -123,12 +110,6 @@ def test_three_keys_leave_out_the_maps(invoke, tmp_path):
         text = report(results)
     assert text.count("<figure id=") == 1 and "Pareto front" in text
     assert "8 points over gains.kp, gains.kd and ensemble.seed, each with 2 runs" in text
-
-
-@pytest.mark.ci("draws all figures, twice")
-@pytest.mark.usefixtures("unarranged")
-def test_equal_sweeps_give_equal_pages(results):
-    assert report(results) == report(results)
 
 
 def test_a_page_of_a_sweep_is_against_no_law(swept_result):
