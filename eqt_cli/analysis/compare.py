@@ -274,32 +274,27 @@ def compare(
     kinds: dict[str, str] = {}  # the first law of each kind
     for label in labels:
         kinds.setdefault(result.kinds.get(label, label), label)
-    claimed = [(measure, window) for *_, measure, window in _tests(result, kinds)]
-    wanted: dict[_Key, Quantity] = {}
-    for measure, window in [*chosen, *claimed]:
-        wanted.setdefault((measure.name, window.within(result.times)), measure)
-    samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
-    measured = list(samples.values())
-    levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
+    tests = list(_tests(result, kinds))
+    samples: dict[_Key, PerRun] = {}
+    for measure, window in [*chosen, *((measure, window) for *_, measure, window in tests)]:
+        key = measure.name, window.within(result.times)
+        if key not in samples:
+            samples[key] = result.per_run(measure, window)
+    levels, pairs, resamples = statistics([*samples.values()], result.labels, result.good, how)
+    judgements = _judgements(result, tests, kinds, samples, pairs, how.confidence)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
-    judgements = _judgements(result, kinds, samples, pairs, how.confidence)
-    if result.described.departures:
-        uncovered = ClaimVerdict.NOT_COVERED
-        judgements = [replace(row, verdict=uncovered, runs_to_decide=None) for row in judgements]
     of_all = result.lyapunov_functions
     functions = {label: of_all[label] for label in labels if label in of_all}
     return _with_answer(
+        result,
+        how,
         title=result.title,
-        group=result.group_name,
         labels=labels,
         titles={label: result.title_of[label] for label in labels},
         runs=result.runs,
         kinds={label: kind for label, kind in result.kinds.items() if label in labels},
         failed={label: count for label, count in result.failed.items() if label in labels},
-        horizon=float(result.times[-1] - result.times[0]),
-        levels=[
-            each for each in levels if _key(each.measured) in shown and each.controller in labels
-        ],
+        levels=[x for x in levels if _key(x.measured) in shown and x.controller in labels],
         pairs=[
             pair
             for pair in pairs
@@ -311,17 +306,21 @@ def compare(
         departures=result.described.departures,
         lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
         not_matched=[label for label in result.described.not_matched if label in labels],
-        missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
-        confidence=how.confidence,
+        missing=[*_cut(result, chosen, windows), *_missing(result)],
         resamples=resamples,
-        seed=how.seed,
         negligible=negligible,
     )
 
 
-def _with_answer(**fields: Any) -> Comparison:
+def _with_answer(result: Result, how: Resampling, **fields: Any) -> Comparison:
     """Return a comparison with its answer, in words and as records."""
-    comparison = Comparison(**fields)
+    comparison = Comparison(
+        group=result.group_name,
+        horizon=float(result.times[-1] - result.times[0]),
+        confidence=how.confidence,
+        seed=how.seed,
+        **fields,
+    )
     about = f"{comparison.title} on {comparison.group}: {comparison.runs} runs of each law"
     lines = [about, *verdict.lines(comparison)]
     return replace(comparison, lines=lines, rows=rows_of(comparison))
@@ -390,24 +389,18 @@ def compare_two(
     same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
     bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
     return _with_answer(
+        first,
+        how,
         title=" and ".join(names),
-        group=first.group_name,
         labels=list(laws),
-        titles={at: f"{each.title_of[law]} ({name})" for at, (name, each, law) in laws.items()},
+        titles={k: f"{result.title_of[law]} ({name})" for k, (name, result, law) in laws.items()},
         runs=runs,
-        kinds={at: each.kinds[law] for at, (_, each, law) in laws.items()},
+        kinds={label: result.kinds[law] for label, (_, result, law) in laws.items()},
         failed=dict(zip(laws, np.count_nonzero(~good, axis=1).tolist(), strict=True)),
-        horizon=float(first.times[-1] - first.times[0]),
         levels=levels,
         pairs=[pair for pair in pairs if bases.get(pair.second) == pair.first],
-        missing=[
-            *_clipped(first, windows),
-            *_uncut(chosen, windows),
-            *(sentence for each in both for sentence in _missing(each)),
-        ],
-        confidence=how.confidence,
+        missing=[*_cut(first, chosen, windows), *_missing(first), *_missing(second)],
         resamples=resamples,
-        seed=how.seed,
         negligible=negligible,
         bases=bases,
         between=between,
@@ -472,7 +465,7 @@ def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
     """Whether its mean says more than that of the number it follows from, or that follows."""
     if quantity.censored:
         return not result.per_run(quantity, window).censored.any()
-    if quantity.implied_by and quantity.name not in result.metrics:
+    if quantity.implied_by and not result.has(quantity.name):
         return bool(result.censored(quantity.implied_by).any())
     return True
 
@@ -482,18 +475,18 @@ _Test = tuple[str, Claim, Less | AtMost, Quantity, Window]
 
 
 def _tests(result: Result, kinds: Mapping[str, str]) -> Iterator[_Test]:
-    """Yield the tests of the claims with a row about controllers of these kinds."""
+    """Yield the tests of the rows of claims about controllers of these kinds."""
     for claim_set in claim_sets.all():
         for claim in claim_set.claims:
-            if not any(set(row.kinds) <= set(kinds) for row in claim.rows):
-                continue
-            for row in claim.rows:
+            covered = [row for row in claim.rows if set(row.kinds) <= set(kinds)]
+            for row in covered:
                 for measure, window in measured_by(result, row):
                     yield claim_set.source, claim, row, measure, window
 
 
 def _judgements(
     result: Result,
+    tests: Sequence[_Test],
     kinds: Mapping[str, str],
     samples: dict[_Key, PerRun],
     pairs: Sequence[Pair],
@@ -501,40 +494,37 @@ def _judgements(
 ) -> list[Judgement]:
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
     rows = []
-    for source, claim, row, measure, window in _tests(result, kinds):
-        if not set(row.kinds) <= set(kinds):
-            continue
-        about = dict.fromkeys(kind for each in claim.rows for kind in each.kinds)
-        key, labels = (measure.name, window.within(result.times)), [kinds[k] for k in row.kinds]
+    for source, claim, row, measure, window in tests:
+        key = measure.name, window.within(result.times)
         if isinstance(row, AtMost):
-            [label] = labels
+            label = kinds[row.kind]
             index = result.labels.index(label)
             judged = judge_at_most(source, claim.says, row, samples[key], index, label, confidence)
         else:
-            first, second = labels
+            first, second = kinds[row.lesser], kinds[row.greater]
             pair = by_names.get((key, first, second)) or by_names[key, second, first].swapped()
             judged = judge_less(source, claim.says, pair)
-        absent = tuple(kind for kind in about if kind not in kinds)
+        if result.described.departures:
+            uncovered = ClaimVerdict.NOT_COVERED
+            judged = replace(judged, verdict=uncovered, runs_to_decide=None)
+        mentioned = dict.fromkeys(kind for other in claim.rows for kind in other.kinds)
+        absent = tuple(kind for kind in mentioned if kind not in kinds)
         rows.append(replace(judged, absent=absent))
     return rows
 
 
-def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]) -> Iterator[str]:
-    """Note the measures to which the chosen windows do not apply."""
-    names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
-    if names:
+def _cut(
+    result: Result, chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]
+) -> Iterator[str]:
+    """Note the windows that reach beyond the end of the runs, and the measures without a choice."""
+    for window in windows:
+        cut = window.within(result.times)
+        if math.isfinite(window.stop) and cut.stop < window.stop:
+            yield f"Window {window} is cut to {cut}, since the runs last {cut.stop:g} s."
+    names = [measure.name for measure, _ in chosen if not measure.windowed]
+    if windows and names:
         verb = "have their own windows" if len(names) > 1 else "has its own window"
         yield f"Windows do not apply to {', '.join(names)}, which {verb}."
-
-
-def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
-    """Note the chosen windows that reach beyond the end of the runs."""
-    shorter = [(window, window.within(result.times)) for window in windows]
-    return [
-        f"Window {window} is cut to {cut}, since the runs last {cut.stop:g} s."
-        for window, cut in shorter
-        if math.isfinite(window.stop) and cut.stop < window.stop
-    ]
 
 
 def _missing(result: Result) -> Iterator[str]:

@@ -135,8 +135,11 @@ def text_tables(
         [measures, *laws] = (list(column) for column in zip(means.header, *means.rows, strict=True))
         means = replace(means, header=["controller", *measures[1:]], blocks=[Block("", laws)])
     pairs = _pairs(comparison, notation, against, whole)
-    tables = pairs, means, _claims(comparison, notation)
-    return {table.name: table for table in tables if table.blocks}
+    return {
+        table.name: replace(table, notes=[notation.text(note) for note in table.notes])
+        for table in (pairs, means, _claims(comparison, notation))
+        if table.blocks
+    }
 
 
 def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
@@ -167,7 +170,7 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         caption += f"; {write.plus_minus} half the {_level_name(comparison, write)} interval"
     laws = [write.text(titles[label]) for label in comparison.labels]
     blocks = [Block("", rows)] if rows else []
-    return TextTable("controllers", caption, ["measure", *laws], blocks, _plain(notes, write))
+    return TextTable("controllers", caption, ["measure", *laws], blocks, notes)
 
 
 def _notes_on(levels: Sequence[Level], titles: Mapping[str, str]) -> Iterator[str]:
@@ -228,17 +231,17 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: 
         rows = [_pair_row(comparison, pair, write, whole) for pair in group]
         titles = [comparison.titles[label] for label in (first, second, second)]
         blocks.append(Block(write.text("{} against {}, in % of {}".format(*titles)), rows))
-    about = "Paired differences from the same initial states"
-    about = "Differences, run by run" if comparison.between else about
+    caption = "Paired differences from the same initial states"
+    if comparison.between:
+        caption = "Differences, run by run"
     header = ["measure", "difference", "relative", "verdict", "better in", "runs to decide"]
     spare = ("runs to decide", "difference", "better in")
     if not any(math.isfinite(pair.low) for pair in shown):
-        notes = _plain([too_few(comparison)], write)
-        table = TextTable("pairs", about, header, blocks, notes, spare)
+        table = TextTable("pairs", caption, header, blocks, [too_few(comparison)], spare)
         return table.without(header[3:])
-    caption = f"{about} over {whole} where no time is named, with {_level_name(comparison, write)}"
-    notes = _plain(_pair_notes(comparison, shown), write)
-    return TextTable("pairs", f"{caption} intervals", header, blocks, notes, spare)
+    level = _level_name(comparison, write)
+    caption += f" over {whole} where no time is named, with {level} intervals"
+    return TextTable("pairs", caption, header, blocks, _pair_notes(comparison, shown), spare)
 
 
 def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> list[str]:
@@ -304,7 +307,7 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
     if comparison.departures:
         notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]
     notes += [f"{late}: where they end, these runs do not show." for late in unsettled(comparison)]
-    return TextTable("claims", caption, header, blocks, _plain(notes, write), (header[-1],))
+    return TextTable("claims", caption, header, blocks, notes, (header[-1],))
 
 
 def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> list[str]:
@@ -339,7 +342,3 @@ def _level_name(comparison: Comparison, write: Plain) -> str:
 
 def _runs(runs: int | None) -> str:
     return "-" if runs is None else str(runs) if runs <= 10_000 else "> 10,000"
-
-
-def _plain(notes: Sequence[str], write: Plain) -> list[str]:
-    return [write.text(note) for note in notes]
