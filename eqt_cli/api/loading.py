@@ -16,7 +16,6 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME, point_group
 from eqt_cli.base.reporting import InNotebook
-from eqt_cli.results import result as results
 from eqt_cli.results.origin import KnownResult
 from eqt_cli.results.result import Result
 
@@ -141,15 +140,20 @@ def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
 
     Points of equal shape have it in no file: the configuration of the sweep gives it.
     """
-    result = results.open_result(path, point, _attributes_at)
+    result = Result(Path(path))
     result.loops_of = loops_of
-    return result
+    if point is None:
+        return result
+    try:
+        view = result.point(point)
+        if result.has_groups:
+            return view
+        from eqt_cli.config.study import attributes_at
 
-
-def _attributes_at(result: Result, point: int) -> dict[str, str]:
-    from eqt_cli.config.study import attributes_at
-
-    return attributes_at(result, point)
+        return result.point(point, attributes_at(result, point))
+    except BaseException:
+        result.close()
+        raise
 
 
 def loops_of(result: KnownResult, trust_plugins: bool = False) -> Mapping[str, ClosedLoop]:
@@ -395,7 +399,7 @@ class StoredResult(InNotebook, os.PathLike[str]):
 
     def records(self) -> list[dict[str, Any]]:
         """Return the summary of each law; none of a shard whose result is not packed yet."""
-        return self.opened.headline() if self.file.exists() else []
+        return self.opened.headline if self.file.exists() else []
 
 
 def open_result(path: str | os.PathLike[str], point: int | None = None) -> StoredResult:

@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,7 +67,7 @@ def outcome_record(result: Result) -> dict[str, Any]:
     from eqt_cli.analysis.maps import NOBODY, winners
 
     if not result.is_sweep:
-        return {"controllers": result.headline()}
+        return {"controllers": result.headline}
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
@@ -82,50 +83,15 @@ def _headline(result: Result) -> Text:
 
     Parts with units of their own have a block each.
     """
-    suffixes = dict.fromkeys(name.removeprefix(_base(name)) for name in result.headlines)
-    parts = [suffix for suffix in suffixes if suffix] or [""]
-    names_of_part = {part: _names_by_heading(result, part) for part in parts}
-    names = {heading: name for part in parts for heading, name in names_of_part[part].items()}
-    order = [*result.own_metrics, *SUMMARY]
-    headings = sorted(names, key=lambda heading: order.index(_base(names[heading])))
-    blocks = [
-        _block(result, part, [names_of_part[part].get(heading, "") for heading in headings])
-        for part in parts
-    ]
-    notes = []
-    for heading in headings:
-        if names[heading].startswith("early_torque"):
-            early = [result.quantity(names_of_part[part][heading]).plain for part in parts]
-            notes.append(f"{heading}: {'; '.join(dict.fromkeys(early))}")
-    if "mean error" in names:
-        moves = "final_position_error" in result.headlines
-        distance = ", and the distance ‖p − p_d‖" if moves else ""
-        notes.append(f"error: the angle of the attitude error{distance}")
-    header = headings
-    if parts == [""]:  # else each block names its units
-        units = [result.units(names[heading]) for heading in headings]
-        header = [
-            heading if unit in ("", "1") else f"{heading}, {unit}"
-            for heading, unit in zip(headings, units, strict=True)
-        ]
-    settled = "settled" if all("settled" in row for row in result.headline()) else "runs"
-    spare = (header[-1], *reversed(header[1:-1]))
-    return output.laid_out(
-        TextTable("headline", "", ["law", settled, *header], blocks, notes, spare)
+    suffixes = dict.fromkeys(
+        name.removeprefix(next((base for base in SUMMARY if name.startswith(base)), name))
+        for name in result.headlines
     )
-
-
-def _base(name: str) -> str:
-    """Return the name of a number of which this is a part, or its own name."""
-    return next((base for base in SUMMARY if name.startswith(base)), name)
-
-
-def _names_by_heading(result: Result, part: str) -> dict[str, str]:
-    """Return the numbers of a part, given by its suffix, ``_rotation``, by their headings."""
-    names, turns = dict[str, str](), part.startswith("_rotation")
-    for base in (*result.own_metrics, *SUMMARY):
+    parts = [suffix for suffix in suffixes if suffix] or [""]
+    columns: dict[str, dict[str, str]] = {}  # names of numbers by heading and part
+    for base, part in product((*result.own_metrics, *SUMMARY), parts):
         name = base + part if base + part in result.headlines else base
-        turned = any(what in base for what in ("attitude", "pointing"))
+        turns, turned = part.startswith("_rotation"), "attitude" in base or "pointing" in base
         of_other = (turned and not turns) or ("position" in base and turns)
         if name not in result.headlines or (part and of_other):
             continue
@@ -134,14 +100,32 @@ def _names_by_heading(result: Result, part: str) -> dict[str, str]:
         heading = _WINDOW.sub(lambda mean: mean[1] + mean[2].translate(_BELOW), heading)
         if SUMMARY.get(base) and (part or not quantity.stored_by_part):
             heading = SUMMARY[base]
-        names.setdefault(heading, name)
-    return names
+        columns.setdefault(heading, {}).setdefault(part, name)
+    blocks = [
+        _block(result, part, [names.get(part, "") for names in columns.values()]) for part in parts
+    ]
+    header, notes = [], []
+    for heading, names in columns.items():
+        if any(name.startswith("early_torque") for name in names.values()):
+            early = dict.fromkeys(result.quantity(names[part]).plain for part in parts)
+            notes.append(f"{heading}: {'; '.join(early)}")
+        unit = result.units(names[""]) if "" in names else ""  # else each block names its units
+        header.append(heading if unit in ("", "1") else f"{heading}, {unit}")
+    if "mean error" in columns:
+        moves = "final_position_error" in result.headlines
+        distance = ", and the distance ‖p − p_d‖" if moves else ""
+        notes.append(f"error: the angle of the attitude error{distance}")
+    settled = "settled" if all("settled" in row for row in result.headline) else "runs"
+    spare = (header[-1], *reversed(header[1:-1]))
+    return output.laid_out(
+        TextTable("headline", "", ["law", settled, *header], blocks, notes, spare)
+    )
 
 
 def _block(result: Result, part: str, names: Sequence[str]) -> Block:
     """Return the lines of a part; of the whole if its suffix is empty."""
     rows = []
-    for row in result.headline():
+    for row in result.headline:
         *means, residual = (row.get(name, np.nan) for name in names)
         of = f"/{row['runs'] - row['by_rounding']}" * ("settled" in row)
         ended = f"{row.get('settled', row['runs'] - row['failed'])}{of}"
@@ -154,7 +138,7 @@ def _block(result: Result, part: str, names: Sequence[str]) -> Block:
 
 def _shares(result: Result) -> Iterator[str]:
     """Yield rare unsettled runs, time at a limit, and errors by sampling."""
-    rows = [(result.title_of[row["controller"]], row) for row in result.headline()]
+    rows = [(result.title_of[row["controller"]], row) for row in result.headline]
     if all("settled" in row for _, row in rows):
         counted = {title: row["runs"] - row["by_rounding"] for title, row in rows}
         yield from _rare(result, {title: counted[title] - row["settled"] for title, row in rows})

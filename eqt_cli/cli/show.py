@@ -244,7 +244,7 @@ def _listed(path: Path) -> dict[str, Any]:
             points = f"{result.dimensions['point']} points × " if result.is_sweep else ""
             record["runs"] = f"{points}{result.runs}"
             for name in () if result.is_sweep else result.compared_first[:1]:
-                means = ", ".join(significant(row[name]) for row in result.headline())
+                means = ", ".join(significant(row[name]) for row in result.headline)
                 words = f"{result.quantity(name).plain} {means} {result.unit_in_words(name)}"
                 record["headline"] = words.rstrip()
     except EqtError as error:

@@ -510,7 +510,7 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 def _of_experiment(result: Result, against: str) -> dict[str, Any]:
     record = TUNE.beside(result)
     return {
-        "headline": result.headline(),
+        "headline": result.headline,
         "means": summary.columns(result, [x for x in result.headlines if x != "energy_residual"]),
         "picker": summary.curves(result),
         "table": summary.run_table(result),

@@ -574,14 +574,14 @@ def quantity_of(
     row of its file, or of its plugin. An unknown variable is a number per run without a formula.
     """
     if name in QUANTITIES:
-        return QUANTITIES[name]
+        return QUANTITIES[name].with_choices(attributes)
     for better in get_args(Better):
         if attributes.get("better") == better:
             units, late = str(attributes.get("units", "")), attributes.get("censored") == 1
             return _user_quantity(name, long_name or name, better, late, units=units)
     for row in MEASURED:
         if row.stored_by_part and name.startswith(f"{row.name}_"):
-            return row.part(name.removeprefix(f"{row.name}_"))
+            return row.with_choices(attributes).part(name.removeprefix(f"{row.name}_"))
     if name in metrics.names():
         return own_quantity(metrics.get(name))
     if (signal := signal_of(name)) and signal.norm:

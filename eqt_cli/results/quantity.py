@@ -334,7 +334,6 @@ class Quantity:
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
             label=inside if "{}" in self.label else f"{self.label} {words}",
             stored=self.per is ValuePer.TRAJECTORY,
-            chosen=partial(_chosen_of_part, self, name),
         )
 
     def measure(
@@ -364,13 +363,6 @@ class Quantity:
         over = copy(over)
         over.hold = hold
         return self.of(over, *columns, **settings)
-
-
-def _chosen_of_part(quantity: Quantity, part: str, **known: float) -> dict[str, Any]:
-    """Return the fields of a part that keys of the configuration change."""
-    fields = quantity.chosen(**known)
-    of_part = replace(quantity, **fields).part(part)
-    return {name: getattr(of_part, name) for name in fields}
 
 
 # How quantities and numbers are written in tables, as plain text and in LaTeX ---------------------

@@ -3,7 +3,7 @@
 import copy
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -434,13 +434,15 @@ class Result(KnownResult):
 
     @cached_property
     def metrics(self) -> list[str]:
-        """Names of all numbers that are stored for every run."""
+        """Names of all numbers that are stored for every run, and of those implied by one."""
         per_run = ("point", "controller", "run") if self.is_sweep else ("controller", "run")
-        return [
+        stored = [
             name
             for name in self.names
             if self.dims(name) == per_run and name not in ("status", "message")
         ]
+        implied = [row.name for row in METRICS if row.implied_by in stored]
+        return list(dict.fromkeys([*stored, *implied]))
 
     def metric(self, name: str, controller: int | None = None) -> Array:
         """Return a number of every run, ``(controllers, runs)``, or ``(runs,)`` for one controller.
@@ -453,7 +455,7 @@ class Result(KnownResult):
         EqtError
             If there is no number of that name.
         """
-        if name in self.metrics or self._follows(name):
+        if name in self.metrics:
             values = np.where(self.good, self._number(name), np.nan) * self.factor(name)
         elif self.is_sweep:
             values = np.stack([self.at(point).metric(name) for point in range(self.points)])
@@ -464,14 +466,10 @@ class Result(KnownResult):
         return values if controller is None else values[..., controller, :]
 
     def _number(self, name: str) -> Array:
-        """Return a number of every run as stored, or as it follows from another one."""
-        if name in self.metrics:
+        """Return one of `metrics` of every run."""
+        if self.has(name):
             return self[name].astype(float)
         return np.isfinite(self[self.quantity(name).implied_by]).astype(float)
-
-    def _follows(self, name: str) -> bool:
-        """Whether a number per run is not stored, but follows from a stored one."""
-        return name not in self.metrics and self.quantity(name).implied_by in self.metrics
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Whether the number of each good run lies beyond the horizon, in the shape of `metric`."""
@@ -494,7 +492,7 @@ class Result(KnownResult):
 
         A sweep has a leading axis of points. None if the result does not store this.
         """
-        if not {"settled", self.quantity("settled").implied_by} & set(self.metrics):
+        if "settled" not in self.metrics:
             return None
         return self.metric("settled") > 0  # NaN (a failed run) is not settled
 
@@ -505,7 +503,7 @@ class Result(KnownResult):
         """
         return np.mean(self.counted(name), axis=-1)
 
-    def check_metrics(self, names: Sequence[str], who: str = "") -> None:
+    def check_metrics(self, names: Sequence[str], who: str) -> None:
         """Check that numbers per run of these names exist.
 
         Parameters
@@ -518,19 +516,17 @@ class Result(KnownResult):
         EqtError
             With the existing names.
         """
-        known = [*self.metrics, *(row.name for row in METRICS if self._follows(row.name))]
+        known = self.metrics
         for name in names:
             if name not in known:
                 hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
-                raise self.error(f"{f'{who} ' if who else ''}finds no metric '{name}'{hint}")
+                raise self.error(f"{who} finds no metric '{name}'{hint}")
 
     def quantity(self, name: str) -> Quantity:
         """Return the row of a variable in the table, with the attributes of the file."""
         if not self.has(name):
             return self._of_part(quantity_of(name))
-        attributes = self.attributes_of(name)
-        row = quantity_of(name, self.long_name(name), attributes).with_choices(attributes)
-        return self._of_part(row)
+        return self._of_part(quantity_of(name, self.long_name(name), self.attributes_of(name)))
 
     def _of_part(self, quantity: Quantity) -> Quantity:
         """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
@@ -588,8 +584,7 @@ class Result(KnownResult):
         """All numbers per run that the result holds or that can be computed from it, by name."""
         quantities: dict[str, Quantity] = {}
         for quantity in (self.quantity(row.name) for row in METRICS):
-            follows = self._follows(quantity.name)
-            if follows or self._has_signals(quantity) or self._metrics_like(quantity):
+            if self._has_signals(quantity) or self._metrics_like(quantity):
                 quantities[quantity.name] = quantity
             for part in self._parts_of(quantity):
                 quantities[f"{quantity.name}_{part}"] = self._of_part(quantity.part(part))
@@ -642,20 +637,14 @@ class Result(KnownResult):
         papers = {"eqt", "gt"} <= set(self.kinds.values())
         return papers and not self.described.departures
 
-    def headline(self) -> list[dict[str, Any]]:
-        """Return the summary of every controller: `headlines` over its good runs.
-
-        Returns
-        -------
-        list of dict
-            ``controller``, ``runs``, ``failed`` and of these ``by_rounding``, and the numbers by
-            name, or those of their parts if the units differ; NaN if no run is good. Also the
-            number of ``settled`` runs and the mean ``saturated_share``, if the result has them.
-        """
-        return self._summary
-
     @cached_property
-    def _summary(self) -> list[dict[str, Any]]:
+    def headline(self) -> list[dict[str, Any]]:
+        """The summary of every controller: `headlines` over its good runs.
+
+        ``controller``, ``runs``, ``failed`` and of these ``by_rounding``, and the numbers by name,
+        or those of their parts if the units differ; NaN if no run is good. Also the number of
+        ``settled`` runs and the mean ``saturated_share``, if the result has them.
+        """
         summary: list[dict[str, Any]] = []
         for c, label in enumerate(self.labels):
             good = self.good[..., c, :]
@@ -708,8 +697,7 @@ class Result(KnownResult):
 
     def covers(self, quantity: Quantity, window: Window) -> bool:
         """Whether a number per run is known over this window."""
-        stored = self._stored_as(quantity, window) is not None
-        return stored or self._has_signals(quantity) or self._follows(quantity.name)
+        return self._stored_as(quantity, window) is not None or self._has_signals(quantity)
 
     def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
         """Return a number of every run over a window, as stored or computed from trajectories.
@@ -722,7 +710,7 @@ class Result(KnownResult):
         window, unit = window.within(self.times), self._unit_of(quantity)
         stored, runs = self._stored_as(quantity, window), np.arange(self.runs)
         if stored is not None:
-            columns = self[stored]
+            columns = self._number(stored)
         elif self._has_signals(quantity):
             runs, over = self.stored_runs, SampledRuns(self.times, self.described.holds)
             columns = np.empty((len(self.labels), len(runs)))
@@ -730,8 +718,6 @@ class Result(KnownResult):
                 signals = {signal: self.read(signal, controller=c) for signal in quantity.signals}
                 with np.errstate(all="ignore"):  # failed runs hold NaN
                     columns[c] = quantity.measure(over, signals, window)
-        elif self._follows(quantity.name):
-            columns = self._number(quantity.name)
         else:
             raise self._not_stored(quantity, window)
         values = np.full((len(self.labels), self.runs), np.nan)
@@ -826,21 +812,13 @@ class Result(KnownResult):
         return self.error(f"cannot compute {what}: it needs {lacks(quantity.signals)}")
 
 
-def open_result(
-    path: str | os.PathLike[str],
-    point: int | None = None,
-    attributes_at: Callable[[Result, int], Mapping[str, Attribute]] = lambda result, point: {},
-) -> Result:
-    """Open a result, or one point of a sweep as the result of a single experiment.
+def open_result(path: str | os.PathLike[str]) -> Result:
+    """Open a result.
 
     Parameters
     ----------
     path
         The result folder, or the result file in it.
-    point
-        Number of a point of a sweep.
-    attributes_at
-        Returns the attributes of a point where the file has only those of the sweep.
 
     Returns
     -------
@@ -850,17 +828,9 @@ def open_result(
     Raises
     ------
     ResultError
-        If there is no such result or point, or its file is damaged or unsafe.
+        If there is no such result, or its file is damaged or unsafe.
     """
-    result = Result(Path(path))
-    try:
-        if point is None:
-            return result
-        view = result.point(point)
-        return view if result.has_groups else result.point(point, attributes_at(result, point))
-    except BaseException:
-        result.close()
-        raise
+    return Result(Path(path))
 
 
 def mean_over_runs(values: Array) -> Array:

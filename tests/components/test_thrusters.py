@@ -10,6 +10,7 @@ import yaml
 from scipy.optimize import lsq_linear
 
 from eqt_cli.api import load_experiment
+from eqt_cli.api.loading import open_at
 from eqt_cli.components.actuators import Limit, RateLimit
 from eqt_cli.components.forces import Drag
 from eqt_cli.components.groups import group_named
@@ -503,6 +504,6 @@ def test_points_with_other_thrusters_have_their_own(folder):
     execute(load_experiment(FLIGHT | few | sweep), Path("out"))
     found = []
     for point in range(len(parts)):
-        with open_result(Path("out"), point) as one:
+        with open_at(Path("out"), point) as one:
             found.append(one["thrust"].shape[-1] if one.has("thrust") else None)
     assert found == [None, 3, 4, 4]

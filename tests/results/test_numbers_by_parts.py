@@ -5,6 +5,7 @@ import pytest
 
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.api.loading import open_at
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import open_result
@@ -79,7 +80,7 @@ def test_a_part_knows_the_window_of_its_file(result):
 
 
 def test_tables_show_parts_and_no_sum_of_two_units(result, invoke):
-    headline = result.headline()[0]
+    headline = result.headline[0]
     assert {"early_torque_rotation", "early_torque_translation"} <= set(headline)
     assert not {"early_torque", "mean_pose_error"} & set(headline)
     levels = compare(result, how=Resampling(resamples=9)).levels
@@ -98,7 +99,7 @@ def test_points_on_groups_with_other_parts_share_what_all_have(invoke, folder, t
     (tmp_path / "g.yaml").write_text(swept + "sweep: [{grid: {group: [SE3, SO3]}}]\n")
     brief = ["--set", "controllers=[eqt]", "--set", "ensemble.runs=1"]
     invoke("sweep", tmp_path / "g.yaml", *brief, "--out", tmp_path / "g")
-    with open_result(tmp_path / "g") as both, open_result(tmp_path / "g", 0) as one:
+    with open_result(tmp_path / "g") as both, open_at(tmp_path / "g", 0) as one:
         assert "effort_rotation" not in both.metrics
         assert "effort_rotation" in one.metrics
         np.testing.assert_array_equal(both["effort"][0], one["effort"])

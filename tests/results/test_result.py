@@ -116,7 +116,7 @@ def test_headline_has_no_means_where_no_run_is_good(make_result):
     values = np.arange(8.0).reshape(2, 4)
     metrics = dict.fromkeys((*names, "energy_residual"), values)
     result = make_result(["eqt", "gt"], metrics=metrics, status=[[0, 0, 1, 0], [1] * 4])
-    first, second = result.headline()
+    first, second = result.headline
     assert (first["runs"], first["failed"], first["early_torque"]) == (4, 1, 4 / 3)
     assert first["energy_residual"] == 3.0
     assert np.isnan(second["early_torque"]) and np.isnan(second["energy_residual"])

@@ -84,7 +84,7 @@ def test_such_a_run_counts_neither_way_and_no_tolerance_is_advised(
 ) -> None:
     statuses(tmp_path, 10.0, initial={"pose": HALF_TURN, "velocity": AT_REST})
     with open_result(tmp_path / "r") as result:
-        (row,) = result.headline()
+        (row,) = result.headline
         print_outcome(result)
     assert (row["runs"], row["failed"], row["by_rounding"], row["settled"]) == (1, 1, 1, 0)
     out, err = capsys.readouterr()

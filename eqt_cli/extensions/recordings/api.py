@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from eqt_cli.analysis.law_search import without_search
-from eqt_cli.api.loading import Configuration, ResultPath, path_from, source_from
+from eqt_cli.api.loading import Configuration, ResultPath, open_at, path_from, source_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import refusals, text_of
@@ -41,7 +41,6 @@ from eqt_cli.extensions.recordings.prediction import (
     growth,
 )
 from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.results.result import open_result
 
 # Reads and checks recordings ----------------------------------------------------------------------
 
@@ -501,7 +500,7 @@ def compare_measured(
     >>> laws[0].rows == len(rows), round(laws[0].shares[0].explained, 6)
     (True, 1.0)
     """
-    with open_result(path_from("result", result), point) as opened:
+    with open_at(path_from("result", result), point) as opened:
         if opened.group is None:
             raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
         recording = read_measured(measured, opened.group, mapping, format)
