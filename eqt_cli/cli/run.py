@@ -157,12 +157,11 @@ def tune(
     After an interruption, run the same command again to continue. The exit code is 4 if a law has
     no feasible gains.
     """
-    from eqt_cli import api
     from eqt_cli.analysis.search_tables import tuning_tables
     from eqt_cli.analysis.tune import Search
 
     search = Search.read(setup.source(config), trust_plugins=handling.trust_plugins)
-    done = _searched(search, api.tune, setup, handling, dry_run=dry_run)
+    done = _searched(search, setup, handling, dry_run=dry_run)
     laws, failed = done.record["laws"], done.judged.failed
     lost = [
         f"no feasible point of {law['label']}: the least violation is {law['least_violation']:.3g}"
@@ -206,7 +205,7 @@ def worst(
     if certified:  # before the search, which takes longer
         check_push_and_start(0.0, certified)
     search = WorstSearch.read(setup.source(config), trust_plugins=handling.trust_plugins)
-    done = _searched(search, api.worst, setup, handling, dry_run=dry_run)
+    done = _searched(search, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
     for law in done.record["laws"] if certified else ():
         law_rates = api.certified(done.judged.folder.path / law["config"], start=certified)
@@ -232,20 +231,11 @@ def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:
 
 
 def _searched(
-    search: Searches[Any],
-    begin: Callable[..., Searched],
-    setup: options.Setup,
-    handling: options.Handling,
-    *,
-    dry_run: bool,
+    search: Searches[Any], setup: options.Setup, handling: options.Handling, *, dry_run: bool
 ) -> Searched:
-    """Search and return the outcome; for a dry run, print the plan and end the command.
-
-    Parameters
-    ----------
-    begin
-        `tune` or `worst` of the API.
-    """
+    """Search and return the outcome; for a dry run, print the plan and end the command."""
+    from eqt_cli.analysis.search import carry_out
+    from eqt_cli.config.remarks import remark_on
     from eqt_cli.config.study import Study
 
     out = setup.out or search.folder
@@ -255,8 +245,9 @@ def _searched(
         _print_search_plan(search, executor, json=handling.json)
         raise typer.Exit
     output.say(_runs_line(search))
+    remark_on(search.base)
     try:
-        return begin(search, out, executor=executor, force=handling.force)
+        return carry_out(search, out, executor, force=handling.force)
     except Interrupted as error:
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to continue",
