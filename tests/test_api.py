@@ -71,12 +71,6 @@ def test_unknown_attribute():
         eqt_cli.nothing  # noqa: B018
 
 
-def test_loaded_experiments_describe_themselves():
-    loaded = eqt_cli.load_experiment(PAPER, FEW)
-    assert repr(loaded) == "<experiment paper on SO3: 3 runs of eqt, gt, nog, asym>"
-    assert loaded.resolved["gains"] == {"kp": 1.0, "kd": 0.5}
-
-
 def test_overrides_may_be_arrays():
     inertia = np.diag([1.0, 2.0, 2.5])
     loaded = eqt_cli.load_experiment(PAPER, {"inertia": inertia, "gains.kd": np.float64(2)})
@@ -159,13 +153,6 @@ def test_run_reports_progress(tmp_path, told, estimates):
     assert told.total("runs") == pytest.approx(6)
 
 
-@needs_xarray
-def test_a_result_opens_in_xarray(result):
-    with result.to_xarray() as data:
-        assert data.torque.dims == ("controller", "run", "time", "axis")
-        assert data.torque.sel(controller="gt").attrs["units"] == "N m"
-
-
 def test_without_xarray_a_result_is_read_as_arrays(result, monkeypatch):
     monkeypatch.setattr(loading, "find_spec", lambda name: None)
     assert eqt_cli.open_result(result).read("effort", controller="gt").shape == (3,)
@@ -210,19 +197,6 @@ def test_a_result_that_was_opened_is_as_the_one_that_was_run(result):
     assert error_of(lambda: opened.outcome) == (
         f"{result.path}: was opened from a file; only a result that `run` returns has an outcome"
     )
-
-
-@needs_xarray
-def test_hostile_files_are_refused_before_xarray_sees_them(tmp_path):
-    path = tmp_path / "results.h5"
-    path.write_bytes(b"no HDF5 at all")
-    with pytest.raises(EqtError, match="is not an HDF5 file"):
-        eqt_cli.open_result(path)
-
-
-def test_compare_takes_windows_as_text(result):
-    comparison = eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:0.5"])
-    assert [level.measured.window.stop for level in comparison.levels] == [0.5] * 4
 
 
 @pytest.mark.parametrize(

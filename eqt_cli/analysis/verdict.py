@@ -275,18 +275,15 @@ def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> F
 
 def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator[str]:
     """Yield each statement and the number of runs in which it held; equal counts are grouped."""
-    for (statement, held, runs, low, open_), alike in groupby(
-        rows,
-        key=lambda row: (
-            *(row.statement, row.held, row.runs, row.low),
-            row.verdict is ClaimVerdict.UNDECIDED,
-        ),
-    ):
-        more = f", and {100 * SHARE:g} % is needed" if open_ else ""
-        laws = listed([comparison.titles[row.controller] for row in alike])
+    for count, group in groupby(rows, key=lambda row: (row.statement, row.held, row.runs)):
+        statement, held, runs = count
+        first, *others = group  # alike in the rest, too
+        needed = f", and {100 * SHARE:g} % is needed"
+        more = needed if first.verdict is ClaimVerdict.UNDECIDED else ""
+        laws = listed([comparison.titles[row.controller] for row in (first, *others)])
         yield (
             f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
-            f"{100 * low:.1f} % of all initial states ({100 * comparison.confidence:g} % "
+            f"{100 * first.low:.1f} % of all initial states ({100 * comparison.confidence:g} % "
             f"confidence){more}"
         )
 

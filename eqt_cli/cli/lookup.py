@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from eqt_cli.config.experiment import Experiment
-    from eqt_cli.config.study import Study
 
 # `eqt list`: the available components ------------------------------------------------------------
 
@@ -263,7 +262,8 @@ def check(
     except ConfigError as error:
         if not json:
             raise
-        output.print_json(_document(config, output.problem_records(error.problems)))
+        problem_records = output.problem_records(error.problems)
+        output.print_json({"config": str(config), "fine": False, "problems": problem_records})
         raise typer.Exit(error.exit_code) from error
     if resolved:
         output.print_source(checked.resolved, dump(checked.resolved), json=json)
@@ -289,7 +289,19 @@ def check(
     said = [*_gains(experiment), *_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
     text = "\n".join([text, *said])
-    output.print_findings(_document(config, [], checked), text, json=json)
+    document = {
+        "config": str(config),
+        "fine": True,
+        "problems": [],
+        "name": checked.name,
+        "group": experiment.group.name,
+        "points": len(checked),
+        "controllers": list(experiment.loops),
+        "runs": experiment.config.ensemble.runs,
+        "duration": experiment.config.time.duration,
+        "engine": experiment.engine.name,
+    }
+    output.print_findings(document, text, json=json)
 
 
 def _gains(experiment: Experiment) -> Iterator[str]:
@@ -333,25 +345,6 @@ def _skipped_ticks(experiment: Experiment) -> Iterator[str]:
                 "means, efforts and shares at limits are estimates; exact: time.samples "
                 f"{ticks + 1}, store.decimate {decimate}"
             )
-
-
-def _document(
-    path: Path, problems: list[dict[str, str]], study: Study | None = None
-) -> dict[str, Any]:
-    """Return the findings of `check` for programs: an editor, or continuous integration."""
-    record: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}
-    if study is None:
-        return record
-    config = study.base.config
-    return record | {
-        "name": study.name,
-        "group": study.base.group.name,
-        "points": len(study),
-        "controllers": list(study.base.loops),
-        "runs": config.ensemble.runs,
-        "duration": config.time.duration,
-        "engine": study.base.engine.name,
-    }
 
 
 @app.command("keys", cls=Command, epilog=example("eqt config keys", "gains.kp"))

@@ -388,26 +388,22 @@ class _Bar(Meter):
         if self.bar is None:
             if _silent or time.monotonic() <= self.started + SHOW_AFTER:
                 return
-            self.bar = _bar()
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn
+
+            self.bar = Progress(
+                TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[rate]}"),
+                TextColumn("{task.fields[left]}"),
+                TextColumn("{task.fields[note]}"),
+                console=Console(stderr=True),
+                transient=True,
+            )
             self.task = self.bar.add_task(self.what, total=self.total, rate="", left="", note="")
             self.bar.start()
         note = self.under_way or self.latest
         self.bar.update(self.task, completed=self.done, rate=self.speed, left=self.left, note=note)
-
-
-def _bar() -> Progress:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    return Progress(
-        TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[left]}"),
-        TextColumn("{task.fields[note]}"),
-        console=Console(stderr=True),
-        transient=True,
-    )
 
 
 class _Lines(Meter):

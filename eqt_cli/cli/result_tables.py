@@ -247,7 +247,15 @@ def _failures(result: Result) -> Iterator[str]:
 
 def print_table(result: Result, name: str, form: str) -> None:
     """Print a table on stdout, with all digits."""
-    table = _metrics(result) if name == "metrics" else _unsettled(result)
+    from eqt_cli.results.dataset import columns
+
+    if name == "metrics":  # those in another unit have it in their names
+        table = {
+            f"{name} ({result.units(name)})" if result.is_rescaled(name) else name: column
+            for name, column in columns(result).items()
+        }
+    else:
+        table = _unsettled(result)
     if form == "parquet":
         _print_parquet(table)
         return
@@ -261,16 +269,6 @@ def print_table(result: Result, name: str, form: str) -> None:
         return
     for row in rows:
         output.print_verbatim(output.json_text(dict(zip(table, row, strict=True))))
-
-
-def _metrics(result: Result) -> dict[str, Array]:
-    """Return the metrics of every run; those in another unit have it in their names."""
-    from eqt_cli.results.dataset import columns
-
-    return {
-        f"{name} ({result.units(name)})" if result.is_rescaled(name) else name: column
-        for name, column in columns(result).items()
-    }
 
 
 def _unsettled(result: Result) -> dict[str, Array]:

@@ -388,6 +388,7 @@ def report(
     done: StoredResult, shard: Shard | None = None, *, json: bool, with_plugins: bool = False
 ) -> None:
     """Print the outcome; exit with 3 if runs failed, or 4 if the cross-check does not hold."""
+    from eqt_cli.cli.result_tables import outcome_record
     from eqt_cli.results.result import open_result
 
     causes = ["some runs failed"] if done.failed else []
@@ -414,7 +415,16 @@ def report(
             if disagrees:
                 causes.append("the cross-check does not hold")
             if json:
-                output.print_json(_document(done, results, counted))
+                points = results.dimensions.get("point")
+                document = {
+                    "results": str(done.file),
+                    "was_complete": done.outcome.was_complete,
+                    **({} if points is None else {"points": points}),
+                    **counted,
+                    **outcome_record(results),
+                    "cross_check": asdict(check) | {"holds": check.holds} if check else None,
+                }
+                output.print_json(document)
             else:
                 with output.as_remark():
                     _print_summary(done, results)
@@ -422,20 +432,6 @@ def report(
         raise typer.Exit(3)
     if disagrees:
         raise typer.Exit(4)
-
-
-def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> dict[str, Any]:
-    from eqt_cli.cli.result_tables import outcome_record
-
-    check, points = results.cross_check, results.dimensions.get("point")
-    return {
-        "results": str(done.file),
-        "was_complete": done.outcome.was_complete,
-        **({} if points is None else {"points": points}),
-        **counted,
-        **outcome_record(results),
-        "cross_check": asdict(check) | {"holds": check.holds} if check else None,
-    }
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:

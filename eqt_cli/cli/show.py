@@ -120,32 +120,27 @@ def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
     output.print_findings(document, "\n".join(lines), json=json)
 
 
-def _document(results: Result) -> dict[str, object]:
-    from eqt_cli.cli.result_tables import outcome_record
-
-    return {
-        "path": str(results.path),
-        "title": results.attributes["title"],
-        "digest": results.attributes["digest"],
-        "config": _stored(results, "config"),
-        "provenance": results.provenance,
-        "dimensions": dict(results.dimensions),
-        "variables": {
-            name: {"dims": list(results.dims(name)), "units": results.units(name)}
-            for name in results.names
-        },
-        **outcome_record(results),
-    }
-
-
 def _summary(results: Result, json: bool) -> None:
     from eqt_cli.analysis.search_record import TUNE, WORST
     from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
     from eqt_cli.base.version import OTHERS, VERSIONS, differences
-    from eqt_cli.cli.result_tables import print_outcome
+    from eqt_cli.cli.result_tables import outcome_record, print_outcome
 
     if json:
-        output.print_json(_document(results))
+        document = {
+            "path": str(results.path),
+            "title": results.attributes["title"],
+            "digest": results.attributes["digest"],
+            "config": _stored(results, "config"),
+            "provenance": results.provenance,
+            "dimensions": dict(results.dimensions),
+            "variables": {
+                name: {"dims": list(results.dims(name)), "units": results.units(name)}
+                for name in results.names
+            },
+            **outcome_record(results),
+        }
+        output.print_json(document)
         return
     origin = results.provenance
     packages = ", ".join(f"{name} {origin[name]}" for name in VERSIONS if name in origin)

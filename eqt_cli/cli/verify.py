@@ -104,7 +104,18 @@ def verify(
     judged = any(row.kind == "code" for row in result.rows)
     answers = of_extension("firmware.code_rows.answers") if judged else lambda *_: ()
     code_answers = [*answers(result.rows, result.experiment)]
-    document = _document(target, result) | {"code": code_answers}
+    document = {
+        "verified": str(target),
+        "name": result.experiment.name,
+        "group": result.experiment.group.name,
+        "engine": result.experiment.engine.name,
+        "runs": result.runs,
+        "failed": result.failed_runs,
+        "holds": not result.failures,
+        "causes": result.causes({}),
+        "rows": result.records(),
+        "code": code_answers,
+    }
     said = [each["answer"] for each in code_answers]
     print_findings(document, *said, *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
@@ -144,21 +155,6 @@ def _check_options(
             raise EqtError(f"{name} is about a law in code; give its file with --code")
     if code and not of_extension("firmware.controllers.file_and_function")(code)[0].is_file():
         raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
-
-
-def _document(target: Path, result: Verification) -> dict[str, object]:
-    experiment = result.experiment
-    return {
-        "verified": str(target),
-        "name": experiment.name,
-        "group": experiment.group.name,
-        "engine": experiment.engine.name,
-        "runs": result.runs,
-        "failed": result.failed_runs,
-        "holds": not result.failures,
-        "causes": result.causes({}),
-        "rows": result.records(),
-    }
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:

@@ -85,20 +85,6 @@ def check_coordinates(result: KnownResult) -> None:
                 raise result.refusal(text)
 
 
-def check_status(result: ResultFile, status: Array) -> None:
-    """Refuse a status that is not a whole number of at least 0.
-
-    Raises
-    ------
-    ResultError
-        If a status is invalid.
-    """
-    if status.dtype.kind not in "iu" and not (status == np.round(status)).all():  # NaN is not
-        raise result.refusal("its 'status' is not whole numbers")
-    if status.size and status.min() < 0:
-        raise result.refusal(f"its 'status' is {status.min():g} for a run")
-
-
 def _check_numbers(result: ResultFile, name: str) -> None:
     numbers = result.coordinate(name)
     size = result.dimensions.get("run" if name == "stored_run" else name, 0)

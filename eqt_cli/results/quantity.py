@@ -99,11 +99,8 @@ class Window:
         start, stop = times[0] + window.start, times[0] + window.stop
         tolerance = 1e-9 * (times[-1] - times[0])
         inside = np.flatnonzero((times >= start - tolerance) & (times <= stop + tolerance))
-        if not inside.size:
-            ends = np.array([start, stop])
-            return ends, np.stack([_at(times, values, t, held) for t in ends], axis=1)
         cut_times, cut = times[inside], values[:, inside]
-        if cut_times[0] > start + tolerance:
+        if not inside.size or cut_times[0] > start + tolerance:
             cut_times = np.concatenate([[start], cut_times])
             cut = np.concatenate([_at(times, values, start, held)[:, None], cut], axis=1)
         if cut_times[-1] < stop - tolerance:

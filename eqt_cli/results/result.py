@@ -21,7 +21,7 @@ from eqt_cli.engines.engine import Status
 from eqt_cli.loop.signals import MIXED, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMMARY, quantity_of
-from eqt_cli.results.origin import KnownResult, check_status, law_title
+from eqt_cli.results.origin import KnownResult, law_title
 from eqt_cli.results.quantity import (
     WHOLE,
     Quantity,
@@ -156,7 +156,10 @@ class Result(KnownResult):
     def status(self) -> Array:
         """Status of every run, ``(controllers, runs)``; a sweep has a leading axis of points."""
         status = self["status"]
-        check_status(self, status)
+        if status.dtype.kind not in "iu" and not (status == np.round(status)).all():  # NaN is not
+            raise self.refusal("its 'status' is not whole numbers")
+        if status.size and status.min() < 0:
+            raise self.refusal(f"its 'status' is {status.min():g} for a run")
         return _fixed(status)
 
     @property

@@ -313,13 +313,6 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     assert 'id="claims"' not in page
 
 
-def test_a_window_beyond_the_end_is_cut_with_a_remark(eqt, folder):
-    eqt("run", "c.yaml", "--quiet")
-    done = eqt("compare", "results/c", "--window", "0:50", "-m", "mean_torque")
-    assert done.code == 0
-    assert "Window 0:50 is cut to 0:" in done.err and " s.\n" in done.err
-
-
 def test_the_window_of_a_stored_metric_is_its_own(invoke, paper_result):
     out = invoke("compare", paper_result, "--json", "-m", "early_torque", "--resamples", 9).stdout
     row = json.loads(out)["levels"][0]

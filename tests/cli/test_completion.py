@@ -6,14 +6,12 @@ import sys
 
 import pytest
 from case_tables import from_yaml
-from ci_cases import mostly_ci
 
 from eqt_cli.base.option_types import option_names
-from eqt_cli.base.registry import KINDS, registry, summary
+from eqt_cli.base.registry import KINDS, summary
 from eqt_cli.cli import completion
 from eqt_cli.cli.show import FORMATS
 from eqt_cli.config import shipped
-from eqt_cli.config.json_schema import json_schema, keys_of
 from eqt_cli.engines.engine import engines
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import FORMATS as PICTURES
@@ -71,16 +69,6 @@ def test_laws_metrics_and_signals_of_the_given_result(complete, eqt):
 def test_a_broken_configuration_does_not_disturb(complete, folder, text):
     (folder / "c.yaml").write_bytes(text.encode("latin-1"))
     assert complete("eqt run c.yaml --set gains.kp") == ["gains.kp="]
-
-
-@mostly_ci("kind", KINDS, list(KINDS)[:3], "one of many registries")
-def test_the_names_are_those_of_the_registry(kind):
-    expected = {component.name: summary(component) for component in registry(kind).all()}
-    assert dict(completion.words(kind, "")) == expected
-
-
-def test_the_keys_are_those_of_the_schema():
-    assert dict(completion.keys("")) == {each.key: each.meaning for each in keys_of(json_schema())}
 
 
 def test_the_options_are_those_of_the_figures(complete):

@@ -89,15 +89,6 @@ def test_config_is_the_resolved_one(eqt, result):
     assert done.out == Path("out/config.yaml").read_text(encoding="utf-8")
 
 
-def test_variables(eqt, result):
-    done = eqt("show", result, "--variables")
-    lines = [re.split(r"  +", line) for line in done.out.splitlines()]
-    assert lines[0] == ["variable", "dimensions", "units", "meaning"]
-    assert ["effort", "controller, run", "(N m)^2 s", "control effort, integral of ||tau||^2"] in (
-        lines
-    )
-
-
 def test_failed_lists_every_failed_run(eqt):
     eqt("run", "c.yaml", *FAILS, "--out", "out", "--quiet")
     done = eqt("show", "out", "--failed")

@@ -73,7 +73,7 @@ def test_who_needs_trajectories_is_told_how_to_get_them(make_result):
 
 def test_numbers_of_failed_runs_are_missing(failing):
     assert np.array_equal(failing.metric("effort", 0), [0, np.nan, 2, 3, 4, np.nan], equal_nan=True)
-    assert failing.metrics == ["effort", "settling_time"]
+    assert failing.metrics == ["effort", "settling_time", "settled"]
 
 
 def test_censored_are_good_runs_without_a_number_that_may_lie_beyond(failing):
@@ -84,8 +84,8 @@ def test_censored_are_good_runs_without_a_number_that_may_lie_beyond(failing):
 def test_an_unknown_metric(failing):
     said = error_of(failing.metric, "efort")
     assert said.startswith("unknown metric 'efort'; did you mean 'effort'? known here: ")
-    assert error_of(failing.check_metrics, ["efort"]) == (
-        f"{failing.path}: finds no metric 'efort'; did you mean 'effort'?"
+    assert error_of(failing.check_metrics, ["efort"], who="figure 'pareto'") == (
+        f"{failing.path}: figure 'pareto' finds no metric 'efort'; did you mean 'effort'?"
     )
 
 
