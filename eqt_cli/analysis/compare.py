@@ -409,10 +409,8 @@ def compare_two(
 
 def _beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
     """Return the numbers of two results, those of the first above those of the second."""
-    values, censored = (
-        np.vstack([getattr(each, name)[:, :runs] for each in (first, second)])
-        for name in ("values", "censored")
-    )
+    values = np.vstack([first.values[:, :runs], second.values[:, :runs]])
+    censored = np.vstack([first.censored[:, :runs], second.censored[:, :runs]])
     shared = min(runs, first.runs, second.runs)
     values[:, shared:] = np.nan
     return replace(first, values=values, censored=censored, runs=shared)

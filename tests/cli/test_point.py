@@ -91,15 +91,6 @@ def test_figures_of_sweeps_take_none(refused):
     )
 
 
-@pytest.mark.usefixtures("grid")
-def test_compare(eqt):
-    done = eqt("compare", "out", "--metric", "effort", "--point", 2, "--json", "--resamples", 9)
-    with open_results("out") as results:
-        expected = results["effort"][2].mean(axis=-1)
-    levels = json.loads(done.out)["levels"]
-    assert [level["mean"] for level in levels] == pytest.approx(expected, rel=1e-12)
-
-
 def test_verify_a_point_of_a_sweep_that_keeps_metrics_only(eqt):
     """The reference differs between points, and none is stored."""
     words = ("--grid", "inertia=[2,1,3],[1,1,1]", *ONE_LAW)
