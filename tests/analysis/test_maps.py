@@ -29,7 +29,7 @@ class Stored(Result):
         self.status = np.zeros(self.values.shape, dtype=int)
         if failed is not None:
             self.status[failed] = 1
-        self.metrics = [name]
+        self.metrics = [name, *(["settled"] if name == "settling_time" else [])]
         self.labels = [f"law {k}" for k in range(self.values.shape[1])]
         self.title_of = {label: label for label in self.labels}
         self.dimensions = {"run": self.values.shape[2], "point": len(self.values)}
