@@ -580,7 +580,7 @@ def quantity_of(
             units, late = str(attributes.get("units", "")), attributes.get("censored") == 1
             return _user_quantity(name, long_name or name, better, late, units=units)
     for row in MEASURED:
-        if row.stored_by_part and name.startswith(f"{row.name}_"):
+        if name.startswith(f"{row.name}_") and row.stored_by_part:
             return row.with_choices(attributes).part(name.removeprefix(f"{row.name}_"))
     if name in metrics.names():
         return own_quantity(metrics.get(name))
