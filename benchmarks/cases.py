@@ -10,9 +10,9 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.components.initial_states import draw_initial_states
+from eqt_cli.config.document import read_config
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, Solution
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp
 
@@ -86,14 +86,14 @@ def load(
     experiment = build(read_config(folder / f"{name}.yaml", [*overrides, *counted]))
     Q, V = draw_initial_states(
         experiment.group,
-        experiment.poses,
-        experiment.velocities,
-        Qd=experiment.initial_pose,
-        Vd=experiment.initial_velocity,
+        experiment.start.poses,
+        experiment.start.velocities,
+        Qd=experiment.desired.pose,
+        Vd=experiment.desired.velocity,
         seed=experiment.config.ensemble.seed,
         runs=range(experiment.config.ensemble.runs),
     )
-    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
+    Qd, Vd = experiment.desired.pose, experiment.desired.velocity
     problems = [
         Problem(loop, loop.initial_state(Q, V, Qd, Vd), experiment.times)
         for loop in experiment.loops.values()

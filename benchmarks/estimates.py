@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.cases import CONFIGS
 from benchmarks.measure import fastest
 from eqt_cli.components.estimators import estimators
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import engines
 from eqt_cli.runs.batches import batches

@@ -92,7 +92,7 @@ def _child(*arguments: str) -> Any:
 
 
 def _overhead() -> Overhead:
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.document import read_config
     from eqt_cli.config.study import study
     from eqt_cli.runs.run_study import execute
 
@@ -122,7 +122,7 @@ def _raw_writing(results: Path, copy: Path) -> float:
 
 
 def _scaling(workers: int) -> Scaling:
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.document import read_config
     from eqt_cli.config.study import study
     from eqt_cli.runs.executors import Executor, Local, Outcome, Task
     from eqt_cli.runs.run_study import execute

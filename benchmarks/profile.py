@@ -26,7 +26,7 @@ COMPILING = "tracing and loading compiled code"
 STAGES = {
     "builtins:__import__": START,
     "importlib:import_module": START,
-    "eqt_cli.config.source:read_config": "reading the configuration",
+    "eqt_cli.config.document:read_config": "reading the configuration",
     "eqt_cli.config.study:study": "building the experiment",
     "eqt_cli.engines.native:programs": COMPILING,
     "eqt_cli.engines.native:sampled": COMPILING,

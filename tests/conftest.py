@@ -41,9 +41,9 @@ from eqt_cli.cli import main
 from eqt_cli.cli import output as progress
 from eqt_cli.components.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.config.document import read_config
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.engines import compiler as native_cache
 from eqt_cli.engines import compiler as native_compiler

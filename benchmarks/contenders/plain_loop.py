@@ -34,7 +34,7 @@ def body(case: Case) -> tuple[Array, ...]:
 
 def starts(case: Case, runs: Array) -> Array:
     """Initial values of some runs, the same for every controller."""
-    Qd, Vd = case.experiment.initial_pose, case.experiment.initial_velocity
+    Qd, Vd = case.experiment.desired.pose, case.experiment.desired.velocity
     return np.array([literal(case).start(case.Q[run], case.V[run], Qd, Vd) for run in runs])
 
 

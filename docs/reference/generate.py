@@ -594,14 +594,13 @@ def proofs() -> Iterator[str]:
     from eqt_cli.analysis.certificates import Verdict
     from eqt_cli.analysis.verification import identities_of
     from eqt_cli.config import shipped
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.document import read_config
     from eqt_cli.config.study import study, without_sweep
 
     lines: list[list[str]] = []
     known: dict[tuple[str, str], list[Any]] = {}
     for path in sorted(shipped.folder().glob("*.yaml")):
-        source = without_sweep(read_config(path, []))
-        experiment = study(source, trust_plugins=False).base
+        experiment = study(without_sweep(read_config(path, []))).base
         first = next(iter(experiment.loops.values()))
         place = f"{experiment.group.name} {type(first.inertia)} {first.vehicle.is_ideal}"
         # The states of a proof are free, so that equal laws on one group have equal proofs.

@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from eqt_cli.api.loading import source_from
+from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
@@ -111,7 +111,7 @@ def main() -> int:
             controllers.get(law)().check(group_named(group), problems)
             if problems:
                 continue
-            experiment = build(source_from(configuration(group, law), {}))
+            experiment = build(document_from(configuration(group, law), {}))
             record: dict[str, object] = {"law": experiment.titles[law], "group": group}
             for real, by in ARITHMETICS.items():
                 [one] = exported(experiment, [], by).laws

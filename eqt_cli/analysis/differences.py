@@ -15,8 +15,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import KeyPath, dotted
+from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import renamed
-from eqt_cli.config.source import source_of
 from eqt_cli.results.origin import KnownResult
 
 BLOCK_ENTRIES = 2**22
@@ -112,12 +112,12 @@ Texts = list[dict[str, str]]
 
 def _configurations(both: Sequence[KnownResult]) -> tuple[list[dict[str, Any]], Texts, Texts]:
     """Return the changed keys, the texts of stored files, and their names in the first result."""
-    sources = [source_of(each) for each in both]
-    texts = [{**(source.stored_plugins or {}), **source.files} for source in sources]
+    documents = [document_of(result) for result in both]
+    texts = [{**(one.home.plugins or {}), **one.home.files} for one in documents]
     known = {text: name for name, text in texts[0].items()}
     renamings = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
-    renaming = zip(sources, renamings, strict=True)
-    keys = [dict(_leaves(renamed(source.data, names))) for source, names in renaming]
+    renaming = zip(documents, renamings, strict=True)
+    keys = [dict(_leaves(renamed(document.data, names))) for document, names in renaming]
     return _changes(*keys), texts, renamings
 
 

@@ -25,10 +25,10 @@ from eqt_cli.base.errors import (
     suggestion,
 )
 from eqt_cli.config.designs import DrawnRange, overlap
+from eqt_cli.config.document import Document, with_value
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
-from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.config.study import Study
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quantities
@@ -45,10 +45,10 @@ class LawSearch:
     ----------
     label, slug
         Label of the law in the configuration, and name of its files.
-    source
+    document
         The experiment with this law only, its gains in the section `gains`.
     axes
-        Ranges of the varied keys of `source`.
+        Ranges of the varied keys of `document`.
     written
         The same keys, in the same order, as the user's configuration writes them.
     index
@@ -59,7 +59,7 @@ class LawSearch:
 
     label: str
     slug: str
-    source: ConfigSource
+    document: Document
     axes: dict[str, DrawnRange]
     written: tuple[str, ...]
     index: int
@@ -71,7 +71,7 @@ class LawSearch:
         return {key: axis.at(share) for (key, axis), share in axes}
 
     def as_written(self, path: str) -> str:
-        """Translate a path of `source` into one of the user's configuration."""
+        """Translate a path of `document` into one of the user's configuration."""
         pairs = (
             pair
             for key, written in zip(self.axes, self.written, strict=True)
@@ -80,12 +80,12 @@ class LawSearch:
         path = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
         return dict(pairs).get(path, path)
 
-    def at(self, values: dict[str, float]) -> ConfigSource:
+    def at(self, values: dict[str, float]) -> Document:
         """Return the experiment with these values."""
-        data = self.source.data
+        data = self.document.data
         for key, value in expanded(values).items():
             data = with_value(data, parse_key(key), value)
-        return replace(self.source, data=data)
+        return replace(self.document, data=data)
 
 
 def range_of(listed: TunedAxis, problems: Problems) -> DrawnRange | None:
@@ -133,7 +133,7 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
     for index, entry in enumerate(base.resolved["controllers"]):
         law = base.loops[str(entry["label"])].controller
         keeps = law.gains_group(base.group) is not base.group or not law.reads_gains
-        data = without_search(base.source.data) | {"controllers": [entry]}
+        data = without_search(base.document.data) | {"controllers": [entry]}
         if isinstance(listed := data.get("metrics"), list):
             loop, pairs = base.loops[str(entry["label"])], zip(listed, base.metrics, strict=True)
             data["metrics"] = [written for written, metric in pairs if not metric.lacking(loop)]
@@ -146,9 +146,9 @@ def laws_of(base: Experiment, ranges: dict[str, DrawnRange]) -> tuple[LawSearch,
         label = str(entry["label"])
         slug = _slug(label, [other.slug for other in laws])
         data["name"] = f"{base.name}-{slug}"
-        source = replace(base.source, data=data)
+        document = replace(base.document, data=data)
         written = tuple(keys.values())
-        laws.append(LawSearch(label, slug, source, axes, written, index, _start(data, axes)))
+        laws.append(LawSearch(label, slug, document, axes, written, index, _start(data, axes)))
     return tuple(laws)
 
 
@@ -198,7 +198,7 @@ def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
     """Build a law at both ends of all ranges, and note the problems at the ranges."""
     for share in (0.0, 1.0):
         try:
-            build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
+            build(law.at(law.values([share] * len(law.axes))))
         except ConfigError as error:
             for problem in error.problems:
                 at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"

@@ -344,7 +344,7 @@ def certified_rates(
 
 def _known_reference(experiment: Experiment) -> Any:
     """Return the reference over the horizon, after a check that it is finite."""
-    shown, problems = experiment.reference_over_horizon(), Problems(experiment.source.place)
+    shown, problems = experiment.reference_over_horizon(), Problems(experiment.document.place)
     check_reference(shown, None, problems.at("reference"))
     problems.raise_if_any()
     return shown

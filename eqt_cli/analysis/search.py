@@ -30,10 +30,10 @@ from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, reporter, step
 from eqt_cli.config.designs import DrawnRange
+from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import SearchSection
-from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import study
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
@@ -85,7 +85,7 @@ class Searches(ABC, Generic[S]):
     laws: tuple[LawSearch, ...]
 
     @classmethod
-    def read(cls, source: ConfigSource, *, trust_plugins: bool = False) -> Self:
+    def read(cls, document: Document) -> Self:
         """Read and check the section of a configuration.
 
         Raises
@@ -96,17 +96,17 @@ class Searches(ABC, Generic[S]):
             If it has no such section.
         """
         name = cls.kind.command
-        if not source.data.get(name):
+        if not document.data.get(name):
             raise EqtError(
-                f"{source.source.name}: has no section `{name}`; add one, such as "
+                f"{document.source.name}: has no section `{name}`; add one, such as "
                 f"{name}: {cls.example}"
             )
-        if source.data.get("sweep"):
-            place = source.place(("sweep",))
+        if document.data.get("sweep"):
+            place = document.place(("sweep",))
             raise EqtError(f"{place}: eqt {name} searches around one point; leave `sweep` out")
-        base = build(source, trust_plugins=trust_plugins)
+        base = build(document)
         section = getattr(base.config, name)
-        problems = Problems(source.place)
+        problems = Problems(document.place)
         here = problems.at(name)
         ranges: dict[str, DrawnRange] = {}
         for key, listed in section.over.items():
@@ -177,8 +177,10 @@ class Searches(ABC, Generic[S]):
         known = None
         with suppress(EqtError):  # what is wrong with the folder is told when it is claimed
             known = (self.kind.record_in(out) or {}).get("engine")
-        source = self.base.source.begun_by(known, out)
-        return self if source is None else self.read(source, trust_plugins=True)
+        engine = self.base.solver.begun_by(known, out)
+        if engine is None:
+            return self
+        return self.read(changed_at(self.base.document, ("solver", "engine"), engine, str(out)))
 
     @property
     def seeds(self) -> range:
@@ -243,9 +245,9 @@ SWEEP, GROUP = 0.2, 0.07
 """Measured overhead of a sweep, and of each of its points where points differ in shape, s."""
 
 
-def compute(source: ConfigSource, out: Path, executor: Executor) -> Execution:
+def compute(document: Document, out: Path, executor: Executor) -> Execution:
     """Compute an experiment, or the missing parts of it."""
-    sweep = study(source, trust_plugins=True)
+    sweep = study(document)
     # A search with fewer generations may have left another result here.
     force = ResultFolder(out).manifest.get("digest", sweep.digest) != sweep.digest
     done = execute(sweep, out, executor=executor, force=force)
@@ -327,7 +329,7 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
     points = len(search.laws) * search.all_generations * section.population
     share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
     first_generations = (
-        study(_swept(case, _columns(law, shares)), trust_plugins=True)
+        study(_swept(case, _columns(law, shares)))
         for law in search.laws
         for shares in [first_points(section.population, list(law.axes), law.start, section.seed)]
         for case in search.in_cases(law).values()
@@ -349,9 +351,9 @@ def _columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
     return expanded({key: [point[key] for point in points] for key in law.axes})
 
 
-def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
+def _swept(law: LawSearch, columns: dict[str, list[float]]) -> Document:
     """Return a sweep over listed points that stores only metrics and skips cross-checks."""
-    data = law.source.data
+    data = law.document.data
     solver = dict(data.get("solver") or {})
     if "max_error" not in solver:
         solver.setdefault("error_estimate", False)
@@ -360,7 +362,7 @@ def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
         "store": {"trajectories": "none"},
         "solver": solver | {"cross_check": 0},
     }
-    return replace(law.source, data=data | changes)
+    return replace(law.document, data=data | changes)
 
 
 @dataclass(frozen=True, repr=False)

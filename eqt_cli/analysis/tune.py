@@ -23,10 +23,10 @@ from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief
 from eqt_cli.config.designs import Cases, DrawnRange
+from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import TuneSection, WorstRunSection
-from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.config.study import require_sweepable, section_of, study
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
@@ -75,7 +75,7 @@ class Search(Searches[TuneSection]):
 
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
         cases = {
-            name: replace(law, source=_in_case(law.source, name, settings))
+            name: replace(law, document=_in_case(law.document, name, settings))
             for name, settings in self.cases.items()
         }
         return cases or super().in_cases(law)
@@ -95,7 +95,7 @@ class Search(Searches[TuneSection]):
         each = section.confirm.runs * max(1, len(self.cases))
         return len(self.laws) * (winners + 1) * each
 
-    def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
+    def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> Document:
         """Return the experiment of the winners and the starting gains on held-out initial states.
 
         Parameters
@@ -108,8 +108,8 @@ class Search(Searches[TuneSection]):
             for law in self.laws
             for label, values in chosen[law.label].items()
         ]
-        starts = [_entry(law.source.data, started(law.label)) for law in self.laws]
-        data = self.base.source.data
+        starts = [_entry(law.document.data, started(law.label)) for law in self.laws]
+        data = self.base.document.data
         runs, seed = self.section.confirm.runs, self.section.confirm.seed
         seed = self.base.config.ensemble.seed + 1 if seed is None else seed
         ensemble = {"runs": runs, "seed": seed}
@@ -118,7 +118,7 @@ class Search(Searches[TuneSection]):
         store.setdefault("trajectories", "none" if self.seeks_front else few)
         changes = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
         changes |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
-        return replace(self.base.source, data=without_search(data) | changes)
+        return replace(self.base.document, data=without_search(data) | changes)
 
     def so_far(self, law: LawSearch, population: Population) -> str:
         """Describe the best point of a law so far."""
@@ -137,7 +137,7 @@ class Search(Searches[TuneSection]):
         """Write the configurations of the winners so far."""
         so_far = Tuned(law, searches, self.seeks_front)
         values = map(so_far.values, so_far.winners.values())
-        studies = [study(law.at(of_winner), trust_plugins=True) for of_winner in values]
+        studies = [study(law.at(of_winner)) for of_winner in values]
         folder.write_configs(law, studies, self.seeks_front)
 
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
@@ -224,19 +224,19 @@ def _build_cases(section: TuneSection, base: Experiment, problems: Problems) -> 
     cases = []
     for name, settings in section.cases.items() if not here else ():
         try:
-            cases.append(build(_in_case(base.source, name, settings), trust_plugins=True))
+            cases.append(build(_in_case(base.document, name, settings)))
         except ConfigError as error:
             for problem in error.problems:
                 here.at(name).add(f"{problem.path}: {problem.message}")
     return cases
 
 
-def _in_case(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
+def _in_case(document: Document, case: str, settings: dict[str, Any]) -> Document:
     """Return a configuration with the settings of a case."""
     for key, value in settings.items():
-        place = source.place(("tune", "cases", case, key))
-        source = changed_at(source, parse_key(key), value, place)
-    return source
+        place = document.place(("tune", "cases", case, key))
+        document = changed_at(document, parse_key(key), value, place)
+    return document
 
 
 def _objective_names(section: TuneSection) -> tuple[str, ...]:

@@ -20,10 +20,10 @@ from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import along_reference, small_loops
-from eqt_cli.config.source import source_of
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
@@ -144,7 +144,7 @@ def verify_stored(
     EqtError
         If the result is a sweep's, or its experiment cannot be built, as without its plugins.
     """
-    experiment = build(source_of(results), trust_plugins=trust_plugins)
+    experiment = build(document_of(results, trust_plugins))
     results.single("one experiment is verified")
     with threadpool_limits(1):
         runs = min(FEW_RUNS, experiment.config.ensemble.runs)

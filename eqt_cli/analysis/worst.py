@@ -18,9 +18,9 @@ from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief, reporter
 from eqt_cli.config.designs import DrawnRange
+from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import WorstSection
-from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import require_sweepable, study
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result, open_result
@@ -112,18 +112,18 @@ class WorstSearch(Searches[WorstSection]):
                 lines.append(Line(law.label, key, points))
         return lines
 
-    def along(self, lines: list[Line]) -> ConfigSource:
+    def along(self, lines: list[Line]) -> Document:
         """Return a sweep of all laws over all lines, by default without trajectories."""
         points = [point for line in lines for point in line.points]
         columns = expanded({key: [point[key] for point in points] for key in points[0]})
-        data = self.base.source.data
+        data = self.base.document.data
         ensemble = dict(data.get("ensemble") or {}) | {"runs": self.profile_runs}
         changes: dict[str, Any] = {
             "ensemble": ensemble,
             "sweep": [{"zip": columns}],
             "store": {"trajectories": "none"} | dict(data.get("store") or {}),
         }
-        return replace(self.base.source, data=law_search.without_search(data) | changes)
+        return replace(self.base.document, data=law_search.without_search(data) | changes)
 
     def so_far(self, law: law_search.LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
@@ -152,14 +152,14 @@ class WorstSearch(Searches[WorstSection]):
         along = compute(self.along(lines), folder.path, executor)
         at = self._worst_points(centres, costs, lines, along)
         for law in self.laws:
-            source = law.at(at[law.label])
-            compute(source, folder.run_of(law), executor)
+            document = law.at(at[law.label])
+            compute(document, folder.run_of(law), executor)
             with open_result(folder.run_of(law)) as result:
                 worst_run = _worst_run(self, result)
             value = f"{self.objective} {worst_run['value']!r}"
             outcome = "failed" if worst_run["failed"] else value
             comment = f"# run {worst_run['run']} of {law.label}: {outcome}\n"
-            single = study(source, trust_plugins=True)
+            single = study(document)
             folder.write_configs(law, [single], comment=comment)
             laws.append(
                 {

@@ -342,7 +342,7 @@ def desired_motion(experiment: Experiment) -> DesiredMotion:
     jumps = check_reference(desired, None, problems)
     return DesiredMotion(
         experiment.name,
-        experiment.source.path,
+        experiment.document.path,
         experiment.digest,
         experiment.group,
         (desired.times, desired.pose, desired.velocity, desired.torque),
@@ -366,7 +366,7 @@ def _folders(
 
 def _load_plugins(result: Result) -> None:
     """Execute the plugins in a trusted result."""
-    from eqt_cli.config.source import load_stored_plugins
+    from eqt_cli.config.document import load_stored_plugins
 
     load_stored_plugins(result)
     result.loops_of = partial(loops_of, trust_plugins=True)

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     import xarray
 
     from eqt_cli.base.store_reader import Selection
+    from eqt_cli.config.document import Document
     from eqt_cli.config.experiment import Experiment
-    from eqt_cli.config.source import ConfigSource
     from eqt_cli.config.study import Study
     from eqt_cli.loop.closed_loop import ClosedLoop
     from eqt_cli.runs.run_study import Execution
@@ -102,7 +102,7 @@ def load_experiment(
         f"overrides[{k!r}]": f"{k}={yaml_source.flow(value)}"
         for k, value in (overrides or {}).items()
     }
-    return study(source_from(config, settings), trust_plugins=trust_plugins)
+    return study(document_from(config, settings, trust_plugins=trust_plugins))
 
 
 def experiment_at(
@@ -118,18 +118,21 @@ def experiment_at(
     return target.experiment(point or 0)
 
 
-def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
+def document_from(
+    config: Configuration, overrides: Mapping[str, str], *, trust_plugins: bool = False
+) -> Document:
     """Return a configuration with its overrides, not yet checked."""
-    from eqt_cli.config.source import ConfigSource, overridden, read_config
+    from eqt_cli.config.document import Document, Place, overridden, read_config
 
     if not isinstance(config, Mapping):
-        return read_config(path_from("config", config, "a path or a mapping"), overrides)
+        path = path_from("config", config, "a path or a mapping")
+        return read_config(path, overrides, trust_plugins)
     # A mapping is converted to text first, so that it is checked like any other configuration.
     text = yaml_source.dump(
         json.loads(yaml_source.flow({**config, "name": config.get("name") or "experiment"}))
     )
     source = yaml_source.load(text, "config")
-    return overridden(ConfigSource(source, source.data, Path.cwd()), overrides)
+    return overridden(Document(source, source.data, Place(Path.cwd())), overrides)
 
 
 # Opens a result with eqt's reader -----------------------------------------------------------------
@@ -158,10 +161,10 @@ def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
 
 def loops_of(result: KnownResult, trust_plugins: bool = False) -> Mapping[str, ClosedLoop]:
     """Build the loops of a result again, by label."""
+    from eqt_cli.config.document import document_of
     from eqt_cli.config.preflight import build
-    from eqt_cli.config.source import source_of
 
-    return build(source_of(result), trust_plugins=trust_plugins).loops
+    return build(document_of(result, trust_plugins)).loops
 
 
 # A result as one object ---------------------------------------------------------------------------

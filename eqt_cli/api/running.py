@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,13 @@ from eqt_cli.api.loading import (
     Configuration,
     ResultPath,
     StoredResult,
+    document_from,
     load_experiment,
-    source_from,
 )
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
+from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remark_on
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors
 from eqt_cli.runs.folder import CONFIG, ResultFolder
@@ -157,10 +158,9 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     0
     """
     ResultFolder(Path(folder)).check()
-    source = read_config(Path(folder, CONFIG))
-    source.of_folder = True
-    experiment = study(source, trust_plugins=trust_plugins)
-    done = pack_folder(experiment, Path(folder))
+    document = read_config(Path(folder, CONFIG), trusted=trust_plugins)
+    document = replace(document, home=replace(document.home, is_result=True))
+    done = pack_folder(study(document), Path(folder))
     return StoredResult(done.folder.path, outcome=done)
 
 
@@ -210,7 +210,7 @@ def tune(
     """
     from eqt_cli.analysis.tune import Search
 
-    read = search if isinstance(search, Search) else Search.read(source_from(search, {}))
+    read = search if isinstance(search, Search) else Search.read(document_from(search, {}))
     return _searched(read, out, executor, workers, force)
 
 
@@ -274,7 +274,9 @@ def worst(
     """
     from eqt_cli.analysis.worst import WorstSearch
 
-    read = search if isinstance(search, WorstSearch) else WorstSearch.read(source_from(search, {}))
+    read = (
+        search if isinstance(search, WorstSearch) else WorstSearch.read(document_from(search, {}))
+    )
     return _searched(read, out, executor, workers, force)
 
 

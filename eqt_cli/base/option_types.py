@@ -8,13 +8,13 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from copy import deepcopy
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from pathlib import PurePath
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
@@ -30,9 +30,18 @@ from pydantic import (
     WithJsonSchema,
     WrapValidator,
 )
-from pydantic_core import core_schema
+from pydantic_core import PydanticCustomError, core_schema
 
-from eqt_cli.base.errors import ExpressionError, InputError, KeyPath, Problems, closest, suggestion
+from eqt_cli.base.errors import (
+    MAX_PROBLEMS,
+    ConfigError,
+    ExpressionError,
+    InputError,
+    KeyPath,
+    Problems,
+    closest,
+    suggestion,
+)
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.files import is_device
 from eqt_cli.base.registry import Registry, is_foreign, meanings, option_of_field, summary
@@ -89,7 +98,7 @@ _PARTS = (("rad", "s", "N m"), ("m", "s", "N"), ("m", "s^2", "N s"))
 """Units of velocities and forces of the parts of all groups, where the group is not known."""
 
 
-class Place(NamedTuple):
+class UnitPlace(NamedTuple):
     """Where a number is written: what decides its unit.
 
     Attributes
@@ -100,14 +109,11 @@ class Place(NamedTuple):
         The unit that `MEASURED` stands for.
     of
         Name of the part of the group that the component is about; empty for all.
-    wrong
-        The errors of each wrong component in the value.
     """
 
     group: Any = None
     measured: str = POSE
     of: str = ""
-    wrong: list[Problems] | None = None
 
     def units(self, unit: str) -> dict[str, tuple[str, slice]]:
         """Return the unit of each part by name, with its coordinates."""
@@ -152,10 +158,10 @@ class _InUnit:
         if not self.unit:
             return schema
         return core_schema.with_info_before_validator_function(
-            lambda value, info: self.with_units(value, info.context or Place()), schema
+            lambda value, info: self.with_units(value, info.context or UnitPlace()), schema
         )
 
-    def with_units(self, value: Any, place: Place) -> Any:
+    def with_units(self, value: Any, place: UnitPlace) -> Any:
         """Return the value, in which texts have the units that they may have."""
         if isinstance(value, int | float):
             return value
@@ -458,6 +464,9 @@ Offset = Annotated[Real, Unit("s")]
 
 T = TypeVar("T")
 
+_WRONG = "component"
+"""Pydantic's type of the errors of a component, which it carries."""
+
 _UNKNOWN_KEY = "unknown key"
 MISSING = "missing; this key is required"
 
@@ -496,9 +505,7 @@ def validated(
     group: Any = None,
     measured: str = POSE,
 ) -> Any:
-    """Return the data as the type `kind`, or None after noting its errors.
-
-    Unknown keys are noted, and the rest is validated without them.
+    """Return the data as the type `kind`, or None after noting all its errors.
 
     Parameters
     ----------
@@ -509,74 +516,15 @@ def validated(
     measured
         The unit that `MEASURED` stands for.
     """
-    meant: frozenset[KeyPath] = frozenset()
-    while True:
-        part, wrong = data.get("of") if isinstance(data, dict) else None, list[Problems]()
-        place = Place(group, measured, part if isinstance(part, str) else "", wrong)
+    of = data.get("of") if isinstance(data, dict) else None
+    place = UnitPlace(group, measured, of if isinstance(of, str) else "")
+    try:
         # As JSON, because strict validation accepts a mapping for a dataclass only in JSON.
         text = json.dumps(data, default=str)
-        try:
-            value = _adapter(kind).validate_json(text, strict=True, context=place)
-            return _without_wrong(value, problems) if wrong else value
-        except ValidationError as error:
-            unknown, meant = _note_errors(error, data, kind, problems, common, meant)
-        if not unknown:
-            return None
-        data = deepcopy(data)
-        for *above, key in unknown:
-            del _at(tuple(above), data)[key]
-
-
-def _without_wrong(value: Any, problems: Problems) -> Any:
-    """Return a value with None for each wrong component, whose errors are noted."""
-    if isinstance(value, Problems):
-        return problems.include(value)
-    if isinstance(value, list):
-        return [_without_wrong(entry, problems.at(k)) for k, entry in enumerate(value)]
-    if isinstance(value, BaseModel):
-        for name in value.model_fields_set:
-            setattr(value, name, _without_wrong(getattr(value, name), problems.at(name)))
-    return value
-
-
-def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> frozenset[KeyPath]:
-    """Return the keys that unknown keys probably mean."""
-    likely = (
-        (path, closest(str(path[-1]), known_keys(kind, path[:-1], common))) for path in unknown
-    )
-    return frozenset((*path[:-1], name) for path, name in likely if name)
-
-
-def fields_of(
-    model: type[BaseModel], data: Any, problems: Problems, group: Any = None, made: Any = None
-) -> dict[str, Any]:
-    """Return the valid fields of a model by name, and defaults; each is validated by itself.
-
-    `made` keeps what a function makes, given a name, its problems, the function and its inputs.
-    """
-    valid = {}
-    unknown = [(str(name),) for name in data if name not in model.model_fields]
-    meant = _meant(unknown, model, ())
-    for name, field in model.model_fields.items():
-        if name in data and not (data[name] is None and field.default is None):
-            here, value = problems.at(name), data[name]
-            make = partial(validated, _kinds(model)[name], value, here, group=group)
-            value = made(name, here, make, value, group) if made else make()
-        elif field.is_required():
-            if (name,) not in meant:
-                problems.at(name).add(f"{MISSING}: {_meanings(model)[name]}")
-            value = None
-        else:
-            of: Any = field.default_factory  # pydantic would inspect its signature every time
-            value = of() if of else field.get_default()
-        if value is not None:
-            valid[name] = value
-    return valid
-
-
-@cache
-def _kinds(model: type[BaseModel]) -> dict[str, Any]:
-    return {name: field.rebuild_annotation() for name, field in model.model_fields.items()}
+        return _adapter(kind).validate_json(text, strict=True, context=place)
+    except ValidationError as error:
+        _note_errors(error, data, kind, problems, common)
+    return None
 
 
 def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
@@ -611,57 +559,67 @@ def owners(kind: Any) -> list[type]:
 
 
 def _note_errors(
-    error: ValidationError,
-    data: Any,
-    kind: Any,
-    problems: Problems,
-    common: tuple[str, ...],
-    meant: frozenset[KeyPath],
-) -> tuple[list[KeyPath], frozenset[KeyPath]]:
-    """Note pydantic's errors at the places in `data` that the user wrote.
-
-    Keys that unknown keys probably mean, `meant`, are not missing.
-
-    Returns
-    -------
-    unknown : list of KeyPath
-        The unknown keys.
-    meant : frozenset of KeyPath
-        The keys that these and earlier ones mean.
-    """
-    unknown: dict[KeyPath, str] = {}
+    error: ValidationError, data: Any, kind: Any, problems: Problems, common: tuple[str, ...]
+) -> None:
+    """Note pydantic's errors at the places in `data` that the user wrote."""
+    unknown: list[KeyPath] = []
     messages: dict[KeyPath, str] = {}
     expected: dict[KeyPath, list[str]] = {}
     for detail in error.errors(include_url=False):
         code, context = detail["type"], detail.get("ctx", {})
         path = _written(detail["loc"], data, missing=code == "missing")
-        known = known_keys(kind, path[:-1], common)
-        if code in ("extra_forbidden", "unexpected_keyword_argument"):
-            unknown[path] = unknown_key(str(path[-1]), known)
+        if code == _WRONG:
+            problems.at(*path).include(context["problems"])
+        elif code in ("extra_forbidden", "unexpected_keyword_argument"):
+            unknown.append(path)
         elif code == "missing":
-            meaning = known.get(str(path[-1]))
-            messages[path] = f"{MISSING}: {meaning}" if meaning else MISSING
+            meaning = known_keys(kind, path[:-1], common).get(str(path[-1]), "")
+            messages[path] = f"{MISSING}: {meaning}".removesuffix(": ")
         elif code == "value_error":
             messages[path] = str(context["error"])
         else:
             words = _expectation(code, context) if code in _EXPECTED else detail["msg"]
             expected.setdefault(path, []).append(words)
-    noted = [*expected, *messages, *unknown]
-    for path, alternatives in expected.items():
-        # Each member of a union fails at the same place, or deeper in its value.
-        if any(other[: len(path)] == path != other for other in noted):
-            continue
-        *earlier, last = dict.fromkeys(alternatives)  # each may itself be "a or b"
-        words = listed([*(text.replace(" or ", ", ") for text in earlier), last], "or")
-        value = _at(path, data)
-        if len(path) <= 1 and isinstance(value, str) and words == _EXPECTED["list_type"]:
-            words += f", such as [{value}]"
-        messages.setdefault(path, f"expected {words}, got {shown(value)}")
-    meant |= _meant(unknown, kind, common)
-    for path, message in (messages | unknown).items():
+    noted = (*expected, *messages, *unknown)
+    above = {path[:depth] for path in noted for depth in range(len(path))} | messages.keys()
+    messages |= {
+        path: _unexpected(alternatives, _at(path, data), path)
+        for path, alternatives in expected.items()
+        if path not in above  # a member of a union may fail deeper in its value
+    }
+    meant = _meant(unknown[:MAX_PROBLEMS], kind, common)
+    for path, message in messages.items():
         if not (path in meant and message.startswith(MISSING)):
             problems.at(*path).add(message)
-    return list(unknown), meant
+    for path in unknown:
+        problems.at(*path).add(_unknown_at(path, kind, common))
+
+
+def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> set[KeyPath]:
+    """Return the keys that unknown keys probably mean, which are not missing."""
+    likely = (
+        (path, closest(str(path[-1]), known_keys(kind, path[:-1], common))) for path in unknown
+    )
+    return {(*path[:-1], key) for path, key in likely if key}
+
+
+def _unknown_at(path: KeyPath, kind: Any, common: tuple[str, ...]) -> str:
+    """Return the message for an unknown key, which may be that of a section: gains.kp for kp."""
+    key, keys = str(path[-1]), known_keys(kind, path[:-1], common)
+    for name, field in getattr(kind, "model_fields", {}).items() if len(path) == 1 else ():
+        models = (field.annotation, *get_args(field.annotation))
+        if any(key in getattr(model, "model_fields", {}) for model in models):
+            return unknown_key(key, keys, f"{name}.{key}")
+    return unknown_key(key, keys)
+
+
+def _unexpected(alternatives: list[str], value: Any, path: KeyPath) -> str:
+    """Return the message for a value that is none of some alternatives."""
+    *earlier, last = dict.fromkeys(alternatives)  # each may itself be "a or b"
+    expected = listed([*(text.replace(" or ", ", ") for text in earlier), last], "or")
+    if expected == _EXPECTED["list_type"] and isinstance(value, str) and len(path) <= 2:
+        expected += f", such as [{value}]"
+    return f"expected {expected}, got {shown(value)}"
 
 
 def _expectation(code: str, context: Mapping[str, Any]) -> str:
@@ -802,15 +760,16 @@ class Kind:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         def component(value: Any, info: Any) -> Any:
-            place: Any = info.context or Place(wrong=[])
-            problems = Problems()
-            made = self.checked(value, problems, place.group)
+            problems, made = Problems(), None
+            with suppress(ConfigError):  # of too many errors; those of the tree have places
+                made = self.checked(value, problems, (info.context or UnitPlace()).group)
             if problems:
-                place.wrong.append(problems)
-            return problems or made
+                raise PydanticCustomError(_WRONG, "wrong", {"problems": problems})
+            return made
 
         section = core_schema.plain_serializer_function_ser_schema(self.section)
-        return core_schema.with_info_plain_validator_function(component, serialization=section)
+        schema = core_schema.with_info_plain_validator_function(component, serialization=section)
+        return core_schema.nullable_schema(schema) if type(None) in get_args(source) else schema
 
     def section(self, made: Any) -> Any:
         """Return the value that describes a component, with every option."""

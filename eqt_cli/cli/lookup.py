@@ -239,11 +239,11 @@ def check(
     from eqt_cli.engines.horizon import check_reference
     from eqt_cli.runs.preflight import check_resources, rehearse
 
-    source = options.source_of(config, set_)
+    document = options.document_of(config, set_, trust_plugins=trust_plugins)
     try:
-        checked = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
+        checked = study(document, most_checked=MOST_CHECKED)
         check_resources(checked, Path("results") / checked.name, most_shapes=MOST_CHECKED)
-        problems = Problems(source.place)
+        problems = Problems(document.place)
         shown = checked.base.reference_over_horizon()
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
@@ -251,14 +251,14 @@ def check(
         problems.raise_if_any()
         untried = rehearse(checked, problems)
         problems.raise_if_any()
-        if source.data.get("tune"):
+        if document.data.get("tune"):
             from eqt_cli.analysis.tune import Search
 
-            Search.read(source, trust_plugins=trust_plugins)
-        if source.data.get("worst"):
+            Search.read(document)
+        if document.data.get("worst"):
             from eqt_cli.analysis.worst import WorstSearch
 
-            WorstSearch.read(source, trust_plugins=trust_plugins)
+            WorstSearch.read(document)
     except ConfigError as error:
         if not json:
             raise
@@ -289,7 +289,7 @@ def check(
     said = [*_gains(experiment), *_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
     text = "\n".join([text, *said])
-    document = {
+    answer = {
         "config": str(config),
         "fine": True,
         "problems": [],
@@ -301,7 +301,7 @@ def check(
         "duration": experiment.config.time.duration,
         "engine": experiment.engine.name,
     }
-    output.print_findings(document, text, json=json)
+    output.print_findings(answer, text, json=json)
 
 
 def _gains(experiment: Experiment) -> Iterator[str]:

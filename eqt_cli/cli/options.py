@@ -55,7 +55,7 @@ from eqt_cli.cli import completion
 from eqt_cli.cli.output import be_quiet, say
 
 if TYPE_CHECKING:
-    from eqt_cli.config.source import ConfigSource
+    from eqt_cli.config.document import Document
     from eqt_cli.config.study import Study
 
 START = "Start here"
@@ -197,14 +197,20 @@ def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str
     return changes
 
 
-def source_of(config: Path, set_: Sequence[str] | None, engine: str | None = None) -> ConfigSource:
+def document_of(
+    config: Path,
+    set_: Sequence[str] | None,
+    engine: str | None = None,
+    *,
+    trust_plugins: bool = False,
+) -> Document:
     """Return a configuration with the changes by these options, not yet checked."""
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.document import read_config
 
-    return read_config(config, overrides(set_, engine))
+    return read_config(config, overrides(set_, engine), trust_plugins)
 
 
-def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, doing: str) -> Study:
+def study_at(document: Document, point: int | None, doing: str) -> Study:
     """Check a configuration without its sweep, or at a point of it.
 
     Parameters
@@ -214,10 +220,9 @@ def study_at(source: ConfigSource, point: int | None, *, trust_plugins: bool, do
     """
     from eqt_cli.config.study import config_at, study, without_sweep
 
-    if point is None and source.data.get("sweep"):
-        say(f"{source.path}: {doing} its sweep; choose one of its points with --point")
-    at_point = without_sweep(source) if point is None else config_at(source, point)
-    return study(at_point, trust_plugins=trust_plugins)
+    if point is None and document.data.get("sweep"):
+        say(f"{document.path}: {doing} its sweep; choose one of its points with --point")
+    return study(without_sweep(document) if point is None else config_at(document, point))
 
 
 def pairs(option: str, texts: Sequence[str] | None, expected: str = "NAME=TEXT") -> dict[str, str]:
@@ -290,9 +295,10 @@ class Setup:
     workers: Workers = None
     executor: ExecutorName = None
 
-    def source(self, config: Path) -> ConfigSource:
+    def document(self, config: Path, handling: Handling) -> Document:
         """Return the configuration with the changes by these options, not yet checked."""
-        return source_of(config, self.set_, self.engine)
+        trusted = handling.trust_plugins
+        return document_of(config, self.set_, self.engine, trust_plugins=trusted)
 
 
 @dataclass(frozen=True)

@@ -156,11 +156,11 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
     if path.suffix in YAML:
         from eqt_cli.config.study import study
 
-        return study(options.source_of(path, set_))
+        return study(options.document_of(path, set_))
     if set_:
         raise EqtError(f"--set changes configurations, and {path} is a result")
     if trust_plugins:
-        from eqt_cli.config.source import load_stored_plugins
+        from eqt_cli.config.document import load_stored_plugins
         from eqt_cli.results.result import open_result
 
         with open_result(path) as result:

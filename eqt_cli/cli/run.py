@@ -37,12 +37,11 @@ def run(config: options.Config, setup: options.Setup, handling: options.Handling
     """
     from eqt_cli.config.study import study
 
-    source = setup.source(config)
-    if source.data.get("sweep"):
-        place = source.place(("sweep",))
-        raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
-    experiment = study(source, trust_plugins=handling.trust_plugins)
-    run_experiment(experiment, setup, handling)
+    document = setup.document(config, handling)
+    if document.data.get("sweep"):
+        place = document.place(("sweep",))
+        raise EqtError(f"{place}: defines a sweep; use `eqt sweep {document.path}`")
+    run_experiment(study(document), setup, handling)
 
 
 FIRST_POINTS = 5
@@ -77,15 +76,13 @@ def sweep(
     """
     from eqt_cli.config.study import add_grids, study
 
-    source = setup.source(config)
-    add_grids(source, options.placed("--grid", grid))
-    if not source.data.get("sweep"):
+    document = add_grids(setup.document(config, handling), options.placed("--grid", grid))
+    if not document.data.get("sweep"):
         raise EqtError(
-            f"{source.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
-            f"or use `eqt run {source.path}`"
+            f"{document.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
+            f"or use `eqt run {document.path}`"
         )
-    most_checked = MOST_CHECKED if dry_run else None
-    sweep_study = study(source, trust_plugins=handling.trust_plugins, most_checked=most_checked)
+    sweep_study = study(document, most_checked=MOST_CHECKED if dry_run else None)
     if dry_run:
         points = len(sweep_study)
         if points > MOST_CHECKED:
@@ -160,7 +157,7 @@ def tune(
     from eqt_cli.analysis.search_tables import tuning_tables
     from eqt_cli.analysis.tune import Search
 
-    search = Search.read(setup.source(config), trust_plugins=handling.trust_plugins)
+    search = Search.read(setup.document(config, handling))
     done = _searched(search, setup, handling, dry_run=dry_run)
     laws, failed = done.record["laws"], done.judged.failed
     lost = [
@@ -204,7 +201,7 @@ def worst(
 
     if certified:  # before the search, which takes longer
         check_push_and_start(0.0, certified)
-    search = WorstSearch.read(setup.source(config), trust_plugins=handling.trust_plugins)
+    search = WorstSearch.read(setup.document(config, handling))
     done = _searched(search, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
     for law in done.record["laws"] if certified else ():

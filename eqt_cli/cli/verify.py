@@ -73,7 +73,7 @@ def verify(
             (lacks), or only where it differs otherwise (differs), whatever else fails.
     """
     from eqt_cli import api
-    from eqt_cli.config.source import overridden
+    from eqt_cli.config.document import overridden
 
     subject: Path | Study
     is_result = target.suffix == ".h5" or target.is_dir()
@@ -86,12 +86,11 @@ def verify(
     if is_result:
         subject = target
     else:
-        source = options.source_of(target, None)
+        document = options.document_of(target, None, trust_plugins=trust_plugins)
         if code:
-            source = of_extension("firmware.controllers.with_code")(source, code, as_, adapter)
-        source = overridden(source, options.overrides(set_, engine))
-        doing = "verified without"
-        subject = options.study_at(source, point, trust_plugins=trust_plugins, doing=doing)
+            document = of_extension("firmware.controllers.with_code")(document, code, as_, adapter)
+        document = overridden(document, options.overrides(set_, engine))
+        subject = options.study_at(document, point, "verified without")
         point = None  # the configuration is already that of the point
     result = api.verify(
         subject,
@@ -104,7 +103,7 @@ def verify(
     judged = any(row.kind == "code" for row in result.rows)
     answers = of_extension("firmware.code_rows.answers") if judged else lambda *_: ()
     code_answers = [*answers(result.rows, result.experiment)]
-    document = {
+    findings = {
         "verified": str(target),
         "name": result.experiment.name,
         "group": result.experiment.group.name,
@@ -117,7 +116,7 @@ def verify(
         "code": code_answers,
     }
     said = [each["answer"] for each in code_answers]
-    print_findings(document, *said, *_pieces(result, verbose=verbose), json=json)
+    print_findings(findings, *said, *_pieces(result, verbose=verbose), json=json)
     if quiet and not json:
         for cause in said or result.causes(result.experiment.titles):
             complain(f"eqt: {target}: {cause}")
@@ -209,8 +208,8 @@ def margins(
     """
     from eqt_cli import api
 
-    source = options.source_of(config, set_)
-    study = options.study_at(source, point, trust_plugins=trust_plugins, doing="without")
+    document = options.document_of(config, set_, trust_plugins=trust_plugins)
+    study = options.study_at(document, point, "without")
     if certified or velocity or push or start:
         titles = study.experiment(0).titles
         rates = api.certified(study, velocity or (), push=push, start=start)
@@ -220,8 +219,8 @@ def margins(
     causes = [f"the loop of '{law.label}' is unstable" for law in result.laws if law.is_unstable]
     about = {"name": result.experiment.name, "group": result.experiment.group.name}
     loop = {"period": result.period, "left_out": result.left_out}
-    document = about | loop | {"causes": causes, "laws": result.records()}
-    print_findings(document, laid_out(_margins_table(result)), json=json)
+    findings = about | loop | {"causes": causes, "laws": result.records()}
+    print_findings(findings, laid_out(_margins_table(result)), json=json)
     if quiet and not json:
         for cause in causes:
             complain(f"eqt: {config}: {cause}")

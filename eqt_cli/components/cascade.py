@@ -246,7 +246,7 @@ class Cascade(Controller):
         self.position.check(G.space, problems.at("position"))
 
     def loaded(
-        self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
+        self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Cascade, dict[str, str]]:
         """Return the law with its attitude law."""
         if not rigid_motions(G):

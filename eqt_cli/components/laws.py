@@ -311,7 +311,7 @@ class Controller(TimeVarying, Component):
         return None
 
     def loaded(
-        self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
+        self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Self | None, dict[str, str]]:
         """Return the law ready to run, and the texts of code that it executes, by their files.
 
@@ -319,10 +319,8 @@ class Controller(TimeVarying, Component):
 
         Parameters
         ----------
-        source
-            The configuration, whose folder has the files.
-        trusted
-            Whether code that is stored in a result may be executed.
+        home
+            The place of the configuration, as `config.document.Place`: its folder has the files.
         """
         return self, {}
 
@@ -504,7 +502,7 @@ class Family(_FromOptions):
             raise ValueError("error: body always has damping: body; leave damping out")
 
     def loaded(
-        self, source: Any, trusted: bool, G: MatrixLieGroup, problems: Problems
+        self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Self, dict[str, str]]:
         """Return the law with the frame of its damping."""
         return with_fields(self, damping=self.damping or self.error), {}

@@ -1,30 +1,29 @@
 """An experiment: what the sections of a configuration describe, and how it is solved.
 
-It is built from the data of a configuration, with everything wrong reported at once: every section
-is built even where another is broken, and what depends on a broken section is skipped.
+It is made in two rounds: all keys are validated, each by itself; then what needs several sections,
+or files, is built. Each round reports everything that is wrong.
 """
 
 import json
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property, partial
+from collections import ChainMap
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from hashlib import sha256
-from itertools import repeat
+from operator import is_
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import InputError, KeyPath, Problems, alike, closest
+from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
 from eqt_cli.base.option_types import (
     MISSING,
     Kind,
     as_section,
-    fields_of,
     known_keys,
-    option_names,
     shown,
     unknown_key,
     validated,
@@ -49,7 +48,15 @@ from eqt_cli.components.recording import read_starts
 from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
-from eqt_cli.config.schema import WORDS, Config, GainsSection, InitialSection, marked, marks_of
+from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
+from eqt_cli.config.schema import (
+    WORDS,
+    Config,
+    GainsSection,
+    InitialSection,
+    PointSection,
+    marks_of,
+)
 from eqt_cli.config.sections import (
     DesiredTrajectory,
     check_horizon,
@@ -60,17 +67,15 @@ from eqt_cli.config.sections import (
     kp_and_kd,
     vehicle_from,
 )
-from eqt_cli.config.source import ConfigSource, data_file, load_plugins, with_data
-from eqt_cli.engines.engine import Engine, SolverChecks, engines
+from eqt_cli.engines.choice import Solver
+from eqt_cli.engines.engine import Engine
 from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, reference_over_horizon
-from eqt_cli.engines.native import Native
-from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 from eqt_cli.loop.signals import Metric, metrics
 from eqt_cli.numbers.leaves import with_fields
 
-# The sections `solver` and `settling`: the engine of the runs, and when a run has settled ---------
+# The section `settling_threshold`: when a run has settled -----------------------------------------
 
 
 def check_thresholds(
@@ -84,75 +89,6 @@ def check_thresholds(
             here.add(unknown_key(name, parts))
         elif name in parts and parts[name].turns and threshold > math.pi:
             here.add(f"expected an angle of at most 180 deg, got {math.degrees(threshold):.6g} deg")
-
-
-@dataclass(frozen=True)
-class Solver:
-    """The engine and the judgement of its accuracy.
-
-    Attributes
-    ----------
-    engine
-        The engine that integrates the runs.
-    judgement
-        Settings of error estimates and cross-checks.
-    resolved
-        The complete section.
-    """
-
-    engine: Engine
-    judgement: SolverChecks
-    resolved: dict[str, Any]
-
-    @property
-    def estimates_errors(self) -> bool:
-        """Whether every run is solved twice to estimate its error."""
-        wanted = self.judgement.error_estimate
-        return self.engine.estimates_errors if wanted is None else wanted
-
-
-def solver_from(section: dict[str, Any], chosen: bool, problems: Problems) -> Solver | None:
-    """Return the solver of a section, or None after noting its problems.
-
-    Parameters
-    ----------
-    chosen
-        Whether its engine was chosen; then other keys must be those of all that can be.
-    """
-    name = section.get("engine")
-    with problems.catching("engine"):
-        if not isinstance(name, str):
-            raise InputError(f"expected the name of an engine, got {shown(name)}")
-        if unavailable := engines.get(name).unavailable():
-            raise InputError(unavailable)
-    kinds = engines.core()
-    if all(kind.name != name for kind in kinds) or set(section) - set(_keys(kinds)):
-        kinds = engines.all()
-    owners: list[type[Any]] = [SolverChecks, *kinds]
-    known = _keys(kinds)
-    for key in section:
-        if key not in known:
-            problems.at(key).add(unknown_key(key, known))
-    for key in section if chosen else ():
-        having = {kind.name for kind in kinds if key in option_names(kind)}
-        if having and not having >= {Native.name, SolveIvp.name}:
-            problems.at(key).add(f"is a key of engine {min(having)}; add engine: {min(having)}")
-    data = ({key: section[key] for key in option_names(kind) if key in section} for kind in owners)
-    judgement, *built = map(validated, owners, data, repeat(problems))
-    engine = next((entry for entry in built if entry and entry.name == name), None)
-    if engine is not None:
-        engine.check(problems)
-    if engine is None or problems:
-        return None
-    keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
-    values = {key: value for key, value in keys.items() if value is not None}
-    return Solver(engine, judgement, {"engine": name} | values)
-
-
-def _keys(kinds: Iterable[type[Engine]]) -> list[str]:
-    """Return the keys of the section, where these are the engines."""
-    owners: list[type[Any]] = [SolverChecks, *kinds]
-    return ["engine", *dict.fromkeys(key for owner in owners for key in option_names(owner))]
 
 
 # A checked experiment: the loops of its laws, the initial states, and the solver ------------------
@@ -173,31 +109,26 @@ class Experiment:
     ----------
     config
         The validated sections.
-    resolved
-        The configuration with all defaults; running it gives equal numbers.
+    laws
+        The control laws by label, with their gains as they are written.
     loops
-        The closed loops by controller label.
-    initial_pose, initial_velocity
-        Q_d(0) and V_d(0).
-    poses, velocities
+        The closed loops by label.
+    desired
+        The reference and where it starts.
+    start
         Distributions of the initial poses and velocities.
-    source
-        The configuration with the text of each plugin, from which it can be built again anywhere.
-    files
-        Contents of the files with data, by their names in the configuration.
+    document
+        The configuration with the text of all code, from which it can be built again anywhere.
     """
 
     config: Config
-    resolved: dict[str, Any]
     group: MatrixLieGroup
+    laws: dict[str, "Law"]
     loops: dict[str, ClosedLoop]
-    initial_pose: Array
-    initial_velocity: Array
-    poses: PoseDistribution
-    velocities: VelocityDistribution
+    desired: DesiredTrajectory
+    start: "Start"
     solver: Solver
-    source: ConfigSource
-    files: dict[str, str]
+    document: Document
 
     @property
     def name(self) -> str:
@@ -249,7 +180,7 @@ class Experiment:
         times = np.unique([*np.linspace(0.0, self.times[-1], SAMPLES), *also])
         written = len(json.dumps(self.resolved))
         most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / written))
-        start = self.initial_pose, self.initial_velocity
+        start = self.desired.pose, self.desired.velocity
         return reference_over_horizon(self.loop, start, times, most)
 
     def remarks(self) -> Iterator[tuple[KeyPath, str]]:
@@ -271,14 +202,14 @@ class Experiment:
             )
         listed, loops = {each.name for each in self.metrics}, self.loops.values()
         plugin_metrics = metrics.defined_by(self.plugins.values())
-        for name in plugin_metrics if self.source.data.get("metrics") is None else ():
+        for name in plugin_metrics if self.document.data.get("metrics") is None else ():
             if name not in listed:
                 yield ("plugins",), f"{metrics.get(name)().unknown(loops)}: it is left out"
         yield from self._turns()
 
     def _turns(self) -> Iterator[tuple[KeyPath, str]]:
         """Yield remarks on angles that are written as numbers and exceed a full turn."""
-        data, parts = self.source.data, self.group.parts
+        data, parts = self.document.data, self.group.parts
         of_pose = {*ANGLES, *(name for kind in pose_distributions.all() for name in kind.angles)}
         of_pose |= {"std", "coordinates"} if all(part.turns for part in parts) else set()
         initial = data.get("initial") or {}
@@ -300,22 +231,53 @@ class Experiment:
     @property
     def plugins(self) -> dict[str, str]:
         """Source text of each plugin, by its path as written in the configuration."""
-        return self.source.stored_plugins or {}
+        return self.document.home.plugins or {}
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Contents of the files with data, by their names in the configuration."""
+        of_laws = (law.files for law in self.laws.values())
+        return dict(ChainMap(self.desired.files, self.start.files, *of_laws))
+
+    @cached_property
+    def resolved(self) -> dict[str, Any]:
+        """The configuration with all defaults; running it gives equal numbers."""
+        config = self.config
+        complete = config.model_dump(  # without what searches read, which changes no run
+            exclude=set(schema.marked(schema.SEARCH)), exclude_none=True, warnings="none"
+        )
+        if config.plant and config.plant.forces and config.model and config.model.forces:
+            complete["model"] = self.document.data["model"]  # as it is written, as in all digests
+        return complete | {
+            **self.desired.resolved,
+            "controllers": [law.resolved | {"label": name} for name, law in self.laws.items()],
+            "initial": self.start.resolved,
+            "solver": self.solver.resolved,
+        }
 
     @property
     def numeric_config(self) -> dict[str, Any]:
-        """Part of the resolved configuration that affects the numbers, with hashes of files.
-
-        The names of files do not count: the folder of a result holds them under names of its own.
-        """
-        numeric = {key: value for key, value in self.resolved.items() if WORDS not in marks_of(key)}
-        return renamed(numeric, hashes(self.files | self.plugins))
+        """Part of the resolved configuration that affects the numbers, with hashes of files."""
+        return numeric(self.resolved, self.files | self.plugins)
 
     @cached_property
     def digest(self) -> str:
         """Hash of everything that affects the numbers. Equal digests mean equal experiments."""
-        text = json.dumps(self.numeric_config, sort_keys=True)
-        return sha256(text.encode()).hexdigest()
+        return digest_of(self.numeric_config)
+
+
+def numeric(resolved: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
+    """Return the part of a resolved configuration that affects the numbers, with hashes of files.
+
+    The names of files do not count: the folder of a result holds them under names of its own.
+    """
+    numbers = {key: value for key, value in resolved.items() if WORDS not in marks_of(key)}
+    return dict(renamed(numbers, hashes(files)))
+
+
+def digest_of(data: Any) -> str:
+    """Return the hash of plain data."""
+    return sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
 
 def hashes(files: Mapping[str, str]) -> dict[str, str]:
@@ -361,92 +323,393 @@ class Start:
 TAKEN_BY = {"rates": "{kind: rate_loop, bandwidth: 40}", "dipole": "{kind: magnetorquers, …}"}
 """The actuators of commands other than a torque."""
 
-OF_EVERY_LAW = ("label", "gains")
-"""The keys of an entry of `controllers` that no law has for itself."""
+
+@dataclass(frozen=True)
+class Law:
+    """A control law of the configuration.
+
+    Attributes
+    ----------
+    index
+        Its number among `controllers`.
+    gains
+        Its own gains, as `kp` and `kd`.
+    written
+        The names of the options that are written.
+    files, code
+        Texts of the data that it reads, and of the code that it executes, by file.
+    followed
+        The names of the options that follow the gains.
+    """
+
+    law: Controller
+    index: int
+    gains: dict[str, Any]
+    written: tuple[str, ...]
+    files: dict[str, str]
+    code: dict[str, str]
+    followed: tuple[str, ...] = ()
+
+    def with_gains(self, G: MatrixLieGroup, gains: Gains) -> "Law":
+        """Return the law with the options that follow the gains, where they are not written."""
+        defaults = self.law.defaults(G, gains)
+        defaults = {name: value for name, value in defaults.items() if name not in self.written}
+        return replace(self, law=with_fields(self.law, **defaults), followed=tuple(defaults))
+
+    @property
+    def resolved(self) -> dict[str, Any]:
+        """The entry; options that follow the gains stay away, and follow them again."""
+        section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
+        return {name: value for name, value in section.items() if name not in self.followed}
+
+
+class LastPoint:
+    """What was made at the last point of a sweep, and of what.
+
+    The next point takes over what it would make of the same objects.
+    """
+
+    def __init__(self) -> None:
+        self.data: dict[str, Any] = {}
+        self.config: Config | None = None
+        self._made: dict[str, tuple[Any, ...]] = {}
+
+    def take(self, name: str, problems: Problems, make: Callable[[], Any], *parts: Any) -> Any:
+        """Return what is made of some parts; the same again where they are those of last time."""
+        *last, made = self._made.get(name, (None,))
+        if len(last) != len(parts) or not all(map(is_, last, parts)):
+            made = make()
+            if not problems:
+                self._made[name] = *parts, made
+        return made
 
 
 @blamed()
 @np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
-def assemble(source: ConfigSource, trust_plugins: bool = False) -> Experiment:
-    """Make the experiment of a configuration that names its engine, and evaluate nothing of it.
+def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
+    """Make the experiment of a configuration, and evaluate nothing of it.
 
-    Laws that are designed for their loops have no gains yet; `designed_laws` gives them.
+    First every key is validated; then what needs several of them is built. Laws that are designed
+    for their loops have no gains yet; `designed_laws` gives them.
+
+    Parameters
+    ----------
+    last
+        The last point of a sweep, whose parts are taken over where their sections are the same.
 
     Raises
     ------
     ConfigError
-        With every problem, each at its place in the file.
+        With every problem of the keys, or else of what is built of them, each at its place.
     """
-    problems = Problems(source.place)
-    plugins = load_plugins(source, trust_plugins, problems)
+    problems, home, last = Problems(document.place), document.home, last or LastPoint()
+    plugins = load_plugins(document, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
-    read = _Sections(source, trust_plugins, problems)
-    group, sections, laws = read.group, read.sections, read.laws
-    read.read_controllers()
-    task, initial = sections["task"], sections["initial"]
-    desired = inertia = start = solver = None
-    gains: dict[str, Gains | None] = {}
-    if sections["reference"] is not None or source.data.get("reference") is None:
-        parts = task, sections["reference"], sections["target"], group
-        make: Any = partial(desired_from, *parts, source, problems)
-        desired = source.made("desired", problems, make, *parts)
-    if (section := sections["solver"]) is not None:
-        make = partial(solver_from, section, source.chosen, problems.at("solver"))
-        solver = source.made("built solver", problems, make, section, source.chosen)
-    horizon = sections["time"].duration if sections["time"] else 0.0
-    if group and sections["inertia"] is not None:
-        of = sections["inertia"], group, horizon
-        make = partial(inertia_from, *of, problems.at("inertia"))
-        inertia = source.made("built inertia", problems, make, *of)
-    vehicle = vehicle_from(sections, group, horizon, problems, inertia) if group else None
-    if group and solver and vehicle and vehicle.control is None:
-        calls = solver.engine.calls_laws or source.chosen  # a chosen engine was tried
+    G, config = _validated(document, problems, last)
+    task, time = config.task, config.time
+    threshold = config.settling_threshold
+    if isinstance(task, PointSection) and isinstance(threshold, float):  # of the axis
+        turn = {"rotation": float(turn_of_distance(np.array(threshold)))}
+        config = config.model_copy(update={"settling_threshold": turn})
+
+    def take(name: str, make: Callable[[], Any], *parts: Any) -> Any:
+        return last.take(name, problems, make, G, *parts)
+
+    laws: dict[str, Law] = take(
+        "laws", lambda: laws_of(config, G, home, problems), task, config.controllers
+    )
+    desired: DesiredTrajectory | None = take(
+        "desired",
+        lambda: desired_from(config, G, home, problems),
+        *(task, config.reference, config.target),
+    )
+    at_inertia = problems.at("inertia")
+    inertia: InertiaLaw | None = take(
+        "inertia",
+        lambda: inertia_from(config.inertia, G, time.duration, at_inertia),
+        *(config.inertia, time),
+    )
+    vehicle: Vehicle = take(
+        "vehicle",
+        lambda: vehicle_from(config, G, problems, inertia),
+        *(getattr(config, name) for name in schema.marked(schema.VEHICLE)),
+        *(inertia, time),
+    )
+    if vehicle.control is None:
+        calls = config.solver.engine.calls_laws or config.solver.is_auto
         for law in laws.values():
             check_calls(law.law, calls, problems.at("controllers", law.index))
-    if group:
-        gains = read.gains(group)
-        if inertia and vehicle and desired and sections["time"]:
-            desired = read.with_model(group, inertia, vehicle, desired)
-        if isinstance(thresholds := sections["settling_threshold"], dict):
-            check_thresholds(thresholds, group, problems.at("settling_threshold"))
-    if initial:
-        start = read.start(initial, desired)
-    config = read.config(desired, start)
+    config, gains = gains_of(config, laws, G, problems)
+    if isinstance(thresholds := config.settling_threshold, dict):
+        check_thresholds(thresholds, G, problems.at("settling_threshold"))
     problems.raise_if_any()
-    assert config and group and desired and inertia and vehicle and start and solver
-    reference, axis = desired.reference, tuple(read.point.axis) if read.point else ()
+    assert desired
+    assert inertia
+    laws = {label: law.with_gains(G, gains[label]) for label, law in laws.items()}
+    laws, desired = with_model(config, laws, G, inertia, vehicle, desired, problems)
+    start = start_from(config.initial, G, desired, home, problems.at("initial"))
+    config = in_agreement(config, laws, G, desired, start, problems)
+    problems.raise_if_any()
+    assert start
+    axis = tuple(task.axis) if isinstance(task, PointSection) else ()
     loops = {
-        label: ClosedLoop(group, inertia, law_gains, reference, laws[label].law, vehicle, axis=axis)
-        for label, law_gains in gains.items()
-        if law_gains is not None
+        label: ClosedLoop(G, inertia, gains[label], desired.reference, law.law, vehicle, axis=axis)
+        for label, law in laws.items()
     }
-    plugin_metrics = _metrics_of(sections["metrics"], plugins, loops.values(), problems)
+    if metrics_of_runs := _metrics_of(config.metrics, plugins, loops.values(), problems):
+        config = config.model_copy(update={"metrics": metrics_of_runs})
     problems.raise_if_any()
-    config = config.model_copy(update={"metrics": plugin_metrics}) if plugin_metrics else config
-    complete = read.resolved(config) | {
-        **desired.resolved,
-        "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
-        "initial": start.resolved,
-        "solver": solver.resolved,
-    }
-    return Experiment(
-        config,
-        complete,
-        group,
-        loops,
-        desired.pose,
-        desired.velocity,
-        start.poses,
-        start.velocities,
-        solver,
-        replace(source, stored_plugins=plugins | read.code),
-        desired.files | start.files | read.files,
+    texts = plugins | dict(ChainMap(*(law.code for law in laws.values())))
+    document = replace(document, home=replace(home, plugins=texts, trusted=True))
+    return Experiment(config, G, laws, loops, desired, start, config.solver, document)
+
+
+def _validated(
+    document: Document, problems: Problems, last: LastPoint
+) -> tuple[MatrixLieGroup, Config]:
+    """Return the group and the validated keys; at a further point, validate what differs.
+
+    Raises
+    ------
+    ConfigError
+        With the problems of all keys.
+    """
+    data = document.data
+    name, at_group = data.get("group"), problems.at("group")
+    G = last.take("group", at_group, lambda: _group(data, at_group), name)
+    config, keys = last.config, data.keys() | last.data.keys()
+    differing = [key for key in keys if data.get(key) is not last.data.get(key)]
+    if config is None or "group" in differing or not data.keys() >= {*differing}:
+        config = validated(Config, data, problems, group=G)
+    elif differing:
+        kinds = {key: Config.model_fields[key].rebuild_annotation() for key in differing}
+        sections = {
+            key: validated(kind, data[key], problems.at(key), group=G)
+            for key, kind in kinds.items()
+        }
+        config = config.model_copy(update=sections)
+    problems.raise_if_any()
+    last.data, last.config = data, config
+    return G, config
+
+
+def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
+    """Return the group; without one, note which sections could not be checked."""
+    if not isinstance(name := data.get("group"), str):
+        return None
+    try:
+        return group_named(name)
+    except InputError as error:
+        unchecked = ", ".join(key for key in schema.marked(schema.ON_GROUP) if key in data)
+        more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
+        problems.add(error.args[0].replace(";", f"{more};", 1), *error.remedies)
+    return None
+
+
+def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) -> dict[str, Law]:
+    """Return the control laws by label, checked for the group and the task."""
+    task, laws = config.task, dict[str, Law]()
+    for index, entry in enumerate(config.controllers):
+        here = problems.at("controllers", index)
+        law, files = with_data(entry.law, home, G, here)
+        ready, code = law.loaded(home, G, here)
+        if ready is None:
+            continue
+        law, refusal = ready, ""
+        if isinstance(task, PointSection):
+            refusal = task.refusal(law, G)
+        elif law.tasks and task not in law.tasks:
+            fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
+            refusal = f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} "
+            refusal += f"use {fitting}"
+        label = law.name if entry.label is None else entry.label
+        if refusal:
+            here.add(refusal)
+        elif not isinstance(label, str) or not label.strip() or not label.isprintable():
+            here.at("label").add(f"expected text on one line, got {shown(label)}")
+        elif same := alike(label, laws):
+            also = f" than '{label}': capitals do not count" * (same != label)
+            held = f"an earlier controller has the label '{same}'"
+            here.add(f"{held}; give this one another `label`{also}")
+        else:
+            gains = kp_and_kd(entry.gains, law.gains_group(G), here.at("gains"))
+            laws[label] = Law(law, index, gains, entry.written, files, code)
+    return laws
+
+
+def gains_of(
+    config: Config, laws: Mapping[str, Law], G: MatrixLieGroup, problems: Problems
+) -> tuple[Config, dict[str, Gains]]:
+    """Return the gains of every law, and the configuration with the section as `kp` and `kd`."""
+    here, task = problems.at("gains"), config.task
+    section = kp_and_kd(config.gains, G, here)
+    if config.gains is not None:
+        for name in [] if here else {"kp", "kd"} - section.keys():
+            here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
+        config = config.model_copy(update={"gains": GainsSection.model_construct(**section)})
+    elif any(law.law.reads_gains and len(law.gains) < 2 for law in laws.values()):
+        here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
+    shared = cache(partial(gains_from, section, G, here))
+    by_label = {}
+    for label, law in laws.items():
+        axes = task.axes(law.law) if isinstance(task, PointSection) else None
+        at_law = problems.at("controllers", law.index, "gains")
+        group = law.law.gains_group(G)
+        if group is G and not law.gains:
+            gains = shared(axes)
+            if gains is None and not (law.law.reads_gains or law.law.inside_reads_gains):
+                gains = _unread_gains(G)
+        elif group is G:
+            gains = gains_from(section | law.gains, G, at_law, axes)
+        else:
+            gains = _gains_of_inner(law, group, axes, at_law)
+        if gains is not None:
+            by_label[label] = gains
+    return config, by_label
+
+
+def _gains_of_inner(law: Law, group: MatrixLieGroup, axes: Any, problems: Problems) -> Gains | None:
+    """Return the gains of a law on its own group, or None after noting its problems."""
+    if not (law.gains or law.law.reads_gains or law.law.inside_reads_gains):
+        return _unread_gains(group)
+    for name in {"kp", "kd"} - law.gains.keys():
+        problems.at(name).add(
+            f"{MISSING}: {law.law.name} needs its own gains, of its law on {group.name}, "
+            "such as gains: {kp: 4, kd: 2}"
+        )
+    return gains_from(law.gains, group, problems, axes)
+
+
+def _unread_gains(G: MatrixLieGroup) -> Gains:
+    """Return gains for a law that reads none."""
+    return Gains(np.eye(G.size), np.eye(G.dimension))
+
+
+def with_model(
+    config: Config,
+    laws: Mapping[str, Law],
+    G: MatrixLieGroup,
+    inertia: InertiaLaw,
+    vehicle: Vehicle,
+    desired: DesiredTrajectory,
+    problems: Problems,
+) -> tuple[dict[str, Law], DesiredTrajectory]:
+    """Return the laws and the reference with what they know of the plant."""
+    laws, pushes = dict(laws), vehicle.pushes(G)
+    acts, model = config.plant, config.model
+    acting = acts is not None and acts.forces and not (model and model.forces == "plant")
+    parts = (vehicle.configured or vehicle).actuators
+    plant = PlantModel(
+        inertia,
+        known_forces(config, vehicle, G),
+        pushes,
+        vehicle.is_direct and not acting,
+        config.time.duration,
+        desired.reference.flat_output(G, 0.0),
+        None,
+        vehicle.control.period if vehicle.control else None,
+        tuple(part.nominal.of_run(G, None) for part in parts),
+        isinstance(desired.reference, ClosedReference),
     )
+    takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
+    for label, entry in laws.items():
+        here = problems.at("controllers", entry.index)
+        laws[label] = replace(entry, law=entry.law.for_plant(G, plant, here))
+        commands = entry.law.commands
+        if commands and commands != takes:
+            which = takes if commands == "torque" else commands
+            put = f"only {TAKEN_BY[which]} takes {which}"
+            here.add(f"commands {commands}, and actuators take {takes}; {put}")
+        push = laws[label].law.direction
+        turned = config.task.axis if isinstance(config.task, PointSection) else None
+        if turned and push and abs(np.dot(turned, push)) < 1 - 1e-9:
+            problems.at("task", "axis").add(f"expected the direction of the push, {list(push)}")
+    if problems:
+        return laws, desired
+    directions: list[Any] = [entry.law.direction for entry in laws.values()]
+    along = next(filter(None, directions), None)
+    if along is None and pushes is not None:
+        along = only_direction(pushes)
+    plant = plant._replace(along=along)
+    reference = desired.reference.for_plant(G, plant, problems.at("reference"))
+    if reference is not desired.reference:
+        pose, velocity = reference.initial(G, desired.pose, desired.velocity)
+        desired = replace(desired, reference=reference, pose=pose, velocity=velocity)
+    return laws, desired
+
+
+def start_from(
+    section: InitialSection,
+    G: MatrixLieGroup,
+    desired: DesiredTrajectory,
+    home: Place,
+    problems: Problems,
+) -> Start | None:
+    """Return where the runs start: by distributions, or by the rows of a file.
+
+    Relative poses in a file are errors to the reference, Q(0) = Q_d(0) · pose and
+    V(0) = V_d(0) + V. Missing velocities are 0.
+    """
+    name = section.file
+    if name is None:
+        for key in section.model_fields_set & {"relative", MAPPING}:
+            problems.at(key).add(
+                "applies only to poses from a `file`; give `file` too, or remove this key"
+            )
+        resolved = section.model_dump(include={"pose", "velocity"})
+        return Start(section.pose, section.velocity, resolved)
+    for key in section.model_fields_set & {"pose", "velocity"}:
+        problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
+    mapping = section.mapping or LogMapping()
+    mapping.check(problems.at(MAPPING))
+    if problems.at(MAPPING):
+        return None
+    with problems.catching("file"):
+        text = data_file(home, name)
+        try:
+            poses, velocities, notes = read_starts(text, name, G, mapping)
+        except MappingError as error:
+            problems.at(MAPPING, *error.path).add(str(error))
+            return None
+        if velocities is None:
+            velocities = np.zeros((len(poses), G.dimension))
+        if not section.relative:
+            poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
+        resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
+        listed = ListedPoses(poses, notes), ListedVelocities(velocities)
+        return Start(*listed, resolved, len(poses), {name: text})
+    return None
+
+
+def in_agreement(
+    config: Config,
+    laws: Mapping[str, Law],
+    G: MatrixLieGroup,
+    desired: DesiredTrajectory,
+    start: Start | None,
+    problems: Problems,
+) -> Config:
+    """Return the configuration, whose data cover the horizon, and which has starts for all runs."""
+    over_time: dict[str, Any] = {"reference": desired.reference}
+    over_time |= {f"controllers[{entry.index}]": entry.law for entry in laws.values()}
+    for place, component in over_time.items():
+        check_horizon(component, place, G, config.time.duration, problems)
+    if start is None or start.rows is None:
+        return config
+    if "runs" not in config.ensemble.model_fields_set:
+        ensemble = config.ensemble.model_copy(update={"runs": start.rows})
+        return config.model_copy(update={"ensemble": ensemble})
+    if config.ensemble.runs > start.rows:
+        problems.at("ensemble", "runs").add(
+            f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
+            f"got {config.ensemble.runs}"
+        )
+    return config
 
 
 def designed_laws(experiment: Experiment, problems: Problems) -> Experiment:
     """Return the experiment with the gains of the laws that are designed for their loops."""
-    made, horizon = dict(experiment.loops), float(experiment.times[-1])
+    loops, horizon = dict(experiment.loops), float(experiment.times[-1])
     for index, (label, loop) in enumerate(experiment.loops.items()):
         if not (count := loop.controller.pieces):
             continue
@@ -462,8 +725,8 @@ def designed_laws(experiment: Experiment, problems: Problems) -> Experiment:
             if shown.spent or not shown.finite.all():
                 return experiment  # the checks of the reference say so
             where = np.searchsorted(shown.times, times)
-            made[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
-    return replace(experiment, loops=made)
+            loops[label] = designed(loop, times, shown.pose[where], shown.velocity[where])
+    return replace(experiment, loops=loops)
 
 
 def _metrics_of(
@@ -482,296 +745,3 @@ def _metrics_of(
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
         problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
     return valid
-
-
-class _Sections:
-    """The sections of a configuration, and what is made of them.
-
-    Attributes
-    ----------
-    group
-        The group; None where it is not known.
-    sections
-        The validated sections by name; None for those that are missing or broken.
-    laws
-        The control laws by label.
-    files
-        The contents of the files in which laws are given.
-    code
-        The texts of the code that laws execute, by their files.
-    """
-
-    def __init__(self, source: ConfigSource, trusted: bool, problems: Problems) -> None:
-        self.source, self.trusted, self.problems = source, trusted, problems
-        here, name = problems.at("group"), source.data.get("group")
-        self.group = source.made("built group", here, partial(_group, source.data, here), name)
-        known = known_keys(Config, ())
-        for key in [key for key in source.data if key not in known]:
-            # The section's key that is written without its section: gains.kp for kp.
-            owners = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
-            elsewhere = next((f"{name}.{key}" for name in owners), None)
-            problems.at(key).add(unknown_key(key, known, elsewhere))
-        valid = fields_of(Config, source.data, problems, self.group, source.made)
-        self.sections: dict[str, Any] = dict.fromkeys(known) | valid
-        task, threshold = self.sections["task"], self.sections["settling_threshold"]
-        self.point = task if isinstance(task, schema.PointSection) else None
-        if self.point and isinstance(threshold, float):  # of the axis, as of a rotation
-            turn = float(turn_of_distance(np.array(threshold)))
-            self.sections["settling_threshold"] = {"rotation": turn}
-        self.laws: dict[str, _Entry] = {}
-        self.files: dict[str, str] = {}
-        self.code: dict[str, str] = {}
-
-    def read_controllers(self) -> None:
-        """Read the control laws."""
-        task, G = self.sections["task"], self.group
-        for index, entry in enumerate(self.sections["controllers"] or []):
-            here = self.problems.at("controllers", index)
-            options = dict(entry) if isinstance(entry, dict) else {}
-            label, law_gains = options.pop("label", None), options.pop("gains", None)
-            named, gains = options if isinstance(entry, dict) else entry, None
-            law: Controller | None = Kind(controllers).read(named, here, G, OF_EVERY_LAW)
-            if law_gains is not None:
-                of = None if law is None or G is None else law.gains_group(G)
-                gains = validated(GainsSection, law_gains, here.at("gains"), group=of)
-            if law is not None and G is not None:
-                law, texts = with_data(law, self.source, here)
-                self.files |= texts
-                law.check(G, here)
-                law, texts = law.loaded(self.source, self.trusted, G, here)
-                self.code |= texts
-            if law is None:
-                continue
-            wrong = self.point.refusal(law, G) if self.point and G is not None else ""
-            if isinstance(task, str) and law.tasks and task not in law.tasks:
-                fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
-                wrong = f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} "
-                wrong += f"use {fitting}"
-            if wrong:
-                here.add(wrong)
-                continue
-            label = law.name if label is None else label
-            if not isinstance(label, str) or not label.strip() or not label.isprintable():
-                here.at("label").add(f"expected text on one line, got {shown(label)}")
-            elif same := alike(label, self.laws):
-                also = f" than '{label}': capitals do not count" * (same != label)
-                held = f"an earlier controller has the label '{same}'"
-                here.add(f"{held}; give this one another `label`{also}")
-            else:
-                law_gains = gains.model_dump(exclude_none=True) if gains else {}
-                law_gains = kp_and_kd(law_gains, law.gains_group(G), here.at("gains")) if G else {}
-                self.laws[label] = _Entry(law, index, law_gains, tuple(options))
-
-    def gains(self, G: MatrixLieGroup) -> dict[str, Gains | None]:
-        """Return the gains of every law, and give laws the options that follow them."""
-        data, here = self.source.data, self.problems.at("gains")
-        section = data.get("gains")
-        known = {}
-        if isinstance(section, dict):
-            known = kp_and_kd(fields_of(GainsSection, section, here, G), G, here)
-            for name in [] if here else {"kp", "kd"} - known.keys():
-                here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
-            self.sections["gains"] = GainsSection.model_construct(**known)
-        by_label = dict[str, Gains | None]()
-        meant = closest("gains", data.keys() - Config.model_fields.keys())
-        if (
-            section is None
-            and not meant
-            and any(map(_reads_gains, self.sections["controllers"] or []))
-        ):
-            here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
-        for label, law in self.laws.items():
-            axes = self.point and self.point.axes(law.law)
-            shared = gains_from(known, G, here, axes if law.law.gains_group(G) is G else None)
-            by_label[label] = self._gains_of(law, known, shared, G, axes)
-            self.laws[label] = law.with_gains(G, by_label[label])
-        return by_label
-
-    def _gains_of(
-        self, entry: "_Entry", known: Any, shared: Gains | None, G: MatrixLieGroup, axes: Any
-    ) -> Gains | None:
-        """Return the gains of a law; None after noting its problems."""
-        law, law_gains, problems = entry.law, entry.gains, self._at(entry).at("gains")
-        group, reads = law.gains_group(G), law.reads_gains or law.inside_reads_gains
-        if not (law_gains or reads) and (shared is None or group is not G):
-            return Gains(np.eye(group.size), np.eye(group.dimension))  # which it never reads
-        if group is G:
-            return gains_from(known | law_gains, G, problems, axes) if law_gains else shared
-        for name in {"kp", "kd"} - law_gains.keys():
-            problems.at(name).add(
-                f"{MISSING}: {law.name} needs its own gains, of its law on {group.name}, "
-                "such as gains: {kp: 4, kd: 2}"
-            )
-        return gains_from(law_gains, group, problems, axes)
-
-    def _at(self, entry: "_Entry") -> Problems:
-        return self.problems.at("controllers", entry.index)
-
-    def with_model(
-        self, G: MatrixLieGroup, inertia: InertiaLaw, vehicle: Vehicle, desired: DesiredTrajectory
-    ) -> DesiredTrajectory:
-        """Give laws, and the reference that is returned, what they know of the plant."""
-        sections, laws, pushes = self.sections, self.laws, vehicle.pushes(G)
-        forces = known_forces(sections, vehicle, G)
-        acts, model, horizon = sections["plant"], sections["model"], sections["time"].duration
-        acting = acts is not None and acts.forces and not (model and model.forces == "plant")
-        exact, flat = vehicle.is_direct and not acting, desired.reference.flat_output(G, 0.0)
-        period = vehicle.control.period if vehicle.control else None
-        acting = () if self.problems else (vehicle.configured or vehicle).actuators
-        known = tuple(part.nominal.of_run(G, None) for part in acting)
-        foreseen = isinstance(desired.reference, ClosedReference)
-        plant = PlantModel(
-            inertia, forces, pushes, exact, horizon, flat, None, period, known, foreseen
-        )
-        takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
-        for label, entry in laws.items():
-            laws[label] = replace(entry, law=entry.law.for_plant(G, plant, self._at(entry)))
-            commands = entry.law.commands
-            if commands and commands != takes:
-                which = takes if commands == "torque" else commands
-                put = f"only {TAKEN_BY[which]} takes {which}"
-                self._at(entry).add(f"commands {commands}, and actuators take {takes}; {put}")
-            push = laws[label].law.direction
-            if self.point and push and abs(np.dot(self.point.axis, push)) < 1 - 1e-9:
-                self.problems.at("task", "axis").add(
-                    f"expected the direction of the push, {list(push)}"
-                )
-        if self.problems:
-            return desired
-        directions: list[Any] = [entry.law.direction for entry in laws.values()]
-        along = next(filter(None, directions), None)
-        if along is None and pushes is not None:
-            along = only_direction(pushes)
-        plant = plant._replace(along=along)
-        reference = desired.reference.for_plant(G, plant, self.problems.at("reference"))
-        if reference is desired.reference:
-            return desired
-        pose, velocity = reference.initial(G, desired.pose, desired.velocity)
-        return replace(desired, reference=reference, pose=pose, velocity=velocity)
-
-    def start(self, section: InitialSection, desired: DesiredTrajectory | None) -> Start | None:
-        """Return where the runs start, by distributions or by the rows of a file."""
-        problems = self.problems.at("initial")
-        if section.file is not None:
-            return self._start_from_file(section, section.file, desired, problems)
-        for key in section.model_fields_set & {"relative", MAPPING}:
-            problems.at(key).add(
-                "applies only to poses from a `file`; give `file` too, or remove this key"
-            )
-        if problems or self.group is None:
-            return None
-        resolved = section.model_dump(include={"pose", "velocity"})
-        return Start(section.pose, section.velocity, resolved)
-
-    def _start_from_file(
-        self, section: InitialSection, name: str, desired: DesiredTrajectory | None, here: Problems
-    ) -> Start | None:
-        """Read the rows of `initial.file`; return None after noting their problems.
-
-        Relative poses are errors to the reference, Q(0) = Q_d(0) · pose and V(0) = V_d(0) + V.
-        Missing velocities are 0.
-        """
-        for key in ("pose", "velocity"):
-            if key in section.model_fields_set:
-                here.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
-        if (G := self.group) is None:
-            return None
-        mapping = section.mapping or LogMapping()
-        mapping.check(here.at(MAPPING))
-        if here.at(MAPPING):
-            return None
-        with here.catching("file"):
-            text = data_file(self.source, name)
-            try:
-                poses, velocities, notes = read_starts(text, name, G, mapping)
-            except MappingError as error:
-                here.at(MAPPING, *error.path).add(str(error))
-                return None
-            if velocities is None:
-                velocities = np.zeros((len(poses), G.dimension))
-            if desired is None:
-                return None
-            if not section.relative:
-                poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
-            resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
-            listed = ListedPoses(poses, notes), ListedVelocities(velocities)
-            return Start(*listed, resolved, len(poses), {name: text})
-        return None
-
-    def config(self, desired: DesiredTrajectory | None, start: Start | None) -> Config | None:
-        """Return the configuration, if its sections agree on the number of runs and the horizon."""
-        G, problems = self.group, self.problems
-        if problems or not (G and desired and start):
-            return None
-        config = Config.model_construct(set(self.source.data), **self.sections)
-        over_time: dict[str, Any] = {"reference": desired.reference}
-        over_time |= {f"controllers[{entry.index}]": entry.law for entry in self.laws.values()}
-        for place, component in over_time.items():
-            check_horizon(component, place, G, config.time.duration, problems)
-        if start.rows is None:
-            return config
-        if "runs" not in config.ensemble.model_fields_set:
-            ensemble = config.ensemble.model_copy(update={"runs": start.rows})
-            return config.model_copy(update={"ensemble": ensemble})
-        if config.ensemble.runs > start.rows:
-            problems.at("ensemble", "runs").add(
-                f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
-                f"got {config.ensemble.runs}"
-            )
-        return config
-
-    def resolved(self, config: Config) -> dict[str, Any]:
-        """Return the sections with every default; those for searches change no run."""
-        searches = set(marked(schema.SEARCH))
-        complete = config.model_dump(exclude=searches, exclude_none=True, warnings="none")
-        if config.plant and config.plant.forces and config.model and config.model.forces:
-            complete["model"] = self.source.data["model"]  # as it is written, as in all digests
-        return complete
-
-
-def _reads_gains(entry: Any) -> bool:
-    """Whether an entry of `controllers` needs the section `gains`."""
-    options = entry if isinstance(entry, dict) else {"kind": entry}
-    gains, name = options.get("gains"), options.get("kind")
-    kind = controllers.get(name) if name in controllers.names() else None
-    if kind is None or (isinstance(gains, dict) and len(gains) > 1):
-        return False
-    reads: Any = kind.reads_gains
-    # Code reads those of the law that it claims to be, if it claims any.
-    return _reads_gains(options.get("as")) if isinstance(reads, property) else bool(reads)
-
-
-def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
-    """The group; without one, the message says which sections could not be checked."""
-    if not isinstance(name := data.get("group"), str):
-        return None
-    try:
-        return group_named(name)
-    except InputError as error:
-        unchecked = ", ".join(key for key in marked(schema.ON_GROUP) if key in data)
-        more = f", so the numbers of {unchecked} were not checked" if unchecked else ""
-        problems.add(error.args[0].replace(";", f"{more};", 1), *error.remedies)
-    return None
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """An entry of `controllers`: a law, its index, its gains, and the names of written options."""
-
-    law: Controller
-    index: int
-    gains: dict[str, Any]
-    written: tuple[str, ...]
-    followed: tuple[str, ...] = ()
-
-    def with_gains(self, G: MatrixLieGroup, gains: Gains | None) -> "_Entry":
-        """The entry with the options that follow the gains, where they are not written."""
-        defaults = {} if gains is None else self.law.defaults(G, gains)
-        defaults = {name: value for name, value in defaults.items() if name not in self.written}
-        return replace(self, law=with_fields(self.law, **defaults), followed=tuple(defaults))
-
-    @property
-    def resolved(self) -> dict[str, Any]:
-        """The section; options that follow the gains stay away, and follow them again."""
-        section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
-        return {name: value for name, value in section.items() if name not in self.followed}

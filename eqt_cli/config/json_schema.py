@@ -21,7 +21,7 @@ from eqt_cli.base.reporting import listed
 from eqt_cli.components.groups import groups
 from eqt_cli.config.designs import BLOCK, designs
 from eqt_cli.config.schema import Config, GainsSection, not_swept
-from eqt_cli.config.source import AUTO
+from eqt_cli.engines.choice import AUTO
 from eqt_cli.engines.engine import SolverChecks, engines
 
 

@@ -30,27 +30,25 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NoReturn
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError, EqtWarning, InputError, Problems, dotted
+from eqt_cli.base.errors import EqtError, InputError, Problems, dotted
 from eqt_cli.base.registry import blamed, described, is_foreign, place_of, place_of_function
-from eqt_cli.base.reporting import reporter
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.initial_states import Stream, draw_initial_states, generator_at
 from eqt_cli.components.sensors import Sensor
 from eqt_cli.components.vehicle import RandomOf
-from eqt_cli.config.experiment import Experiment, assemble, designed_laws
-from eqt_cli.config.source import AUTO, ConfigSource
+from eqt_cli.config.document import Document, changed_at
+from eqt_cli.config.experiment import Experiment, LastPoint, assemble, designed_laws
+from eqt_cli.engines.choice import AUTO
 from eqt_cli.engines.engine import Problem
-from eqt_cli.engines.native import Native, refusal
-from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of, vehicle_parts
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.leaves import leaves
@@ -59,13 +57,15 @@ from eqt_cli.numbers.running import SampledRuns, mixes_runs
 # Builds an experiment, and tries it ---------------------------------------------------------------
 
 
-def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
-    """Check a configuration and make an experiment of it, whose source names its engine.
+@blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
+def build(document: Document, last: LastPoint | None = None) -> Experiment:
+    """Check a configuration and make an experiment of it, whose document names its engine.
 
     Parameters
     ----------
-    trust_plugins
-        Execute plugin sources that are stored in a result file.
+    last
+        The last point of a sweep, whose parts are taken over where their sections are the same.
 
     Raises
     ------
@@ -74,26 +74,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     ComponentError
         If a component of the user's own fails while it is made.
     """
-    if source.engine != AUTO:
-        return _tried(source, trust_plugins)
-    if source.chosen:
-        problems = Problems(source.place)
-        problems.at("solver", "engine").add("must be named where a point or a case sets the solver")
-        problems.raise_if_any()
-    if not (why := refusal()):
-        experiment = _tried(source.by_engine(Native.name), trust_plugins)
-        if not (why := refusal(experiment.loops.values())):
-            return experiment
-    slower = f"engine {SolveIvp.name}, 2 to 17 times slower than native: {why.args[0]}"
-    reporter().remark(EqtWarning(slower, *why.remedies, lines=why.lines))
-    return _tried(source.by_engine(SolveIvp.name), trust_plugins)
-
-
-@blamed()
-@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
-def _tried(source: ConfigSource, trust_plugins: bool) -> Experiment:
-    """Return the experiment of a configuration that names its engine, once it was tried."""
-    experiment, problems = assemble(source, trust_plugins), Problems(source.place)
+    experiment, problems = assemble(document, last), Problems(document.place)
     try_vehicle(experiment, problems)
     problems.raise_if_any()
     experiment = designed_laws(experiment, problems)
@@ -102,7 +83,11 @@ def _tried(source: ConfigSource, trust_plugins: bool) -> Experiment:
     problems.raise_if_any()
     try_metrics(experiment, problems)
     problems.raise_if_any()
-    return experiment
+    if not experiment.solver.is_auto:
+        return experiment
+    solver = experiment.solver.chosen(experiment.loops.values())
+    named = changed_at(experiment.document, ("solver", "engine"), solver.engine.name, AUTO)
+    return replace(experiment, solver=solver, document=named)
 
 
 # A trial of parts of a loop, whose errors are noted at the part that they are from ----------------
@@ -202,8 +187,8 @@ def _repeated(loop: ClosedLoop, state: Array) -> list[tuple[Any, Array]]:
 
 def try_laws(experiment: Experiment, problems: Problems) -> None:
     """Note what components of the user's raise, or return in a shape that does not fit."""
-    loops, Qd, Vd = experiment.loops, experiment.initial_pose, experiment.initial_velocity
-    poses, velocities = experiment.poses, experiment.velocities
+    loops, Qd, Vd = experiment.loops, experiment.desired.pose, experiment.desired.velocity
+    poses, velocities = experiment.start.poses, experiment.start.velocities
     every = [part for e in loops.values() for part in (e.group, e.reference, e.controller)]
     if not any(is_foreign(type(part).__module__) for part in [*every, poses, velocities]):
         return
@@ -266,7 +251,7 @@ MEASUREMENTS = 3, 7
 
 def try_vehicle(experiment: Experiment, problems: Problems) -> None:
     """Note what parts of the user's lack, raise, or return in a shape that does not fit."""
-    loop, start = experiment.loop, (experiment.initial_pose, experiment.initial_velocity)
+    loop, start = experiment.loop, (experiment.desired.pose, experiment.desired.velocity)
     random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, 0)
     for place in vehicle_parts(loop):
         if not place.is_foreign:
@@ -371,7 +356,7 @@ RUNS_TRIED, MOST_TRIED = 3, 1000
 def try_metrics(experiment: Experiment, problems: Problems) -> None:
     """Note metrics of the user's own that fail, or return no number for each run."""
     loops, times = list(experiment.loops.values()), experiment.times[:MOST_TRIED]
-    start = experiment.initial_pose, experiment.initial_velocity
+    start = experiment.desired.pose, experiment.desired.velocity
     for index, metric in enumerate(experiment.metrics):
         part = LoopPart(metric, ("metrics", index), f"metric {metric.name}")
         for wrong in filter(None, (metric.unknown(loops), *metric.wrong(loops))):

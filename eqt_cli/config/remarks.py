@@ -46,7 +46,7 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
         *_numerical_remarks(experiment, shown),
     ]
     return [
-        *(EqtWarning(f"{experiment.source.place(k)}: {dotted(k)}: {text}") for k, text in placed),
+        *(EqtWarning(f"{experiment.document.place(k)}: {dotted(k)}: {text}") for k, text in placed),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
 
@@ -66,7 +66,9 @@ def _component_remarks(experiment: Experiment) -> Placed:
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
     yield from ((("reference",), text) for text in loop.reference.remarks(G))
-    yield from ((("initial", "file"), text) for text in getattr(experiment.poses, "notes", ()))
+    yield from (
+        (("initial", "file"), text) for text in getattr(experiment.start.poses, "notes", ())
+    )
     wanted = max((loop.controller.directions(G) for loop in loops), key=len)
     for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
         for text in actuator.remarks(G, wanted):
@@ -106,7 +108,7 @@ def _force_remarks(
 
 def _jump(experiment: Experiment, force: Force) -> float | None:
     """Return where a force jumps in time, at the start of the runs, though it gives no instant."""
-    G, Q, V = experiment.group, experiment.initial_pose[None], experiment.initial_velocity[None]
+    G, Q, V = experiment.group, experiment.desired.pose[None], experiment.desired.velocity[None]
     times = np.linspace(0.0, experiment.config.time.duration, FORCE_SAMPLES)
     with np.errstate(all="ignore"):  # of one run, as engines call it
         values = np.array([force.in_body(G, t, Q, V)[0] for t in times.tolist()])
@@ -260,7 +262,7 @@ def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float,
     The trial starts without errors, because fast errors decay at once. The estimate is infinite if
     the trial makes no progress. The second value is the share of the horizon that it reached.
     """
-    Qd, Vd, stop = experiment.initial_pose, experiment.initial_velocity, experiment.times[-1]
+    Qd, Vd, stop = experiment.desired.pose, experiment.desired.velocity, experiment.times[-1]
     engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)
     states = loop.initial_state(Qd, Vd, Qd, Vd)[None]
     problem = Problem(loop, states, np.linspace(0.0, stop, TRIAL_SAMPLES))
@@ -342,7 +344,7 @@ def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
     """
     finite = np.flatnonzero(shown.finite) if shown is not None else ()
     if shown is None or not 1 < len(finite) == len(shown.times):
-        start = np.zeros(1), experiment.initial_pose[None], experiment.initial_velocity[None]
+        start = np.zeros(1), experiment.desired.pose[None], experiment.desired.velocity[None]
         return Along(*start)
     shares = np.sort(np.arange(LINEARISED) * GOLDEN % 1.0)
     where = np.searchsorted(shown.times, shares * shown.times[-1])
@@ -429,7 +431,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         torque = torque - force.in_body(loop.group, times, pose, velocity)
     texts, wheels = [], wheels_needed(experiment, shown)
     if wheels is not None and wheels.are_too_much and not loop.vehicle.magnet:  # which dumps it
-        place = experiment.source.place((ACTUATORS,))
+        place = experiment.document.place((ACTUATORS,))
         texts.append(
             f"{place}: {ACTUATORS}: the reference, with the forces of the plant, needs "
             f"{wheels.in_words}; no law can follow it there"
@@ -450,7 +452,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
             most = "most" if needed[when, axis] > high[when, axis] else "least"
             names = actuator.thruster_names
             name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
-            place = experiment.source.place((ACTUATORS, index))
+            place = experiment.document.place((ACTUATORS, index))
             texts.append(
                 f"{place}: {ACTUATORS}[{index}]: {name} gives at {most} {actuator.limited}"
                 f"{limits[when, axis]:.4g}{unit}, but the reference alone needs "

@@ -1,13 +1,14 @@
-"""The shape of a configuration: its keys, their types and defaults; nothing about the group.
+"""The keys of a configuration: their types, defaults and meanings, as one tree.
 
-What depends on the group or on a component (shapes, options, definiteness) is checked by
-`eqt_cli.config.experiment`. One JSON schema comes from these models and the registries.
+A file is validated once, with its group as context, which decides units and options. What needs
+several sections, or files, is checked by `eqt_cli.config.experiment`. The JSON schema, `eqt config
+keys` and the reference pages come from the same tree.
 """
 
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
@@ -25,7 +26,7 @@ from pydantic import (
 from pydantic_core import core_schema
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import parse_key
+from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.option_types import (
     ANY,
     DAMPING,
@@ -51,11 +52,15 @@ from eqt_cli.base.option_types import (
     Samples,
     Scale,
     Unit,
+    as_section,
     has_unit,
     one_of,
+    option_names,
     periods_in,
     rank,
     seconds,
+    shown,
+    validated,
 )
 from eqt_cli.components.actuators import Actuator, actuators
 from eqt_cli.components.estimators import Estimator, estimators
@@ -72,11 +77,13 @@ from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.components.log_table import LogMapping
 from eqt_cli.components.matrix_groups import distance_of_turn
 from eqt_cli.components.motions import unit_vector
-from eqt_cli.components.references import references
+from eqt_cli.components.pose_notation import pose_from, vector
+from eqt_cli.components.references import Reference, references
 from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
 from eqt_cli.components.vehicle_parts import Number
 from eqt_cli.config.designs import DrawnRange
+from eqt_cli.engines.choice import SolverKind
 from eqt_cli.engines.engine import engines
 from eqt_cli.loop.signals import Metric, metrics
 
@@ -129,15 +136,49 @@ StartVelocity = Annotated[VelocityDistribution, Kind(velocity_distributions)]
 
 
 @dataclass(frozen=True)
-class ReadLater(Kind):
-    """A component that `build` reads, because it has files, or keys that are no options."""
+class LawEntry:
+    """An entry of `controllers`.
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        return handler(source)
+    Attributes
+    ----------
+    law
+        The law, checked unless it has files.
+    label
+        Its label, if it has one.
+    gains
+        Its own gains, if it has any.
+    written
+        The names of the options that are written.
+    """
+
+    law: Controller
+    label: Any
+    gains: "GainsSection | None"
+    written: tuple[str, ...]
 
 
-class LawKind(ReadLater):
+class LawKind(Kind):
     """An entry of `controllers`: a law, which may have a label and gains of its own."""
+
+    of_every_law: ClassVar = ("label", "gains")
+    """The keys that no law has for itself."""
+
+    def checked(self, value: Any, problems: Problems, group: Any = None) -> LawEntry | None:
+        """Return the entry; what needs files or other sections is checked later."""
+        options = dict(value) if isinstance(value, dict) else {}
+        label, gains = options.pop("label", None), options.pop("gains", None)
+        named = options if isinstance(value, dict) else value
+        law: Controller | None = self.read(named, problems, group, self.of_every_law)
+        if law is not None and group is not None and not law.files:
+            law.check(group, problems)
+        if gains is not None:
+            of = None if law is None or group is None else law.gains_group(group)
+            gains = validated(GainsSection, gains, problems.at("gains"), group=of)
+        return None if law is None else LawEntry(law, label, gains, tuple(options))
+
+    def section(self, made: LawEntry) -> dict[str, Any]:
+        """Return the law with every option."""
+        return as_section(made.law)
 
     def mapping(self, component: Any, handler: Any, **more: Any) -> dict[str, Any]:
         """Return the JSON schema of a law with its options."""
@@ -152,8 +193,74 @@ class LawKind(ReadLater):
         return super().mapping(component, handler, **more)
 
 
-class ReferenceKind(ReadLater):
+DEFAULTS = {"pose": "identity", "velocity": 0.0}
+"""Default Q_d(0) and V_d(0), for references that start from them."""
+
+
+@dataclass(frozen=True)
+class ReferenceEntry:
+    """The section `reference`.
+
+    Attributes
+    ----------
+    reference
+        The reference, checked unless it has files.
+    starts
+        Q_d(0) and V_d(0) as they are written, of a reference that starts from them.
+    pose, velocity
+        The same as arrays.
+    """
+
+    reference: Reference
+    starts: dict[str, Any]
+    pose: Any
+    velocity: Any
+
+
+class ReferenceKind(Kind):
     """The section `reference`, whose kind is `torque` by default."""
+
+    def checked(self, value: Any, problems: Problems, group: Any = None) -> ReferenceEntry | None:
+        """Return the reference and where it starts; its files are read later."""
+        if not isinstance(value, dict):
+            problems.add(f"expected a mapping, got {shown(value)}")
+            return None
+        kinds = [kind for kind in self.registry.all() if value.keys() <= {*option_names(kind)}]
+        if not value.keys() & {"kind", "torque"} and value and kinds:
+            problems.at("kind").add(f"missing; these keys are those of kind: {kinds[0].name}")
+            return None
+        name, kind = value.get("kind", "torque"), None
+        with suppress(InputError):
+            kind = self.registry.get(name) if isinstance(name, str) else None
+        takes = tuple(DEFAULTS) if kind is None else kind.starts_from
+        has = (*takes, *(option_names(kind) if kind else ()))
+        for key in (key for key in DEFAULTS if key in value and key not in has):
+            problems.at(key).add(
+                f"a reference of kind {name} determines its {key}; remove this key"
+            )
+            value = {name: entry for name, entry in value.items() if name != key}
+        starts = {key: value.get(key, DEFAULTS[key]) for key in takes}
+        options = {"kind": "torque"} | {k: v for k, v in value.items() if k not in starts}
+        reference = self.read(options, problems, group, takes)
+        if group is None:
+            return None
+        if reference is not None and not reference.files:
+            reference.check(group, problems)
+        pose: Array | None = group.identity
+        velocity: Array | None = np.zeros(group.dimension)
+        if "pose" in starts:
+            pose = pose_from(starts["pose"], group, problems.at("pose"))
+        if "velocity" in starts:
+            coordinates: Any = Annotated[Real | list[Real], Unit(VELOCITY)]
+            here = problems.at("velocity")
+            numbers = validated(coordinates, starts["velocity"], here, group=group)
+            with here.catching():
+                velocity = None if numbers is None else vector(numbers, group.dimension, group)
+        return ReferenceEntry(reference, starts, pose, velocity)
+
+    def section(self, made: ReferenceEntry) -> dict[str, Any]:
+        """Return the reference with every option."""
+        return as_section(made.reference)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         kinds = [self.mapping(kind, handler) for kind in self.registry.all()]
@@ -172,8 +279,9 @@ class ReferenceKind(ReadLater):
         return super().mapping(component, handler, **start)
 
 
-AnyLaw = Annotated[Any, LawKind(controllers)]
-ReferenceSection = Annotated[dict[str, Any] | None, ReferenceKind(references)]
+AnyLaw = Annotated[Any, LawKind(controllers)]  # `LawEntry`
+ReferenceSection = Annotated[Any | None, ReferenceKind(references)]  # `ReferenceEntry`
+SolverSection = Annotated[Any, SolverKind(engines)]  # `Solver`
 
 
 class Mark(Enum):
@@ -247,11 +355,11 @@ class PointSection(Section):
         last, first = (2 * np.outer(u, u) / (u @ u) - np.eye(3) for u in (middle, a))
         return last @ first
 
-    def axes(self, law: Controller) -> tuple[list[float], list[float]]:
+    def axes(self, law: Controller) -> tuple[tuple[float, ...], ...]:
         """Return the axis in the frames of a law's weight K and of its damping K_d."""
         frames = law.weight, getattr(law, "damping", None) or "body"
-        of_weight, of_damping = (self.at if x == "spatial" else self.axis for x in frames)
-        return of_weight or self.axis, of_damping or self.axis
+        axes = (self.at if frame == "spatial" else self.axis for frame in frames)
+        return tuple(tuple(axis or self.axis) for axis in axes)
 
     def refusal(self, law: Controller, G: MatrixLieGroup) -> str:
         """Return why a law cannot do it; "" if it can."""
@@ -827,7 +935,7 @@ class Config(Section):
     initial: Annotated[InitialSection, ON_GROUP, STARTS] = Field(default_factory=InitialSection)
     ensemble: Annotated[EnsembleSection, STARTS] = Field(default_factory=EnsembleSection)
     time: Annotated[TimeSection, SHAPES] = Field(examples=["{duration: 20}"])
-    solver: Annotated[dict[str, Any], ReadLater(engines), DESIRED] = Field(default_factory=dict)
+    solver: Annotated[SolverSection, DESIRED] = Field(default_factory=dict, validate_default=True)
     store: Annotated[StoreSection, NotSwept("decides what the common result file contains")] = (
         Field(default_factory=StoreSection)
     )

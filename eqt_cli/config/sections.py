@@ -1,10 +1,9 @@
 """The sections of a configuration that become arrays, a trajectory, and a vehicle."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,19 +11,13 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import (
-    VELOCITY,
-    Kind,
-    Real,
-    Unit,
     Written,
     as_section,
     check_period,
     common_divisor,
     has_unit,
     number_of,
-    option_names,
     seconds,
-    validated,
 )
 from eqt_cli.components import mechanics, vehicle_parts
 from eqt_cli.components.actuators import Actuator
@@ -40,18 +33,22 @@ from eqt_cli.components.inertia import (
     with_other_products,
 )
 from eqt_cli.components.mechanics import Gains, TimeVarying
-from eqt_cli.components.pose_notation import pose_from, square, vector
-from eqt_cli.components.references import ConstantReference, Reference, references
+from eqt_cli.components.pose_notation import pose_from, square
+from eqt_cli.components.references import ConstantReference, Reference
 from eqt_cli.components.sensors import TIMING, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.config import schema
+from eqt_cli.config.document import Place, with_data
 from eqt_cli.config.schema import (
+    DEFAULTS,
     AddedInertiaSection,
+    Config,
     FactoredInertiaSection,
+    GainsSection,
     PrescribedInertiaSection,
+    SensorsSection,
     TargetSection,
 )
-from eqt_cli.config.source import ConfigSource, with_data
 
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
 
@@ -98,12 +95,14 @@ OF_ATTITUDES = {"k_R": ("kp", 0.5), "k_Omega": ("kd", 1.0)}
 """Gains of attitudes as papers write them, each with the gain that it gives, and its factor."""
 
 
-def kp_and_kd(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> dict[str, Any]:
+def kp_and_kd(
+    section: GainsSection | None, G: MatrixLieGroup, problems: Problems
+) -> dict[str, Any]:
     """Return the gains of a section as `kp` and `kd`, after noting what cannot be both."""
-    gains = dict(section)
-    for name in (each for each in OF_ATTITUDES if each in section):
+    gains = section.model_dump(exclude_none=True) if section else {}
+    for name in (name for name in OF_ATTITUDES if name in gains):
         value, (gain, factor) = gains.pop(name), OF_ATTITUDES[name]
-        if gain in section:
+        if gain in gains:
             problems.at(name).add(f"gives {gain}, which is given as well; remove one of the two")
         elif not all(part.turns for part in G.parts):
             problems.at(name).add(f"is a gain of attitudes alone, got {G.name}; give {gain}")
@@ -359,10 +358,6 @@ def _singular_between(law: InertiaLaw, times: Array) -> float | None:
 # The sections `reference` and `target`: the desired trajectory Q_d, V_d ---------------------------
 
 
-DEFAULTS = {"pose": "identity", "velocity": 0.0}
-"""Default Q_d(0) and V_d(0), for references that start from them."""
-
-
 @dataclass(frozen=True)
 class DesiredTrajectory:
     """The desired trajectory of the loop.
@@ -387,92 +382,38 @@ class DesiredTrajectory:
 
 
 def desired_from(
-    task: Any,
-    reference: dict[str, Any] | None,
-    target: TargetSection | None,
-    G: MatrixLieGroup | None,
-    source: ConfigSource,
-    problems: Problems,
+    config: Config, G: MatrixLieGroup, home: Place, problems: Problems
 ) -> DesiredTrajectory | None:
-    """Return the desired trajectory of a configuration, or None after noting its problems.
-
-    Parameters
-    ----------
-    problems
-        Problems of the whole configuration.
-    """
+    """Return the desired trajectory of a configuration, or None after noting its problems."""
+    task, entry = config.task, config.reference
     at_reference, at_target = problems.at("reference"), problems.at("target")
     if task == "stabilise":
-        if reference is not None:
+        if entry is not None:
             at_reference.add("is a key of task: track; give a target for task: stabilise")
-        return _rest(target or TargetSection(), G, at_target)
-    if target is not None:
+        target = (config.target or TargetSection()).pose
+        if (pose := pose_from(target, G, at_target.at("pose"))) is None:
+            return None
+        section = {"target": {"pose": _as_floats(target)}}
+        return DesiredTrajectory(ConstantReference(target), pose, np.zeros(G.dimension), section)
+    if config.target is not None:
         at_target.add("is a key of task: stabilise; give a reference for task: track")
     if isinstance(task, schema.PointSection) and task.at:
-        if reference is not None or task.along:
+        if entry is not None or task.along:
             problems.at("task", "at").add("excludes `along` and a reference; remove these, or it")
-        if G is None or G.dimension != 3:  # as is said of every law
+        if G.dimension != 3:  # as is said of every law
             return None
         return DesiredTrajectory(ConstantReference(task.pose.tolist()), task.pose, np.zeros(3), {})
-    if reference is None:
-        if task is not None:
-            what = "task: track" if isinstance(task, str) else "along: reference"
-            at_reference.add(f"missing; {what} needs a reference to follow")
+    if entry is None:
+        what = "task: track" if isinstance(task, str) else "along: reference"
+        at_reference.add(f"missing; {what} needs a reference to follow")
         return None
-    return _tracked(reference, G, source, at_reference)
-
-
-def _rest(
-    target: TargetSection, G: MatrixLieGroup | None, problems: Problems
-) -> DesiredTrajectory | None:
-    """Return the target pose, at rest for all times."""
-    if G is None or (pose := pose_from(target.pose, G, problems.at("pose"))) is None:
+    reference, texts = with_data(entry.reference, home, G, at_reference)
+    if at_reference:
         return None
-    section = {"target": {"pose": _as_floats(target.pose)}}
-    return DesiredTrajectory(ConstantReference(target.pose), pose, np.zeros(G.dimension), section)
-
-
-def _tracked(
-    section: dict[str, Any], G: MatrixLieGroup | None, source: ConfigSource, problems: Problems
-) -> DesiredTrajectory | None:
-    kinds = [each for each in references.all() if section.keys() <= {*option_names(each)}]
-    if not section.keys() & {"kind", "torque"} and section and kinds:
-        problems.at("kind").add(f"missing; these keys are those of kind: {kinds[0].name}")
-        return None
-    name, kind = section.get("kind", "torque"), None
-    with suppress(InputError):
-        kind = references.get(name) if isinstance(name, str) else None
-    takes = tuple(DEFAULTS) if kind is None else kind.starts_from
-    option_keys = [] if kind is None else option_names(kind)
-    for key in (key for key in DEFAULTS if key in section and key not in (*takes, *option_keys)):
-        problems.at(key).add(f"a reference of kind {name} determines its {key}; remove this key")
-        section = {name: value for name, value in section.items() if name != key}
-    common = {key: section.get(key, DEFAULTS[key]) for key in takes}
-    options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
-    reference = Kind(references).read(options, problems, G, takes)
-    if G is None:
-        return None
-    texts: dict[str, str] = {}
-    if reference is not None:
-        reference, texts = with_data(reference, source, problems)
-        reference.check(G, problems)
-    pose, velocity = G.identity, np.zeros(G.dimension)
-    if "pose" in common:
-        written_pose = pose_from(common["pose"], G, problems.at("pose"))
-        pose = pose if written_pose is None else written_pose
-    if "velocity" in common:
-        coordinates: Any = Annotated[Real | list[Real], Unit(VELOCITY)]
-        numbers = validated(coordinates, common["velocity"], problems.at("velocity"), group=G)
-        if numbers is not None:
-            with problems.catching("velocity"):
-                velocity = vector(numbers, G.dimension, G)
-    if reference is None or problems:
-        return None
-    described = as_section(reference) | common
-    poses = {key: _as_floats(described[key]) for key in DEFAULTS if key in described}
-    described = {"reference": described | poses}
-    pose, velocity = reference.initial(G, pose, velocity)
-    return DesiredTrajectory(reference, pose, velocity, described, texts)
+    section = as_section(reference) | entry.starts
+    section |= {key: _as_floats(section[key]) for key in DEFAULTS if key in section}
+    pose, velocity = reference.initial(G, entry.pose, entry.velocity)
+    return DesiredTrajectory(reference, pose, velocity, {"reference": section}, texts)
 
 
 def check_horizon(
@@ -509,17 +450,11 @@ def _as_floats(value: Any) -> Any:
 
 
 def check_sensors(
-    signal: str, sensors: Mapping[int, Sensor], G: MatrixLieGroup, problems: Problems
+    signal: str, sensors: Sequence[Sensor], G: MatrixLieGroup, problems: Problems
 ) -> None:
-    """Note unknown parts, impossible timing, and entries that contradict each other.
-
-    Parameters
-    ----------
-    sensors
-        Sensors of the signal, by the numbers of their entries.
-    """
+    """Note unknown parts, impossible timing, and entries of a signal that contradict each other."""
     known = [part.name for part in G.parts]
-    for index, sensor in sensors.items():
+    for index, sensor in enumerate(sensors):
         here = problems.at(index)
         if signal != "velocity" and sensor.states(G):
             here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
@@ -534,11 +469,11 @@ def check_sensors(
         _check_agreement(sensors, part, problems)
 
 
-def _check_agreement(sensors: Mapping[int, Sensor], part: str, problems: Problems) -> None:
+def _check_agreement(sensors: Sequence[Sensor], part: str, problems: Problems) -> None:
     """Note timing in which two entries of one part differ."""
     for name in TIMING:
         first: tuple[int, Any] | None = None
-        for index, sensor in sensors.items():
+        for index, sensor in enumerate(sensors):
             value = getattr(sensor, name)
             if value is None or sensor.of not in (None, part):
                 continue
@@ -602,40 +537,35 @@ def decides_parts(key: str, values: Iterable[Any], vehicle: Vehicle) -> bool:
 
 
 def vehicle_from(
-    sections: dict[str, Any],
-    G: MatrixLieGroup,
-    horizon: float,
-    problems: Problems,
-    model: InertiaLaw | None = None,
+    config: Config, G: MatrixLieGroup, problems: Problems, model: InertiaLaw | None = None
 ) -> Vehicle:
     """Return the vehicle of the sections and of the model's inertia; problems are noted."""
-    plant = sections["plant"] or schema.PlantSection()
-    at_plant = problems.at("plant")
+    plant, measured = config.plant or schema.PlantSection(), config.sensors or SensorsSection()
+    clock, horizon, at_plant = config.control, config.time.duration, problems.at("plant")
     inertia = None
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
-    clock, measured = sections["control"], sections["sensors"] or schema.SensorsSection()
     at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
-    known, pushing = sections["model"] and sections["model"].forces, plant.forces
-    if pushing is None and isinstance(known, list):
-        pushing = known
-    acting = _right(sections["actuators"])
-    sensing = {name: _right(getattr(measured, name)) for name in SIGNALS}
-    for k, sensor in sensing["magnetometer"].items():
-        sensing["magnetometer"][k] = replace(sensor, of=G.parts[0].name)
-    entries: list[Entry] = [(at_actuators.at(k), part) for k, part in acting.items()]
+    known, forces = config.model and config.model.forces, plant.forces
+    if forces is None and isinstance(known, list):
+        forces = known
+    acting = config.actuators or []
+    sensing = {name: list(getattr(measured, name) or ()) for name in SIGNALS}
+    field = sensing["magnetometer"]
+    field[:] = [replace(sensor, of=G.parts[0].name) for sensor in field]
+    entries: list[Entry] = [(at_actuators.at(k), part) for k, part in enumerate(acting)]
     for name, errors in sensing.items():
-        entries += [(at_sensors.at(name, k), part) for k, part in errors.items()]
+        entries += [(at_sensors.at(name, k), part) for k, part in enumerate(errors)]
     vehicle = Vehicle(
         inertia,
-        tuple(_right(pushing).values()),
-        tuple(acting.values()),
+        tuple(forces or ()),
+        tuple(acting),
         None if clock is None else _sampling(clock, entries, horizon, problems.at("control")),
-        tuple(sensing["pose"].values()),
-        tuple(sensing["velocity"].values()),
-        sections["estimator"],
+        tuple(sensing["pose"]),
+        tuple(sensing["velocity"]),
+        config.estimator,
         model=model,
-        flux_sensors=tuple(sensing["magnetometer"].values()),
+        flux_sensors=tuple(field),
     )
     if vehicle.flux_sensors and not vehicle.magnet:
         at_sensors.at("magnetometer").add("needs the field of magnetorquers; add them to actuators")
@@ -643,18 +573,15 @@ def vehicle_from(
         at_plant.at("forces") if plant.forces is not None else problems.at("model", "forces")
     )
     _check_currents(vehicle.forces, at_forces)
-    without_clock = clock is None and not problems.at("control")
-    if vehicle.measures and without_clock:
+    if vehicle.measures and clock is None:
         at_sensors.add("act at control instants; set control.period")
-    _check_order(acting, without_clock, at_actuators)
-    _check_samples(sections["time"], vehicle, problems.at("time", "samples"))
+    _check_order(acting, clock is None, at_actuators)
+    _check_samples(config.time, vehicle, problems.at("time", "samples"))
     for name, parts in sensing.items():
         check_sensors(name, parts, G, at_sensors.at(name))
     if vehicle.estimator is not None:
-        check_estimator(vehicle, G, without_clock, problems)
-    if any(map(problems.at, schema.marked(schema.VEHICLE))):
-        return Vehicle()
-    return vehicle.of_run(G)
+        check_estimator(vehicle, G, clock is None, problems)
+    return vehicle if problems else vehicle.of_run(G)
 
 
 Entry = tuple[Problems, Sensor | Actuator]
@@ -708,14 +635,12 @@ def _times(
             yield here, seconds(delay), math.inf
 
 
-def known_forces(
-    sections: dict[str, Any], vehicle: Vehicle, G: MatrixLieGroup
-) -> tuple[Force, ...]:
+def known_forces(config: Config, vehicle: Vehicle, G: MatrixLieGroup) -> tuple[Force, ...]:
     """Return the forces that laws with a model know, with their mean numbers."""
-    known = sections["model"] and sections["model"].forces
+    known = config.model and config.model.forces
     if known == "plant":
         return vehicle.forces
-    known_parts = tuple(part.of_run(G, None) for part in _right(known).values())
+    known_parts = tuple(part.of_run(G, None) for part in known or ())
     return in_currents(G, known_parts, vehicle.model) if known_parts else ()
 
 
@@ -731,10 +656,10 @@ def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
             )
 
 
-def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
+def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Problems) -> None:
     """Note actuators that act at control instants without a clock or without a held command."""
     moving, driven, steered = "", False, False
-    for index, actuator in parts.items():
+    for index, actuator in enumerate(parts):
         sampled = actuator.sampled or actuator.period is not None
         if sampled and without_clock:
             problems.at(index).add(
@@ -759,18 +684,13 @@ def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: P
         moving = actuator.name if actuator.moves or actuator.changes else moving
 
 
-def _check_samples(time: Any, vehicle: Vehicle, problems: Problems) -> None:
+def _check_samples(time: schema.TimeSection, vehicle: Vehicle, problems: Problems) -> None:
     """Note samples that miss pulses of jets, of which means of the torque would be wrong."""
     pulsed = any(getattr(each, "jets", None) for each in vehicle.actuators)
-    if pulsed and time and vehicle.control:
+    if pulsed and vehicle.control:
         ticks = round(time.duration / vehicle.tick)
         if time.samples <= ticks:
             problems.add(f"means over pulses need a sample at each tick; give {ticks + 1} or more")
-
-
-def _right(entries: Iterable[T] | None) -> dict[int, T]:
-    """Return the parts without wrong ones, by the numbers of their entries."""
-    return {index: part for index, part in enumerate(entries or ()) if part is not None}
 
 
 def _inertia(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
@@ -24,21 +23,32 @@ from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.yaml_source import dump, parse_value
 from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.config.description import description
 from eqt_cli.config.designs import EXPECTED, Sweep
-from eqt_cli.config.experiment import OF_EVERY_LAW, Experiment, hashes, renamed
+from eqt_cli.config.document import Document, changed_at, document_of, with_value
+from eqt_cli.config.experiment import Experiment, LastPoint, digest_of, hashes, numeric, renamed
 from eqt_cli.config.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, Config, marks_of, not_swept
+from eqt_cli.config.schema import (
+    DESIRED,
+    SHAPES,
+    STARTS,
+    VEHICLE,
+    Config,
+    LawKind,
+    marks_of,
+    not_swept,
+)
 from eqt_cli.config.sections import decides_parts
-from eqt_cli.config.source import ConfigSource, changed_at, description, source_of, with_value
+from eqt_cli.engines.choice import AUTO
 from eqt_cli.numbers.leaves import leaves
 
 # An experiment at the points of a sweep: its points, its parts, and what is stored ----------------
 
 
 def at_point(
-    source: ConfigSource, sweep: Sweep | None, point: int, keys: Collection[str] | None = None
-) -> ConfigSource:
+    document: Document, sweep: Sweep | None, point: int, keys: Collection[str] | None = None
+) -> Document:
     """Return the configuration at a point of a sweep.
 
     Parameters
@@ -51,12 +61,10 @@ def at_point(
     ConfigError
         If a swept key does not exist.
     """
-    if sweep is None:
-        return source
-    changed = source
-    for key, value in sweep.settings(point).items():
-        if keys is None or key in keys:
-            place = source.place(("sweep", *sweep.place(point, key)))
+    changed = document
+    for key, value in sweep.settings(point).items() if sweep else ():
+        if sweep and (keys is None or key in keys):
+            place = document.place(("sweep", *sweep.place(point, key)))
             changed = changed_at(changed, parse_key(key), value, place)
     return changed
 
@@ -66,13 +74,13 @@ def section_of(key: str) -> str:
     return str(parse_key(key)[0])
 
 
-def without_sweep(source: ConfigSource) -> ConfigSource:
+def without_sweep(document: Document) -> Document:
     """Return the configuration without its section `sweep`."""
-    data = {key: value for key, value in source.data.items() if key != "sweep"}
-    return dataclasses.replace(source, data=data)
+    data = {key: value for key, value in document.data.items() if key != "sweep"}
+    return replace(document, data=data)
 
 
-def sweep_of(source: ConfigSource) -> Sweep:
+def sweep_of(document: Document) -> Sweep:
     """Return the sweep that a configuration defines.
 
     Raises
@@ -80,14 +88,14 @@ def sweep_of(source: ConfigSource) -> Sweep:
     ConfigError
         With all problems of the sweep.
     """
-    problems = Problems(source.place)
-    sweep = Sweep.read(source.data["sweep"], problems.at("sweep"))
+    problems = Problems(document.place)
+    sweep = Sweep.read(document.data["sweep"], problems.at("sweep"))
     problems.raise_if_any()
     assert sweep is not None
     return sweep
 
 
-def config_at(source: ConfigSource, point: int) -> ConfigSource:
+def config_at(document: Document, point: int) -> Document:
     """Return the configuration at a point of the sweep that it defines.
 
     Raises
@@ -95,18 +103,18 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     EqtError
         If it defines no sweep, or has no such point.
     """
-    name = source.source.name
-    if not source.data.get("sweep"):
+    name = document.source.name
+    if not document.data.get("sweep"):
         raise EqtError(f"{name}: defines no sweep, so it has no points; leave the point out")
-    sweep = sweep_of(source)
+    sweep = sweep_of(document)
     if not 0 <= point < len(sweep):
         raise EqtError(f"{name}: has no point {point}; choose one of 0 to {len(sweep) - 1}")
-    return at_point(without_sweep(source), sweep, point)
+    return at_point(without_sweep(document), sweep, point)
 
 
 def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
     """Return the attributes of one point of a result file that has only those of its sweep."""
-    config = config_at(source_of(results), point).data
+    config = config_at(document_of(results), point).data
     experiment = json.loads(str(results.attributes["experiment"]))
     with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
         experiment |= description(config, experiment["departures"])
@@ -149,14 +157,14 @@ class Study:
 
     sweep: Sweep | None
     base: Experiment
-    common: ConfigSource | None = None
+    common: Document | None = None
     planned: Plans | None = None
     whole: Study | None = None
 
     @property
-    def source(self) -> ConfigSource:
+    def document(self) -> Document:
         """The configuration that points change."""
-        return self.base.source if self.common is None else self.common
+        return self.base.document if self.common is None else self.common
 
     def __repr__(self) -> str:
         runs = self.base.config.ensemble.runs
@@ -177,8 +185,9 @@ class Study:
 
     @cached_property
     def _built(self) -> Callable[[int], Experiment]:
+        last = LastPoint()
         return lru_cache(maxsize=CACHED_POINTS)(
-            lambda point: build(at_point(self.source, self.sweep, point), trust_plugins=True)
+            lambda point: build(at_point(self.document, self.sweep, point), last)
         )
 
     @cached_property
@@ -278,11 +287,11 @@ class Study:
             return self
         if index not in self._pieces:
             store = {"store": self.resolved["store"]}  # all pieces store the same
-            source = replace(self.source, data=self.source.data | store)
+            document = replace(self.document, data=self.document.data | store)
             sweep = Sweep(self.sweep.blocks, self.sweep.section, self.shapes[index])
-            base = build(at_point(source, sweep, 0), trust_plugins=True)
+            base = build(at_point(document, sweep, 0))
             plans = self.planned and Plans(self.planned.plans[index : index + 1])
-            self._pieces[index] = Study(sweep, base, source, plans, self)
+            self._pieces[index] = Study(sweep, base, document, plans, self)
         return self._pieces[index]
 
     @cached_property
@@ -312,27 +321,22 @@ class Study:
         resolved = self.base.resolved
         if self.sweep:
             if set(self.sweep.always) != set(self.sweep.sets):
-                resolved = build(self.source, trust_plugins=True).resolved
+                resolved = build(self.document).resolved
             runs = self.base.config.ensemble.runs
             trajectories = "all" if self.trajectories == runs else self.trajectories or "none"
             store = resolved["store"] | {"trajectories": trajectories}
             resolved = resolved | {"store": store, "sweep": self.sweep.data}
         return resolved
 
-    @cached_property
-    def _whole(self) -> Experiment:
-        """The first point with the configuration of the whole study."""
-        return replace(self.base, resolved=self.resolved, files=self.files)
-
     @property
     def numeric_config(self) -> dict[str, Any]:
-        """Part of the resolved configuration that affects the numbers, with hashes of plugins."""
-        return self._whole.numeric_config
+        """Part of the resolved configuration that affects the numbers, with hashes of files."""
+        return numeric(self.resolved, self.files | self.base.plugins)
 
     @cached_property
     def digest(self) -> str:
         """Hash of everything that affects the numbers. Equal digests mean equal results."""
-        whole = self._whole.digest
+        whole = digest_of(self.numeric_config)
         if self.sweep is None:
             return whole
         # The order of the keys is that of the points.
@@ -342,25 +346,30 @@ class Study:
     @property
     def files(self) -> dict[str, str]:
         """Contents of the files with data of all points, by their names in the configuration."""
-        return self.source.files
+        return self.document.home.files
 
     def begun_by(self, engine: object, folder: Path) -> Study:
         """Return the study by the engine that began its folder, if eqt chose another one."""
-        source = self.source.begun_by(engine, folder)
-        return self if source is None else _built_again(source, self.sweep, None)
+        name = self.base.solver.begun_by(engine, folder)
+        return self if name is None else self.by_engine(name, str(folder))
+
+    def by_engine(self, name: str, place: str = AUTO) -> Study:
+        """Return the study by an engine."""
+        document = changed_at(self.document, ("solver", "engine"), name, place)
+        return _built_again(document, self.sweep, None)
 
     # Pickling for other processes.
 
     def __reduce__(self) -> tuple[Callable[..., Study], tuple[Any, ...]]:
-        return _built_again, (replace(self.source, known={}), self.sweep, self.plans)
+        return _built_again, (self.document, self.sweep, self.plans)
 
 
-def _built_again(source: ConfigSource, sweep: Sweep | None, plans: Plans | None) -> Study:
+def _built_again(document: Document, sweep: Sweep | None, plans: Plans | None) -> Study:
     """Return a study in another process, whose parts are planned, or by another engine."""
-    for path in source.data.get("plugins", []):
-        load_plugin(Path(path), (source.stored_plugins or {})[path])
-    base = build(at_point(source, sweep, 0), trust_plugins=True)
-    return Study(sweep, base, source, plans)
+    for path in document.data.get("plugins", []):
+        load_plugin(Path(path), (document.home.plugins or {})[path])
+    base = build(at_point(document, sweep, 0))
+    return Study(sweep, base, document, plans)
 
 
 # Finds registered laws among the points of a sweep over the options of laws -----------------------
@@ -396,12 +405,14 @@ def law_names(study: Study) -> Array | None:
     names = np.full((len(study), len(base.loops)), "", dtype=object)
     for point in range(len(study)):
         values = sweep.settings(point)
-        data: Any = {"controllers": study.source.data["controllers"]}
+        data: Any = {"controllers": study.document.data["controllers"]}
         for key in filter(values.__contains__, keys):
             data = with_value(data, parse_key(key), values[key])
         for index, entry in enumerate(data["controllers"]):
             if isinstance(entry, dict):
-                entry = {key: value for key, value in entry.items() if key not in OF_EVERY_LAW}
+                entry = {
+                    key: value for key, value in entry.items() if key not in LawKind.of_every_law
+                }
             law: Controller = Kind(controllers).read(entry, Problems())
             identity = _identity(law)
             if identity not in known:
@@ -451,8 +462,8 @@ RUNS = (
 )
 
 
-def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
-    """Append texts such as ``gains.kd=0.25,0.5,1``, by their places, to the sweep as blocks.
+def add_grids(document: Document, grids: Mapping[str, str]) -> Document:
+    """Return the configuration whose sweep has more blocks: ``gains.kd=0.25,0.5,1`` by places.
 
     A text such as ``gains.kd=0.25:1:4``, or with ``:log`` at its end, is a range with its number of
     points.
@@ -462,35 +473,31 @@ def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
     ConfigError
         For a text that does not parse.
     """
-    section = source.data.get("sweep")
+    section = document.data.get("sweep")
     if section is not None and not isinstance(section, list):
         message = f"{EXPECTED}, got {shown(section)}"
-        raise ConfigError([InputProblem("sweep", message, source.place(("sweep",)))])
-    blocks = list(section or [])
+        raise ConfigError([InputProblem("sweep", message, document.place(("sweep",)))])
     for place, grid in grids.items():
         key, equals, text = grid.partition("=")
         if not equals or not key.strip() or not text.strip():
             message = f"expected KEY=VALUE,VALUE,…, got '{grid}'"
             raise ConfigError([InputProblem("", message, place)])
-        source.overrides[("sweep", len(blocks))] = place
         values = parse_value(f"[{text}]", place)
         if re.fullmatch(r"[^:,\[\]{}]+(:[^:,\[\]{}]+){2}(:log)?", text.strip()):
             ends = [parse_value(part, place) for part in text.split(":")]
             values = dict(zip(("low", "high", "points", "scale"), ends, strict=False))
-        blocks.append({"grid": {key.strip(): values}})
-    if blocks:
-        source.data = source.data | {"sweep": blocks}
+        blocks = document.data.get("sweep") or []
+        changes = document.changes | {("sweep", len(blocks)): place}
+        data = document.data | {"sweep": [*blocks, {"grid": {key.strip(): values}}]}
+        document = replace(document, data=data, changes=changes)
+    return document
 
 
-def study(
-    source: ConfigSource, *, trust_plugins: bool = False, most_checked: int | None = None
-) -> Study:
+def study(document: Document, *, most_checked: int | None = None) -> Study:
     """Check a configuration and the points of its sweep.
 
     Parameters
     ----------
-    trust_plugins
-        Whether to execute plugin sources that are stored in a result file.
     most_checked
         Largest number of points to check, spread over all; None checks all.
 
@@ -499,21 +506,27 @@ def study(
     ConfigError
         With all problems; problems of a swept value are at its place.
     """
-    section = source.data.get("sweep")
-    bare = without_sweep(source)
+    section = document.data.get("sweep")
+    bare = without_sweep(document)
     if section is None or section == []:
-        return Study(None, build(bare, trust_plugins=trust_plugins))
-    sweep = sweep_of(source)
-    problems = Problems(source.place)
+        return Study(None, build(bare))
+    sweep = sweep_of(document)
+    problems = Problems(document.place)
     for key in sweep.sets:
         with problems.catching("sweep", *sweep.first_place(key)):
             require_sweepable(key)
     problems.raise_if_any()
     common = at_point(bare, sweep, 0, sweep.always)
-    base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
-    free, common = common, common.by_engine(base.engine.name) if base.source.chosen else common
-    plugins = base.source.stored_plugins  # other processes execute the same sources
-    checked = Study(sweep, base, replace(common, stored_plugins=plugins))
+    base = build(at_point(common, sweep, 0))
+    if base.solver.is_auto:
+        engine = _common_engine(common, sweep, base)
+        common = changed_at(common, ("solver", "engine"), engine, AUTO)
+        if engine != base.engine.name:
+            named = build(at_point(common, sweep, 0))
+            solver = replace(base.solver, engine=named.engine)
+            base = replace(base, solver=solver, document=named.document)
+    home = base.document.home  # other processes execute the same sources
+    checked = Study(sweep, base, replace(common, home=home))
     try:
         checked.resolved  # noqa: B018  # builds and caches it
     except ConfigError as error:
@@ -523,29 +536,33 @@ def study(
         ) from None
     if checked.is_ragged and len(checked) > MOST_GROUPS:
         raise EqtError(
-            f"{source.place(('sweep',))}: {len(checked):,} points that differ in group, times or "
+            f"{document.place(('sweep',))}: {len(checked):,} points that differ in group, times or "
             f"parts are too many for one file; sweep at most {MOST_GROUPS:,}, or split the sweep"
         )
     with step("points checked", len(checked)):
         _check_points(checked, spread(len(checked), most_checked))
-    if not base.source.chosen or base.engine.calls_laws:
-        return checked
-    # Another setting of the keys, but for numbers, may need another engine than that of point 0.
+    return checked
+
+
+def _common_engine(common: Document, sweep: Sweep, base: Experiment) -> str:
+    """Return the engine that can solve every point; settings of keys may need another one."""
+    if base.engine.calls_laws:
+        return base.engine.name
     texts = [json.dumps(sweep.settings(point)) for point in range(len(sweep))]
     kinds = [json.dumps(json.loads(text, parse_float=bool, parse_int=bool)) for text in texts]
     for point in sorted(map(kinds.index, set(kinds)))[1:]:
-        engine = build(at_point(free, sweep, point), trust_plugins=trust_plugins).engine.name
-        if engine != base.engine.name:
-            source = source.by_engine(engine)
-            return study(source, trust_plugins=trust_plugins, most_checked=most_checked)
-    return checked
+        with suppress(ConfigError):  # which the check of all points notes
+            engine = build(at_point(common, sweep, point)).engine.name
+            if engine != base.engine.name:
+                return engine
+    return base.engine.name
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:
     """Return at most `most` of the points, spread from the first to the last."""
     if most is None or count <= most:
         return range(count)
-    return [k * (count - 1) // (most - 1) for k in range(most)]
+    return [k * (count - 1) // max(1, most - 1) for k in range(most)]
 
 
 def require_sweepable(key: str) -> None:
@@ -577,8 +594,12 @@ def _check_points(checked: Study, points: Sequence[int]) -> None:
             if len(problems) >= MOST_PROBLEMS:
                 break
             continue
-        if wrong := _unlike(checked, experiment, first_of.get(point, 0)):
-            place = checked.source.place(("sweep",))
+        if experiment.solver.is_auto and checked.base.solver.is_auto:
+            path, message = "solver.engine", "must be named where a point or a case sets the solver"
+            place = experiment.document.place(("solver", "engine"))
+            problems[InputProblem(path, message, place)] = None
+        elif wrong := _unlike(checked, experiment, first_of.get(point, 0)):
+            place = checked.document.place(("sweep",))
             problems[InputProblem("sweep", f"point {point}: {wrong}", place)] = None
             break
     if problems:
@@ -599,7 +620,7 @@ def _unlike(checked: Study, experiment: Experiment, first: int) -> str | None:
             f"the controllers are {', '.join(experiment.loops)}, but {', '.join(base.loops)} at "
             "point 0; give each a `label` that is the same at all points"
         )
-    if experiment.source.chosen != base.source.chosen:
+    if experiment.solver.is_auto:
         return "solver.engine is given there or at point 0 only; give it at both"
     runs, base_runs = experiment.config.ensemble.runs, base.config.ensemble.runs
     if runs != base_runs:

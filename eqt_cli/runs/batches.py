@@ -97,10 +97,10 @@ def _starts(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> tup
         experiment = study.experiment(point)
         states = draw_initial_states(
             experiment.group,
-            experiment.poses,
-            experiment.velocities,
-            Qd=experiment.initial_pose,
-            Vd=experiment.initial_velocity,
+            experiment.start.poses,
+            experiment.start.velocities,
+            Qd=experiment.desired.pose,
+            Vd=experiment.desired.velocity,
             seed=experiment.config.ensemble.seed,
             runs=[run for _, run in entries],
         )
@@ -131,8 +131,8 @@ def _problem(
     loops = [experiment.loops[label] for experiment in experiments]
     if runs is None:
         loops = [ReferenceSystem.of(loop) for loop in loops]
-    Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
-    Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
+    Qd = np.array([experiment.desired.pose for experiment in experiments])[which]
+    Vd = np.array([experiment.desired.velocity for experiment in experiments])[which]
     Q, V = (Qd, Vd) if runs is None else initial_states(study, points, runs)
     # All parts share the first loop, and so what is compiled of it.
     first = study.first_loops.setdefault((label, kind, runs is None), loops[0])

@@ -50,7 +50,7 @@ def check_laws(study: Study) -> None:
     ConfigError
         If there is one.
     """
-    problems = Problems(study.base.source.place)
+    problems = Problems(study.base.document.place)
     check_steps(study.base, problems)
     problems.raise_if_any()
     if any(each.is_foreign for loop in study.base.loops.values() for each in parts_of(loop)):
@@ -359,4 +359,4 @@ def size(count: float) -> str:
 
 
 def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:
-    raise ConfigError([InputProblem(".".join(path), message, study.source.place(path))])
+    raise ConfigError([InputProblem(".".join(path), message, study.document.place(path))])

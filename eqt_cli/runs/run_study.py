@@ -290,7 +290,7 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest
-        here = provenance(self.study.source.folder, self.study.base.engine.provenance())
+        here = provenance(self.study.document.home.folder, self.study.base.engine.provenance())
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
         origin = together(earlier, here)
@@ -349,7 +349,7 @@ class _Session:
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
-        origin = provenance(study.source.folder, study.base.engine.provenance())
+        origin = provenance(study.document.home.folder, study.base.engine.provenance())
         if same and not afresh and "provenance" in earlier:
             origin = together(origin, earlier["provenance"])
             self._remark_versions(origin.get(OTHERS, []), origin)

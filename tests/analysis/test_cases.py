@@ -13,7 +13,7 @@ from eqt_cli.analysis.fronts import Population, Scores, held_out
 from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.analysis.search_tables import tuning_tables
 from eqt_cli.analysis.tune import Search
-from eqt_cli.api.loading import source_from
+from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.report.document import report
@@ -39,7 +39,7 @@ WHEEL = small_experiment.WHEEL | {
 
 
 def read(**changed):
-    return Search.read(source_from(WHEEL | {"tune": WHEEL["tune"] | changed}, {}))
+    return Search.read(document_from(WHEEL | {"tune": WHEEL["tune"] | changed}, {}))
 
 
 @pytest.fixture(scope="module")

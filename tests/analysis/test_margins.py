@@ -104,7 +104,7 @@ def test_a_gain_that_a_law_does_not_use_has_no_margin() -> None:
 def loop_of(config: Mapping[str, Any], **changes: Any) -> tuple[Experiment, Linearised]:
     experiment = eqt_cli.load_experiment({**config, **changes}).base
     [loop] = experiment.loops.values()
-    Qd, Vd = experiment.initial_pose[None], experiment.initial_velocity[None]
+    Qd, Vd = experiment.desired.pose[None], experiment.desired.velocity[None]
     return experiment, linearised(loop, np.zeros(1), Qd, Vd, with_estimator=True)
 
 
@@ -137,7 +137,7 @@ def test_eigenvalues_are_those_of_the_period_that_stored_runs_show(tmp_path: Any
 def errors_of(experiment: Experiment, factors: list[tuple[float, float]]) -> Array:
     """‖I − Q_E‖ of runs from one small error, with gains multiplied by factors."""
     [loop], G = experiment.loops.values(), experiment.group
-    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
+    Qd, Vd = experiment.desired.pose, experiment.desired.velocity
     start = loop.initial_state(Qd @ G.exp(np.array([0.02, 0.03, -0.01])), Vd, Qd, Vd)
     kp, kd = np.array(factors).T[..., None, None]
     gains = {"gains.K": kp * loop.gains.K, "gains.K_d": kd * loop.gains.K_d}

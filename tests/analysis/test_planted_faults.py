@@ -29,8 +29,8 @@ from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.mechanics import Semidirect, Tracking, lie_poisson
 from eqt_cli.components.references import MovingReference
 from eqt_cli.config import shipped
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 SHORT = ["time.duration=0.5", "time.samples=6", "ensemble.runs=2"]

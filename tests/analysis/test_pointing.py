@@ -145,9 +145,15 @@ def region(one, runs):
     from eqt_cli.components.initial_states import draw_initial_states
 
     G = group_named("SO3")
-    Qd, Vd = one.initial_pose, one.initial_velocity
+    Qd, Vd = one.desired.pose, one.desired.velocity
     R, w = draw_initial_states(
-        G, one.poses, one.velocities, Qd=Qd, Vd=Vd, seed=one.config.ensemble.seed, runs=range(runs)
+        G,
+        one.start.poses,
+        one.start.velocities,
+        Qd=Qd,
+        Vd=Vd,
+        seed=one.config.ensemble.seed,
+        runs=range(runs),
     )
     k = 0.1
     L = np.einsum("ri,ij,rj->r", w, J, w) / 2 + k * (1 - R @ A @ B)
@@ -200,7 +206,7 @@ def test_small_errors_across_the_axis(tmp_path):
     changes |= {"controllers": "[lee2010]"}
     for damping, spin in (("0.08", [-0.08 / 0.03]), ("[0.08, 0.08, 0]", [])):
         one = experiment(tmp_path, **changes | {"gains": f"{{kp: 0.1, kd: {damping}}}"})
-        start = np.zeros(1), one.initial_pose[None], one.initial_velocity[None]
+        start = np.zeros(1), one.desired.pose[None], one.desired.velocity[None]
         found = linearised(one.loop, *start)
         across = [*np.roots([0.05, 0.08, 0.1])] * 2
         eigenvalues = np.linalg.eigvals(found.closed[0])
@@ -222,7 +228,7 @@ SEEN = {
 def test_what_is_left_out_is_one_eigenvalue_also_with_an_estimate(tmp_path):
     """Body and estimate turn together about the axis: of the whole loop, one eigenvalue is 1."""
     one = experiment(tmp_path, **SEEN)
-    start = np.zeros(1), one.initial_pose[None], one.initial_velocity[None]
+    start = np.zeros(1), one.desired.pose[None], one.desired.velocity[None]
     whole = linearised(replace(one.loop, axis=()), *start, with_estimator=True)
     across = linearised(one.loop, *start, with_estimator=True)
     every, kept = (np.sort_complex(np.linalg.eigvals(x.closed[0])) for x in (whole, across))

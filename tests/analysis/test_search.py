@@ -6,12 +6,12 @@ from said import error_of
 
 from eqt_cli.analysis.search_record import values_text
 from eqt_cli.analysis.tune import Search
-from eqt_cli.api.loading import load_experiment, source_from
+from eqt_cli.api.loading import document_from, load_experiment
 from eqt_cli.base.errors import ConfigError
 
 
 def read(config):
-    return Search.read(source_from(config, {}))
+    return Search.read(document_from(config, {}))
 
 
 def test_keys_of_a_controller_are_its_own_and_those_of_gains_everybodys(small):
@@ -24,7 +24,7 @@ def test_gains_of_a_law_are_its_own_start_and_its_own_range(small):
     small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": 2.0}}]
     small["tune"]["over"] = {"controllers[1].gains.kp": [1, 3], "gains.kp": [0.5, 1.5]}
     eqt, gt = read(small).laws
-    assert gt.source.data["gains"] == {"kp": 2.0, "kd": 0.5}
+    assert gt.document.data["gains"] == {"kp": 2.0, "kd": 0.5}
     assert gt.values([0.5]) == {"gains.kp": 2.0}
     assert eqt.values([0.5]) == {"gains.kp": 1.0}
     assert (eqt.start, gt.start) == ((0.5,), (0.5,))
@@ -61,7 +61,7 @@ def test_a_cascade_keeps_its_gains_and_leaves_the_section_to_others(small):
     assert [(b.metric, b.above) for b in read(small).constraints] == [("effort_rotation", True)]
     del small["gains"]  # where no law reads it
     small["controllers"], small["tune"]["over"] = [cascade], {"controllers[0].gains.kd": [0.1, 1]}
-    assert read(small).laws[0].source.data["controllers"][0]["gains"] == {"kp": 1.0, "kd": 0.2}
+    assert read(small).laws[0].document.data["controllers"][0]["gains"] == {"kp": 1.0, "kd": 0.2}
 
 
 def test_a_start_outside_of_the_ranges_is_no_point_of_the_search(small):

@@ -12,8 +12,8 @@ from eqt_cli.analysis.run_checks import Fifths, Tracks
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.components.laws import EqT, Lee2010
 from eqt_cli.config import shipped
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 
 TIMES = np.linspace(0.0, 10.0, 101)
 ONE = np.ones((3, 101))

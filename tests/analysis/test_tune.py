@@ -15,7 +15,7 @@ from eqt_cli.analysis.search_tables import _ranking, tuning_tables
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.config import shipped
-from eqt_cli.config.source import source_of
+from eqt_cli.config.document import document_of
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import open_result
 
@@ -52,7 +52,7 @@ def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(searched):
     with open_result(folder) as result:
         assert result.labels == ["eqt", "family", "eqt, start", "family, start"]
         assert result.runs == 6
-        assert source_of(result).data["ensemble"]["seed"] == 9
+        assert document_of(result).data["ensemble"]["seed"] == 9
     law = done.search.laws[0]
     assert law.values(law.start or ())["gains.kp"] == pytest.approx(1.0)
 

@@ -18,7 +18,7 @@ from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import RelativeInertia
 from eqt_cli.components.wheels import Wheels
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.batches import batches
 

@@ -15,7 +15,7 @@ from eqt_cli import api
 from eqt_cli.analysis.search_record import WORST, fits_worst
 from eqt_cli.analysis.search_tables import worst_tables
 from eqt_cli.analysis.worst import WorstSearch, _agree, _worst_run, badness
-from eqt_cli.api.loading import source_from
+from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.figures.search_figures import ShownWorst
 from eqt_cli.report.document import report
@@ -37,7 +37,7 @@ WHEEL = small_experiment.WHEEL | {
 
 
 def read(**changed):
-    return WorstSearch.read(source_from(WHEEL | {"worst": WHEEL["worst"] | changed}, {}))
+    return WorstSearch.read(document_from(WHEEL | {"worst": WHEEL["worst"] | changed}, {}))
 
 
 @pytest.fixture(scope="module")
@@ -326,7 +326,7 @@ def test_lines_of_one_number_for_several_entries():
     over = {"initial.pose.std": [0.1, 0.5], "gains.kp[0:2]": [0.1, 0.5]}
     config = WHEEL | {"gains": {"kp": [0.5, 0.5], "kd": 1.0}, "controllers": ["stabilising"]}
     section = WHEEL["worst"] | {"over": over}
-    search = WorstSearch.read(source_from(config | {"worst": section}, {}))
+    search = WorstSearch.read(document_from(config | {"worst": section}, {}))
     lines = search.lines({"stabilising": search.laws[0].values((0.25, 0.5))})
     assert [line.key for line in lines] == list(over)
     (block,) = search.along(lines).data["sweep"]
@@ -348,7 +348,7 @@ def test_what_is_wrong_is_said_at_its_place(changed, message):
 
 def test_a_configuration_without_the_section_is_told_what_to_add():
     without = {key: value for key, value in WHEEL.items() if key != "worst"}
-    assert error_of(WorstSearch.read, source_from(without, {})).endswith(
+    assert error_of(WorstSearch.read, document_from(without, {})).endswith(
         "has no section `worst`; add one, such as "
         "worst: {over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
     )
@@ -356,7 +356,7 @@ def test_a_configuration_without_the_section_is_told_what_to_add():
 
 def test_a_sweep_is_no_place_to_search_around():
     with pytest.raises(EqtError, match="eqt worst searches around one point; leave `sweep`"):
-        WorstSearch.read(source_from(WHEEL | {"sweep": [{"grid": {"gains.kp": [1]}}]}, {}))
+        WorstSearch.read(document_from(WHEEL | {"sweep": [{"grid": {"gains.kp": [1]}}]}, {}))
 
 
 # The folder ---------------------------------------------------------------------------------------

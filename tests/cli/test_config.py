@@ -261,4 +261,4 @@ def test_the_environment_names_the_engine_where_nothing_else_does(
     config = tmp_path / "one.yaml"
     config.write_text(f"group: SO3\nsolver: {solver}\n")
     monkeypatch.setenv("EQT_ENGINE", "native")
-    assert options.source_of(config, None, option).data["solver"]["engine"] == engine
+    assert options.document_of(config, None, option).data["solver"]["engine"] == engine

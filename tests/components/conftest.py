@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.batches import batches
 

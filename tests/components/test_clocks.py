@@ -7,9 +7,9 @@ from case_tables import from_yaml, refusal
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.vehicle_parts import Clock, Sampling
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import along_reference
-from eqt_cli.config.source import read_config
 from eqt_cli.loop.linearised import linearised
 
 INERTIA, TICK, DURATION = [1.0, 2.0, 2.5], 0.05, 1.5

@@ -11,8 +11,8 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Normal, Sampling
+from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remarks
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
 from eqt_cli.extensions.firmware.program_error import evaluated

@@ -176,7 +176,7 @@ def test_known_forces_turn_with_the_body_as_drag_of_its_own_axes_only(
     model = f"{{forces: [{{kind: {force}}}, {{kind: restoring, weight: 19.62}}]}}"
     sections = BODY | {"model": model, "reference": reference}
     if is_flat:
-        assert experiment(**sections).initial_pose[2, 3] == 1
+        assert experiment(**sections).desired.pose[2, 3] == 1
         return
     name = force.partition(",")[0]
     assert (

@@ -197,7 +197,7 @@ def test_quadratic_term_has_no_power(G):
 
 
 def test_body_errors_have_body_damping():
-    loaded, _ = Family(error="body").loaded(None, False, group_named("SO3"), Problems())
+    loaded, _ = Family(error="body").loaded(None, group_named("SO3"), Problems())
     assert loaded.damping == "body"
     with pytest.raises(ValueError, match="error: body always has damping: body; leave damping out"):
         Family(error="body", damping="spatial")

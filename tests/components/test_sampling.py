@@ -14,8 +14,8 @@ from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Bias, Noise
+from eqt_cli.config.document import Document, Place
 from eqt_cli.config.schema import ControlSection
-from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import study
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.running import SampledRuns
@@ -194,5 +194,5 @@ def test_a_delay_is_not_negative(written):
 def test_a_sweep_of_delays_as_times():
     values = {"control.delay": ["0 ms", "100 ms"]}
     source = yaml_source.load(NOISY + f"sweep: [{{grid: {json.dumps(values)}}}]\n", "c.yaml")
-    found = study(ConfigSource(source, source.data, Path()))
+    found = study(Document(source, source.data, Place(Path())))
     assert [found.experiment(k).config.control.delay for k in range(2)] == [0, 1]

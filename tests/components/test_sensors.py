@@ -13,8 +13,9 @@ from eqt_cli.api import load_experiment, margins
 from eqt_cli.base import yaml_source
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.mechanics import LawInput
+from eqt_cli.config.description import loop_in_words
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import loop_in_words, read_config
 from eqt_cli.config.study import study
 
 SE3 = """group: SE3

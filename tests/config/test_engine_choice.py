@@ -10,7 +10,7 @@ from small_experiment import configuration
 
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.files import read_record, write_record
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import add_grids, study
 from eqt_cli.engines import compiler
 from eqt_cli.engines.native import Native, programs
@@ -64,9 +64,8 @@ def without_compiler(monkeypatch):
 
 def read(*overrides, grids=(), **changes):
     Path("c.yaml").write_text(configuration(**changes), encoding="utf-8")
-    source = read_config(Path("c.yaml"), overrides)
-    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
-    return study(source)
+    blocks = {f"grids[{index}]": grid for index, grid in enumerate(grids)}
+    return study(add_grids(read_config(Path("c.yaml"), overrides), blocks))
 
 
 def own(by):
@@ -79,7 +78,9 @@ def own(by):
 @pytest.mark.parametrize("written", [[], ["solver.engine=auto"]])
 def test_with_a_compiler_it_is_native_and_nothing_is_said(written, told):
     chosen = read(*written)
-    assert chosen.resolved["solver"]["engine"] == chosen.source.data["solver"]["engine"] == "native"
+    assert (
+        chosen.resolved["solver"]["engine"] == chosen.document.data["solver"]["engine"] == "native"
+    )
     assert chosen.digest == read("solver.engine=native").digest
     assert chosen.resolved == read("solver.engine=native").resolved
     assert told.remarks == []
@@ -153,7 +154,7 @@ def test_a_key_of_one_engine_needs_its_name(key, engine):
 def test_the_environment_has_precedence_where_nothing_is_written(monkeypatch):
     monkeypatch.setenv("EQT_ENGINE", "solve_ivp")
     assert read().base.engine.name == "solve_ivp"
-    assert not read().source.chosen
+    assert not read().base.solver.is_auto
     assert read("solver.engine=auto").base.engine.name == "native"
 
 

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.yaml_source import dump
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.run_study import execute
 
@@ -79,8 +79,8 @@ def test_starts_of_a_table_take_a_mapping(config):
     found = build(read_config(config, asked))
     FRD = np.diag([1.0, -1.0, -1.0])
     R = Rotation.from_euler("ZYX", [30, 20, 10], degrees=True).as_matrix() @ FRD
-    np.testing.assert_allclose(found.poses.errors, [R], atol=1e-15)
-    np.testing.assert_array_equal(found.velocities.errors, [[1, -2, -3]])
+    np.testing.assert_allclose(found.start.poses.errors, [R], atol=1e-15)
+    np.testing.assert_array_equal(found.start.velocities.errors, [[1, -2, -3]])
     assert found.resolved["initial"]["mapping"]["body"] == "FRD to FLU"
 
 
@@ -95,7 +95,7 @@ def test_runs_start_where_those_of_a_result_did(config, tmp_path):
     with open_results(one.path) as results:
         expected = results["initial_pose"]
     rounding = 1e-14  # of five products of matrices
-    starts = found.initial_pose @ found.poses.errors
+    starts = found.desired.pose @ found.start.poses.errors
     np.testing.assert_allclose(starts, expected, rtol=0, atol=rounding)
 
 

@@ -16,8 +16,8 @@ from eqt_cli.components.laws import controllers
 from eqt_cli.components.references import references
 from eqt_cli.config import shipped
 from eqt_cli.config.designs import designs
+from eqt_cli.config.document import Document, Place
 from eqt_cli.config.json_schema import json_schema, scale_of
-from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import SolverChecks, engines
 
@@ -105,7 +105,7 @@ def is_accepted(block):
     """By the parser; what a schema cannot say (the same keys twice, …) is not in the tables."""
     data = paper(sweep=[block], controllers=[{"kind": "eqt", "label": "eqt"}])
     try:
-        study(ConfigSource(load("{}", "paper.yaml"), data, Path()))
+        study(Document(load("{}", "paper.yaml"), data, Place(Path())))
     except ConfigError:
         return False
     return True

@@ -10,9 +10,9 @@ from ci_cases import mostly_ci
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.initial_states import draw_initial_states
 from eqt_cli.config import shipped
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import check_steps, ill_conditioned, remarks
-from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.loop.linearised import flow
 
@@ -36,11 +36,11 @@ def test_the_work_that_is_told_is_within_a_factor_of_two(experiment, method, gai
         pytest.skip(f"{method} is not installed")
     made = experiment(gains=STIFF[gains], solver=f"{{engine: {method}, rtol: 1.0e-4}}")
     loop, duration = made.loops["gt"], made.config.time.duration
-    Qd, Vd = made.initial_pose, made.initial_velocity
+    Qd, Vd = made.desired.pose, made.desired.velocity
     rates = np.linalg.eigvals(flow(loop, np.zeros(1), Qd[None], Vd[None]))
     told = made.engine.work_for_stability(rates, duration)
     Q, V = draw_initial_states(
-        made.group, made.poses, made.velocities, Qd=Qd, Vd=Vd, seed=1, runs=[0]
+        made.group, made.start.poses, made.start.velocities, Qd=Qd, Vd=Vd, seed=1, runs=[0]
     )
     problem = Problem(loop, loop.initial_state(Q, V, Qd, Vd), np.array([0.0, duration]))
     alone = dataclasses.replace(made.engine, block=1) if hasattr(made.engine, "block") else None

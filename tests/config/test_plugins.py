@@ -14,8 +14,8 @@ from plugin_sources import EVERY_KIND, component
 from eqt_cli.base import registry
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.store_reader import open_results
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.executors import executors
 from eqt_cli.runs.run_study import execute
@@ -176,8 +176,7 @@ def test_a_folder_and_a_trusted_result_run_again_without_the_file(run, law, fold
     assert_equal_datasets(folder / "out", folder / "again")
     (folder / "away").mkdir()
     moved = Path("out/results.h5").rename(folder / "away" / "results.h5")
-    source = read_config(moved)
-    execute(study(source, trust_plugins=True), folder / "alone")
+    execute(study(read_config(moved, trusted=True)), folder / "alone")
     assert_equal_datasets(moved, folder / "alone")
     assert (folder / "alone/stored_plugins/0-law.py").read_text(encoding="utf-8") == LAW
 
@@ -201,7 +200,8 @@ def test_code_that_its_user_has_executed_needs_no_trust(run, law):
     assert build(read_config(Path("out"))).loops
     law.write_text(LAW.replace("-self.gain", "-2 * self.gain"), encoding="utf-8")
     stored = {"law.py": law.read_text(encoding="utf-8")}
-    hostile = replace(read_config(Path("out")), stored_plugins=stored)
+    own = read_config(Path("out"))
+    hostile = replace(own, home=replace(own.home, plugins=stored))
     with pytest.raises(EqtError, match="executes only on request"):
         build(hostile)
 

@@ -15,16 +15,16 @@ from said import sections_of
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.base.yaml_source import dump, load
 from eqt_cli.config import shipped
+from eqt_cli.config.document import Document, Place, read_config
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import remarks
-from eqt_cli.config.source import ConfigSource, read_config
 
 
 def built(data):
     """The experiment of a configuration that went through YAML."""
     source = load(dump(data), "c.yaml")
-    return build(ConfigSource(source, source.data, Path()))
+    return build(Document(source, source.data, Place(Path())))
 
 
 # Configurations that are fine -------------------------------------------------------------------

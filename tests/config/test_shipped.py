@@ -15,8 +15,8 @@ from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.engines.engine import engines
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
@@ -141,10 +141,10 @@ def test_slow_escape_starts_next_to_a_maximum_of_the_potential():
     one = experiment("attitude_distinct")
     Q, _ = draw_initial_states(
         one.group,
-        one.poses,
-        one.velocities,
-        Qd=one.initial_pose,
-        Vd=one.initial_velocity,
+        one.start.poses,
+        one.start.velocities,
+        Qd=one.desired.pose,
+        Vd=one.desired.velocity,
         seed=one.config.ensemble.seed,
         runs=range(20),
     )

@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.config.document import read_config
 from eqt_cli.config.json_schema import json_schema
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 
 CONFIG = """\

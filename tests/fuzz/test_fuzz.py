@@ -14,7 +14,7 @@ import pytest
 from mutated_configurations import BASES
 from session import MOST_BYTES
 
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs.run_study import execute
 

@@ -40,7 +40,7 @@ def about_reference(config, times=(0.0,), of=linearised, **changes):
     """The loop of the first law, changed, about its reference at rest at these times."""
     experiment = eqt_cli.load_experiment(config).base
     loop = replace(next(iter(experiment.loops.values())), **changes)
-    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
+    Qd, Vd = experiment.desired.pose, experiment.desired.velocity
     times = np.array(times)
     poses, velocities = (np.stack([each] * len(times)) for each in (Qd, Vd))
     return loop, of(loop, times, poses, velocities)

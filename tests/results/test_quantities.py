@@ -2,8 +2,8 @@
 
 import pytest
 
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.results.metrics import QUANTITIES, quantity_of
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.runs.folder import quantities

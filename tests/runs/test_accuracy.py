@@ -55,7 +55,7 @@ def test_estimates_are_the_errors(estimated):
     simulated = simulate(estimated)
     Q, V = (simulated[name] for name in ("initial_pose", "initial_velocity"))
     for index, loop in enumerate(estimated.loops.values()):
-        start = loop.initial_state(Q, V, estimated.initial_pose, estimated.initial_velocity)
+        start = loop.initial_state(Q, V, estimated.desired.pose, estimated.desired.velocity)
         problem = Problem(loop, start, estimated.times)
         found, exact = (
             estimated.engine.tightened(factor).solve(problem).states for factor in (1, 1e-6)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from said import error_of
 
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.runs.lock import locked
 
 OWN_FIGURE = b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>"

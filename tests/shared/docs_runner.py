@@ -30,8 +30,8 @@ import pytest
 from plugin_sources import forget_plugins
 
 from eqt_cli.base.yaml_source import dump, load
+from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import read_config
 from eqt_cli.config.study import study
 
 BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)

@@ -13,8 +13,8 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
+from eqt_cli.config.document import Document, Place
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import ConfigSource
 from eqt_cli.extensions.firmware.export import files
 from eqt_cli.extensions.firmware.export_laws import exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS
@@ -49,7 +49,7 @@ def made(group, laws, **more):
     }
     text = yaml_source.dump(config)
     source = yaml_source.load(text, "flight.yaml")
-    return build(ConfigSource(source, source.data, Path.cwd()))
+    return build(Document(source, source.data, Place(Path.cwd())))
 
 
 @functools.cache

@@ -5,13 +5,13 @@ from uuid import uuid4
 
 from eqt_cli.base import registry as registries
 from eqt_cli.base.registry import KINDS, registry
-from eqt_cli.config import source
+from eqt_cli.config import document
 
 
 def forget_plugins(monkeypatch, *, stranger=True):
     """As in a process that has loaded none, of a stranger, who has never executed one."""
     if stranger:
-        monkeypatch.setattr(source, "EXECUTED", f".{uuid4().hex}")
+        monkeypatch.setattr(document, "EXECUTED", f".{uuid4().hex}")
     monkeypatch.setattr(registries, "_loaded_plugins", {})
     for kind in KINDS:
         monkeypatch.setattr(registry(kind), "_plugins", {})
@@ -19,7 +19,7 @@ def forget_plugins(monkeypatch, *, stranger=True):
 
 def begin_as_a_stranger():
     """Forget what an earlier test has loaded, for a fraction of the time of `forget_plugins`."""
-    source.EXECUTED = f".{uuid4().hex}"
+    document.EXECUTED = f".{uuid4().hex}"
     if registries._loaded_plugins:
         registries._loaded_plugins = {}
         for kind in KINDS:

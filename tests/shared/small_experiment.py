@@ -2,7 +2,7 @@
 
 import yaml
 
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import add_grids, study
 
 LINES = {
@@ -48,6 +48,5 @@ def study_of(folder, text, *overrides, grids=(), name="config.yaml"):
     """The study of a configuration, written into a folder."""
     path = folder / name
     path.write_text(text, encoding="utf-8")
-    source = read_config(path, overrides)
-    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
-    return study(source)
+    blocks = {f"grids[{index}]": grid for index, grid in enumerate(grids)}
+    return study(add_grids(read_config(path, overrides), blocks))

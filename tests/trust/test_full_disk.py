@@ -10,7 +10,7 @@ import pytest
 from said import error_of
 
 from eqt_cli.base.errors import ConfigError, FullDiskError
-from eqt_cli.config.source import read_config
+from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.runs import preflight
 from eqt_cli.runs.executors import _portable

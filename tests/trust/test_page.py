@@ -49,7 +49,7 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
 def test_the_page_states_the_bounds():
     from eqt_cli.base.files import RECORD_BYTES, TEXT_BYTES
     from eqt_cli.base.yaml_source import MAX_BYTES
-    from eqt_cli.config.source import DATA_BYTES
+    from eqt_cli.config.document import DATA_BYTES
     from eqt_cli.engines.compiler import PREPROCESSOR, SECONDS, Limits
     from eqt_cli.extensions.recordings.api import LOG_BYTES
 

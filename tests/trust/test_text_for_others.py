@@ -81,7 +81,7 @@ def test_the_width_of_a_terminal_is_bounded(invoke, monkeypatch, columns):
 
 
 def test_a_shard_without_parts_says_so(run, experiment, told):
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.document import read_config
     from eqt_cli.config.study import study
 
     experiment()

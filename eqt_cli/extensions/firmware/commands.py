@@ -51,9 +51,9 @@ def export(
 
     if real not in REALS:
         raise EqtError(f"--real: expected double or float, got '{real}'")
-    source = options.source_of(target, set_)
+    experiment = options.document_of(target, set_, trust_plugins=trust_plugins)
     exported = api.export(
-        options.study_at(source, point, trust_plugins=trust_plugins, doing="exported without"),
+        options.study_at(experiment, point, "exported without"),
         out,
         controllers=controller or (),
         real="float" if real == "float" else "double",

@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Literal, Self
@@ -23,7 +23,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, Controller, RunsCode, controllers
 from eqt_cli.components.mechanics import LATER, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
-from eqt_cli.config.source import ConfigSource, trusted_text
+from eqt_cli.config.document import Document, Place, changed_at, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
 from eqt_cli.loop.law_program import Entry
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
@@ -303,7 +303,7 @@ class Code(_Numbers):
             return None
         law = Kind(controllers).checked(self.as_, problems.at("as"), G)
         if law is None or law.code is None:
-            return law and law.loaded(None, False, G, problems)[0]
+            return law and law.loaded(None, G, problems)[0]
         problems.at("as").add("expected a law of eqt or of a plugin, got code")
         return None
 
@@ -323,7 +323,7 @@ class Code(_Numbers):
         return RunsCode(self.file, self.prefix, tuple(counts), tuple(self.memory_), self.real)
 
     def loaded(
-        self, source: ConfigSource, trusted: bool, G: MatrixLieGroup, problems: Problems
+        self, home: Place, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Self | None, dict[str, str]]:
         """Return the law with the compiled function, which was tried out, and the text of its file.
 
@@ -333,9 +333,9 @@ class Code(_Numbers):
             return None, {}
         with problems.catching("file"):
             kind = "Python" if self.code.is_python else "C"
-            text = trusted_text(source, self.file, trusted, f"{kind} file")
-            if kind == "C" and source.stored_plugins is None and not is_gathered(text):
-                text = gathered(source.folder / self.file)
+            text = trusted_text(home, self.file, f"{kind} file")
+            if kind == "C" and home.plugins is None and not is_gathered(text):
+                text = gathered(home.folder / self.file)
         if problems:
             return None, {}
         with problems.catching():
@@ -538,9 +538,7 @@ PERIOD = 0.01
 """Control period for trying out a function, s."""
 
 
-def with_code(
-    source: ConfigSource, code: str, claimed: str | None, adapter: Path | None
-) -> ConfigSource:
+def with_code(document: Document, code: str, claimed: str | None, adapter: Path | None) -> Document:
     """Return the configuration with a law in code as its only controller.
 
     An existing entry of `controllers` for this file keeps its numbers.
@@ -556,9 +554,9 @@ def with_code(
         gains; None to keep the statement of the entry, if any.
     """
     file, function = file_and_function(code)
-    name, beside = os.path.relpath(file, source.folder), file.with_suffix(".adapter.yaml")
+    name, beside = os.path.relpath(file, document.home.folder), file.with_suffix(".adapter.yaml")
     adapter = adapter or (beside if beside.is_file() else None)
-    listed = source.data.get("controllers")
+    listed = document.data.get("controllers")
     entries = [e for e in listed if isinstance(e, dict)] if isinstance(listed, list) else []
     known = [e for e in entries if os.path.normpath(str(e.get("file"))) == name]
     entry = {**(known[0] if known else {"kind": Code.name, "file": name, "label": file.stem})}
@@ -569,8 +567,7 @@ def with_code(
         meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
         options = {key: value for key, value in meant.items() if key not in ("label", "gains")}
         entry |= {"as": options or claimed} | {k: v for k, v in meant.items() if k == "gains"}
-    overrides = source.overrides | {("controllers",): "--code"}
-    return replace(source, data=source.data | {"controllers": [entry]}, overrides=overrides)
+    return changed_at(document, ("controllers",), [entry], "--code")
 
 
 def file_and_function(code: str) -> tuple[Path, str | None]:

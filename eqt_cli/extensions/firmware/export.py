@@ -23,8 +23,8 @@ from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
+from eqt_cli.config.description import loop_in_words
 from eqt_cli.config.remarks import remark_on
-from eqt_cli.config.source import loop_in_words
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
 from eqt_cli.extensions.firmware.controllers import adapter_of

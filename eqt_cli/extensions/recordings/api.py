@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from eqt_cli.analysis.law_search import without_search
-from eqt_cli.api.loading import Configuration, ResultPath, open_at, path_from, source_from
+from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import refusals, text_of
@@ -24,9 +24,9 @@ from eqt_cli.components.log_table import (
     recording_text,
 )
 from eqt_cli.components.recording_check import Recording, read_recording
+from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.source import ConfigSource
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
@@ -264,7 +264,7 @@ MOST_WINDOWS = 50
 
 
 def replay(
-    config: Configuration | ConfigSource,
+    config: Configuration | Document,
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
@@ -344,7 +344,7 @@ def replay(
 
 
 def fit(
-    config: Configuration | ConfigSource,
+    config: Configuration | Document,
     measured: str | os.PathLike[str],
     over: Sequence[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
@@ -407,7 +407,7 @@ def fit(
 
 
 def _opened(
-    config: Configuration | ConfigSource,
+    config: Configuration | Document,
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
     format: str,
@@ -418,9 +418,11 @@ def _opened(
     trust_plugins: bool,
 ) -> tuple[Experiment, Windows, Callable[[Experiment], ClosedLoop]]:
     """Return the experiment, the windows of the recording, and a function that drives its plant."""
-    source = config if isinstance(config, ConfigSource) else source_from(config, {})
-    data = without_search(source.data)
-    base = build(replace(source, data=data), trust_plugins=trust_plugins)
+    if isinstance(config, Document):
+        document = config
+    else:
+        document = document_from(config, {}, trust_plugins=trust_plugins)
+    base = build(replace(document, data=without_search(document.data)))
     recording = by_rotors(base, read_measured(measured, base.group, mapping, format))
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])

@@ -60,7 +60,7 @@ def replay(
     from eqt_cli.extensions.recordings.prediction import growth_table
 
     growth = api.replay(
-        options.source_of(config, set_, engine),
+        options.document_of(config, set_, engine, trust_plugins=trust_plugins),
         measured,
         mapping,
         format=log_format,
@@ -69,7 +69,6 @@ def replay(
         horizon=horizon,
         windows=windows,
         out=out,
-        trust_plugins=trust_plugins,
     )
     print_findings(plain_data(growth), laid_out(growth_table(growth)), json=json)
     if out is not None:
@@ -117,7 +116,7 @@ def fit(
         key = over.partition("=")[0].strip()
         raise EqtError(f"--over: expected keys without values, such as '{key}', got '{over}'")
     fitted = api.fit(
-        options.source_of(config, set_, engine),
+        options.document_of(config, set_, engine, trust_plugins=trust_plugins),
         measured,
         [key.strip() for key in over.split(",") if key.strip()],
         mapping,
@@ -126,11 +125,10 @@ def fit(
         delay=delay,
         horizon=horizon,
         out=out,
-        trust_plugins=trust_plugins,
     )
     numbers, residuals = map(laid_out, fit_tables(fitted))
-    document = plain_data({key: value for key, value in vars(fitted).items() if key != "source"})
-    print_findings(document, numbers, "", residuals, "", str(fitted.config), json=json)
+    findings = plain_data({k: v for k, v in vars(fitted).items() if k != "document"})
+    print_findings(findings, numbers, "", residuals, "", str(fitted.config), json=json)
 
 
 # `eqt log` ----------------------------------------------------------------------------------------

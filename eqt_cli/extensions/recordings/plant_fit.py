@@ -17,10 +17,10 @@ from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError,
 from eqt_cli.base.files import CONFIG_MARK, check_entries, check_targets, refusals
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import Block, TextTable, significant, step
+from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import PLANT, marks_of
-from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.config.study import study
 from eqt_cli.extensions.recordings.prediction import (
     DELAY,
@@ -117,7 +117,7 @@ class PlantFit:
         where numbers act independently, near 0 where some act as others do.
     windows, rows, horizon
         The number of disjoint windows, that of their rows, and the length of a window, s.
-    source, config
+    document, config
         The configuration with the fitted numbers, and its path if it was written.
     notes
         Remarks on the recording and the model.
@@ -130,7 +130,7 @@ class PlantFit:
     windows: int
     rows: int
     horizon: float
-    source: ConfigSource
+    document: Document
     config: Path | None = None
     notes: tuple[str, ...] = ()
 
@@ -196,14 +196,14 @@ class _FitProblem:
         """Whether the delay of the wrench is a number to find."""
         return self.keys[-1] == DELAY
 
-    def at(self, numbers: Array) -> ConfigSource:
+    def at(self, numbers: Array) -> Document:
         """Return the configuration with other numbers."""
-        source = self.base.source
+        document = self.base.document
         values = dict(zip(self.keys, numbers.tolist(), strict=True))
         values.pop(DELAY, None)
         for key, value in expanded(values).items():
-            source = changed_at(source, parse_key(key), value, "over")
-        return source
+            document = changed_at(document, parse_key(key), value, "over")
+        return document
 
     @cached_property
     def first(self) -> ClosedLoop:
@@ -229,7 +229,7 @@ class _FitProblem:
         steps = (STEP * self.scales)[: len(numbers) - self.finds_delay]
         points = [numbers, *(numbers + np.eye(len(steps), len(numbers)) * steps[:, None])]
         try:
-            plants = [self.driven(build(self.at(point), trust_plugins=True)) for point in points]
+            plants = [self.driven(build(self.at(point))) for point in points]
         except ConfigError:
             return None
         with step(WINDOWS, len(self.cut)):
@@ -405,7 +405,7 @@ def write_fitted(result: PlantFit, folder: Path) -> Path:
     path, mark = folder / FITTED, CONFIG_MARK.format("fit")
     with refusals(path, "written", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
-        fitted = study(result.source, trust_plugins=True)
+        fitted = study(result.document)
         ResultFolder(folder).write_config(fitted, path.name, mark.encode())
     return path
 

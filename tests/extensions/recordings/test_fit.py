@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.api.loading import source_from
+from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping
@@ -409,7 +409,7 @@ def torque(loop, t):
 
 @pytest.fixture
 def loop_on_so3():
-    base = build(source_from(model("SO3", plant=None), {}))
+    base = build(document_from(model("SO3", plant=None), {}))
     return lambda law: replace(next(iter(base.loops.values())), controller=law)
 
 

@@ -210,7 +210,7 @@ def test_a_configuration_takes_a_flight_and_keeps_its_table(tmp_path, content):
         " mapping: {world: NED to ENU, body: FRD to FLU, time: {offset: first}}}}"
     )
     experiment = eqt_cli.load_experiment(tmp_path / "c.yaml")
-    assert experiment.source.files["f.ulg"].startswith("t (s),x (m),y (m),z (m),qw,")
+    assert experiment.document.home.files["f.ulg"].startswith("t (s),x (m),y (m),z (m),qw,")
 
 
 def test_the_table_of_a_flight_is_no_larger_than_other_files_may_be(tmp_path, content):

@@ -1,0 +1,113 @@
+"""Describes the loop of a configuration: as a signal path, as a sentence, and for a result."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
+    """Return what readers of a result show of its experiment, as `results.origin.Experiment`.
+
+    Parameters
+    ----------
+    config
+        The resolved configuration.
+    departures
+        Departures of its vehicle from the theorems.
+    """
+    (path, words), rtol = loop_in_words(config), config["solver"].get("rtol")
+    rows = [entry["thrusters"] for entry in config.get("actuators") or () if "thrusters" in entry]
+    sections = [config.get(section) or {} for section in ("model", "plant")]
+    forces = [force for section in sections for force in section.get("forces") or ()]
+    ups = [force.get("up") for force in forces if force["kind"] == "restoring"]
+    return {
+        "down": any(map(_is_down, ups)),
+        "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
+        "rtol": rtol if isinstance(rtol, float) else None,
+        "seed": config["ensemble"]["seed"],
+        "signal_path": path,
+        "loop": words,
+        "departures": (departures or words) if words else "",
+        "thrusters": [
+            [[*map(float, thruster[key]), 0.0][:3] for key in ("at", "along")]
+            for thruster in next(filter(None, rows), ())
+        ],
+    }
+
+
+def _is_down(up: Any) -> bool:
+    """Whether a direction is against the last axis, mostly; None is along it."""
+    if not isinstance(up, list) or not all(isinstance(x, int | float) for x in up):
+        return False
+    return up[-1] == -max(map(abs, up)) < 0
+
+
+def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
+    """Describe how a loop departs from the paper's, as a path and as a sentence; else "" each.
+
+    ``reference → law → hold 0.1 s → limit → plant (drag) → velocity (noise every 0.2 s) → law``,
+    where an estimate stands between sensors and law; and
+    ``Loop: sampled every 0.1 s; actuators: limit; forces: drag; measured velocity (…).``
+    """
+    stages, departures = ["reference", "law"], list[str]()
+    if control := config.get("control"):
+        stages.append(f"hold {control['period']:g} s")
+        departures.append(f"sampled every {control['period']:g} s")
+        if delay := control.get("delay"):
+            stages[-1] += f", delay {delay}"
+            departures[-1] += f", {_late(delay)}"
+    if actuators := _kinds(config.get("actuators")):
+        stages += actuators
+        departures.append(f"actuators: {', '.join(actuators)}")
+    plant = config.get("plant") or {}
+    inside = forces = _kinds(plant.get("forces"))
+    if plant.get("inertia") is not None:
+        inside = ["true inertia", *forces]
+        departures.append("inertia error")
+    if forces:
+        departures.append(f"forces: {', '.join(forces)}")
+    stages.append(f"plant ({', '.join(inside)})" if inside else "plant")
+    sensors = (config.get("sensors") or {}).items()
+    if measured := [f"{name} ({_measured(entries)})" for name, entries in sensors if entries]:
+        stages.append(", ".join(measured))
+        departures += [f"measured {words}" for words in measured]
+    for kind in _kinds([config.get("estimator")]):
+        stages.append(f"estimate ({kind})")
+        departures.append(f"estimate: {kind}")
+    if not departures:
+        return "", ""
+    return " → ".join([*stages, "law"]), f"Loop: {'; '.join(departures)}."
+
+
+def _measured(entries: Any) -> str:
+    """Describe sensors part by part, with the times of their measurements.
+
+    ``translation: noise, bias every 1 s, 1 period late, 10 % lost; rotation: noise``
+    """
+    parts: dict[str, list[Any]] = {}
+    for entry in entries:
+        parts.setdefault("" if isinstance(entry, str) else entry.get("of") or "", []).append(entry)
+    descriptions = []
+    for part, sensors in parts.items():
+        options: dict[str, Any] = {}
+        for entry in sensors:
+            options |= {} if isinstance(entry, str) else entry
+        when = []
+        if period := options.get("period"):
+            when.append(f"every {period:g} s")
+        if delay := options.get("delay"):
+            when.append(_late(delay))
+        if lost := options.get("dropout"):
+            when.append(f"{100 * lost:g} % lost")
+        text = " ".join(filter(None, [", ".join(_kinds(sensors)), ", ".join(when)]))
+        descriptions.append(f"{part}: {text}" if part else text)
+    return "; ".join(descriptions)
+
+
+def _late(delay: int | str) -> str:
+    """Describe a delay of whole periods, or of a time."""
+    return f"{delay} late" if isinstance(delay, str) else f"{delay} period{'s' * (delay > 1)} late"
+
+
+def _kinds(entries: Any) -> list[str]:
+    present = (entry for entry in entries or () if entry is not None)
+    return [entry if isinstance(entry, str) else str(entry["kind"]) for entry in present]
