@@ -39,6 +39,7 @@ def answers(law, path, states, name="torque", size=None):
     real = {"double": ctypes.c_double, "float": ctypes.c_float}[law.by.name]
     compiled, program = ctypes.CDLL(str(path)), law.program
     numbers = ctypes.c_char.in_dll(compiled, f"{law.name}_defaults")
+    states = {name: np.reshape(values, (len(values), -1)) for name, values in states.items()}
     told = np.concatenate([states[INPUT + each.name] for each in program.inputs], axis=1)
     memory = [states[MEMORY + each.name] for each in program.memory] or [np.zeros((len(told), 1))]
     told, memory = (x.astype(law.by.dtype) for x in (told, np.concatenate(memory, axis=1)))
