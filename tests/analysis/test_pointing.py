@@ -146,14 +146,9 @@ def region(one, runs):
 
     G = group_named("SO3")
     Qd, Vd = one.desired.pose, one.desired.velocity
+    start, seed = one.start, one.config.ensemble.seed
     R, w = draw_initial_states(
-        G,
-        one.start.poses,
-        one.start.velocities,
-        Qd=Qd,
-        Vd=Vd,
-        seed=one.config.ensemble.seed,
-        runs=range(runs),
+        G, start.poses, start.velocities, Qd=Qd, Vd=Vd, seed=seed, runs=range(runs)
     )
     k = 0.1
     L = np.einsum("ri,ij,rj->r", w, J, w) / 2 + k * (1 - R @ A @ B)
