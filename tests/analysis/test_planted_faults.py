@@ -80,10 +80,9 @@ def without_force_of_the_inertia(exact, reference, G, inertia, *rest):
     return exact(reference, G, dataclasses.replace(inertia, change=None), *rest)
 
 
-def with_acceleration_of_first_factor_left_out(exact, G, links, factors):
-    first, *others = factors
-    left = first.angles * np.array([[1.0], [1.0], [0.0]])
-    return exact(G, links, [first._replace(angles=left), *others])
+def with_acceleration_of_first_factor_left_out(exact, G, links, numbers, angles):
+    first, *others = angles
+    return exact(G, links, numbers, [first * np.array([[1.0], [1.0], [0.0]]), *others])
 
 
 # Where a fault is planted -------------------------------------------------------------------------

@@ -115,9 +115,9 @@ def test_check_reports_everything(eqt):
     done = eqt("config", "check", "c.yaml")
     assert done.code == 2
     lines = done.err.splitlines()
-    assert lines[0] == "6 errors in c.yaml"  # `gian` is probably `gains`, which is not missing then
+    assert lines[0] == "5 errors in c.yaml"  # `gian` is probably `gains`, which is not missing then
     places = [tuple(line.split(": ")[:2]) for line in lines[1:]]
-    missing = ("group", "inertia", "reference", "controllers")
+    missing = ("group", "inertia", "controllers")
     assert sorted(places[:-1]) == sorted(("c.yaml:1:1", key) for key in (*missing, "gian"))
     assert places[-1] == ("c.yaml:2:8", "time.duration")
 
