@@ -267,13 +267,9 @@ EQT_INLINE eqt_reduced eqt_reduce_far(eqt_real x)
     eqt_reduced reduced;
     int lane;
     for (lane = 0; lane < EQT_LANES; lane++) {
-        const double given = EQT_LANE(x, lane);
-#if EQT_LANES == 1
-        eqt_far_turn(given, fraction, &quadrant);
-#else /* some lane is far */
-        const double size = given < 0.0 ? -given : given;
+        /* Some lane is far. A compiler that knows a near angle reads no bits before the first. */
+        const double given = EQT_LANE(x, lane), size = given < 0.0 ? -given : given;
         eqt_far_turn(size < 1e8 ? 1e8 : given, fraction, &quadrant);
-#endif
         EQT_LANE(high, lane) = fraction[0];
         EQT_LANE(middle, lane) = fraction[1];
         EQT_LANE(low, lane) = fraction[2];
