@@ -112,7 +112,6 @@ def drawn(changes, entries):
 def test_points_share_errors_and_each_run_has_its_own():
     seed, runs = 7, CONFIG["ensemble"]["runs"]
     problem = drawn({"ensemble": CONFIG["ensemble"] | {"seed": seed}}, [1, 0, runs + 1])
-    assert problem.rows.tolist() == [1, 0, 1]
     errors = problem.drawn()
     for place, run in enumerate((1, 0, 1)):
         random = generator_at(seed, Stream.VEHICLE, run, "sensors.velocity[0]")
