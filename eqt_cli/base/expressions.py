@@ -513,8 +513,7 @@ class Expression:
         return parse, (self.text, tuple(sorted(self.variables)))
 
 
-@lru_cache(maxsize=1024)  # the points of a sweep have mostly the same references
-def parse(text: str, variables: tuple[str, ...] = ("t",)) -> Expression:
+def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     """Parse an expression in the given variables.
 
     Raises
@@ -529,6 +528,9 @@ def parse(text: str, variables: tuple[str, ...] = ("t",)) -> Expression:
     return Expression(text, used, tree)
 
 
+_parsed = lru_cache(maxsize=1024)(parse)
+"""Kept, because the points of a sweep have mostly the same references."""
+
 MAX_QUOTED = 100
 """Longest quotation of an expression in a message, characters."""
 
@@ -542,7 +544,7 @@ def formula(entry: str | float) -> Expression:
         If the entry is no expression; the message quotes it.
     """
     try:
-        return parse(str(entry))
+        return _parsed(str(entry))
     except ExpressionError as error:
         text = str(entry)
         quoted = text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
@@ -557,7 +559,7 @@ def constant(text: str) -> float:
     ExpressionError
         As by `parse`.
     """
-    return float(parse(text, ()).evaluate({}))
+    return float(_parsed(text, ()).evaluate({}))
 
 
 # Values of nodes -------------------------------------------------------------------------------

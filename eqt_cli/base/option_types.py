@@ -8,7 +8,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from decimal import Decimal
@@ -761,8 +760,11 @@ class Kind:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         def component(value: Any, info: Any) -> Any:
             problems, made = Problems(), None
-            with suppress(ConfigError):  # of too many errors; those of the tree have places
+            try:
                 made = self.checked(value, problems, (info.context or UnitPlace()).group)
+            except ConfigError:  # after too many errors, whose places the tree knows
+                if not problems:
+                    raise
             if problems:
                 raise PydanticCustomError(_WRONG, "wrong", {"problems": problems})
             return made

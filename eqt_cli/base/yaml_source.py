@@ -101,7 +101,7 @@ def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
 # Reading --------------------------------------------------------------------------------------
 
 
-class _Loader(_PARSER):  # type: ignore[misc]
+class _Loader(_PARSER):  # type: ignore[misc]  # with libyaml, if it is there
     """Composes a bounded number of nodes, of which only those with a tag in the text have one."""
 
     _depth = 0

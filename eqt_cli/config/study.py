@@ -61,9 +61,11 @@ def at_point(
     ConfigError
         If a swept key does not exist.
     """
+    if sweep is None:
+        return document
     changed = document
-    for key, value in sweep.settings(point).items() if sweep else ():
-        if sweep and (keys is None or key in keys):
+    for key, value in sweep.settings(point).items():
+        if keys is None or key in keys:
             place = document.place(("sweep", *sweep.place(point, key)))
             changed = changed_at(changed, parse_key(key), value, place)
     return changed

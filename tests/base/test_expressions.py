@@ -310,3 +310,7 @@ def test_arithmetic_is_that_of_ieee(text: str, value: float) -> None:
     np.testing.assert_equal(expression.evaluate({"t": 2.0}), value)
     np.testing.assert_equal(float(series(expression, {"t": 2.0}, 2).value), value)
     assert expression.instants(3.0) == ()
+
+
+def test_the_variables_of_a_plugin_may_be_a_list():
+    assert parse("x + 2*t", ["t", "x"]).evaluate({"t": 1.0, "x": 0.5}) == 2.5
