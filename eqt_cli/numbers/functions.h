@@ -213,7 +213,7 @@ EQT_RARE void eqt_far_turn(double x, double fraction[3], eqt_uint64 *quadrant)
     bits = of_x.bits;
     whole = (bits & 0x000fffffffffffffULL) | 0x0010000000000000ULL;
     shift = (int)((bits >> 52) & 0x7ff) - 1075;
-    place = shift + 30; /* of the first bit that counts */
+    place = (shift + 30) & 1023; /* of the first bit that counts; a near angle finds bits, too */
     for (word = 0; word < 6; word++) {
         const int from = place / 32 + word;
         sum = ((eqt_uint64)eqt_2_over_pi[from] << 32) | eqt_2_over_pi[from + 1];
@@ -267,9 +267,7 @@ EQT_INLINE eqt_reduced eqt_reduce_far(eqt_real x)
     eqt_reduced reduced;
     int lane;
     for (lane = 0; lane < EQT_LANES; lane++) {
-        /* Some lane is far. A compiler that knows a near angle reads no bits before the first. */
-        const double given = EQT_LANE(x, lane), size = given < 0.0 ? -given : given;
-        eqt_far_turn(size < 1e8 ? 1e8 : given, fraction, &quadrant);
+        eqt_far_turn(EQT_LANE(x, lane), fraction, &quadrant);
         EQT_LANE(high, lane) = fraction[0];
         EQT_LANE(middle, lane) = fraction[1];
         EQT_LANE(low, lane) = fraction[2];
