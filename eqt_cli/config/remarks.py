@@ -44,11 +44,10 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
         *_component_remarks(experiment),
         *_noise_remarks(experiment),
         *_numerical_remarks(experiment, shown),
+        *limits_below_reference(experiment, shown),
     ]
-    return [
-        *(EqtWarning(f"{experiment.document.place(k)}: {dotted(k)}: {text}") for k, text in placed),
-        *map(EqtWarning, limits_below_reference(experiment, shown)),
-    ]
+    place = experiment.document.place
+    return [EqtWarning(f"{place(key)}: {dotted(key)}: {text}") for key, text in placed]
 
 
 def remark_on(experiment: Experiment) -> None:
@@ -416,26 +415,23 @@ def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None
     return WheelsNeeded(t, momentum, wheels.allocated(torque), limits)
 
 
-def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
-    """Return sentences on actuators whose limits are below the torque of the reference alone.
+def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> Placed:
+    """Remark on actuators whose limits are below the torque of the reference alone.
 
     Numbers that are drawn for each run have their mean values.
     """
     loop = experiment.loop
     if not loop.vehicle.limits:
-        return []
+        return
     shown = shown or experiment.reference_over_horizon()
     parts = (shown.times, shown.torque, shown.pose, shown.velocity)
     times, torque, pose, velocity = (part[shown.finite] for part in parts)
     for force in loop.reference.known_forces:
         torque = torque - force.in_body(loop.group, times, pose, velocity)
-    texts, wheels = [], wheels_needed(experiment, shown)
+    wheels = wheels_needed(experiment, shown)
     if wheels is not None and wheels.are_too_much and not loop.vehicle.magnet:  # which dumps it
-        place = experiment.document.place((ACTUATORS,))
-        texts.append(
-            f"{place}: {ACTUATORS}: the reference, with the forces of the plant, needs "
-            f"{wheels.in_words}; no law can follow it there"
-        )
+        needs = f"the reference, with the forces of the plant, needs {wheels.in_words}"
+        yield (ACTUATORS,), f"{needs}; no law can follow it there"
     for index, actuator in enumerate(loop.vehicle.actuators):
         demand = actuator.needed(loop.group, times, torque) if actuator.limits else None
         if demand is None or not len(demand[0]):
@@ -452,10 +448,9 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
             most = "most" if needed[when, axis] > high[when, axis] else "least"
             names = actuator.thruster_names
             name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
-            place = experiment.document.place((ACTUATORS, index))
-            texts.append(
-                f"{place}: {ACTUATORS}[{index}]: {name} gives at {most} {actuator.limited}"
-                f"{limits[when, axis]:.4g}{unit}, but the reference alone needs "
-                f"{needed[when, axis]:.4g}{unit} at t = {t:.4g} s; no law can follow it there"
+            yield (
+                (ACTUATORS, index),
+                f"{name} gives at {most} {actuator.limited}{limits[when, axis]:.4g}{unit}, but the "
+                f"reference alone needs {needed[when, axis]:.4g}{unit} at t = {t:.4g} s; no law "
+                "can follow it there",
             )
-    return texts

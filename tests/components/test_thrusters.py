@@ -447,10 +447,12 @@ def test_the_limit_that_is_exceeded_is_named(experiment, torque, limits, said, n
         reference=f"{{torque: {torque}}}",
         actuators=f"[{{kind: thrusters, matrix: [[1, -1, 0], [1, 1, 0], [0, 0, 1]], {limits}}}]",
     )
-    assert limits_below_reference(found) == [
-        f"c.yaml:10:13: actuators[0]: 'thruster 3' gives {said}, but the reference alone needs "
-        f"{needs} N at t = 0 s; no law can follow it there"
-    ]
+    [(place, words)] = limits_below_reference(found)
+    assert place == ("actuators", 0)
+    assert words == (
+        f"'thruster 3' gives {said}, but the reference alone needs {needs} N at t = 0 s; no law "
+        "can follow it there"
+    )
 
 
 # Whole experiments.
