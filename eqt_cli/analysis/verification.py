@@ -32,7 +32,7 @@ from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
 from eqt_cli.runs.batches import Batch, batches
 from eqt_cli.runs.compute_part import Desired, measured, shared_reference
-from eqt_cli.runs.preflight import check_laws
+from eqt_cli.runs.preflight import rehearse
 
 RUNS = 20
 """Number of runs per law that check a configuration, unless it has fewer."""
@@ -178,7 +178,7 @@ class _Verifier:
     def study(self) -> Study:
         """The first runs of the experiment."""
         first = Study(None, self.experiment.of_runs(self.runs))
-        check_laws(first)
+        rehearse(first)
         return first
 
     def runs_of(

@@ -234,7 +234,7 @@ def check(
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
     from eqt_cli.base.yaml_source import dump
-    from eqt_cli.config.remarks import check_steps, remarks, wheels_needed
+    from eqt_cli.config.remarks import remarks, wheels_needed
     from eqt_cli.config.study import study
     from eqt_cli.engines.horizon import check_reference
     from eqt_cli.runs.preflight import check_resources, rehearse
@@ -247,10 +247,7 @@ def check(
         shown = checked.base.reference_over_horizon()
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
-        check_steps(checked.base, problems)
-        problems.raise_if_any()
-        untried = rehearse(checked, problems)
-        problems.raise_if_any()
+        untried = rehearse(checked, solves=True)
         if document.data.get("tune"):
             from eqt_cli.analysis.tune import Search
 

@@ -42,42 +42,36 @@ length are rounded in another way, and differences of nearly equal numbers enlar
 root near 0: they may also change as by such a change of all states."""
 
 
-def check_laws(study: Study) -> None:
-    """Refuse loops of which no run ends, and plugins that mix runs, before a run is computed.
+def rehearse(study: Study, *, solves: bool = False) -> list[str]:
+    """Refuse what would fail in a run: a loop of which none ends, a plugin that mixes runs.
+
+    Parameters
+    ----------
+    solves
+        Whether to begin the runs of all laws, too: an exception, a shape, no number, what cannot
+        be compiled.
+
+    Returns
+    -------
+    list of str
+        The laws that were not tried since those before them took too long, in words.
 
     Raises
     ------
     ConfigError
         If there is one.
     """
-    problems = Problems(study.base.document.place)
+    loops, problems = study.base.loops, Problems(study.base.document.place)
     check_steps(study.base, problems)
     problems.raise_if_any()
-    if any(each.is_foreign for loop in study.base.loops.values() for each in parts_of(loop)):
-        rehearse(study, problems, solves=False)
-        problems.raise_if_any()
-
-
-def rehearse(study: Study, problems: Problems, *, solves: bool = True) -> list[str]:
-    """Note what would fail in a run: an exception, a shape, no number, what cannot be compiled.
-
-    Parameters
-    ----------
-    solves
-        Whether to begin the runs, too, and not only to find laws that mix them.
-
-    Returns
-    -------
-    list of str
-        The laws that were not tried since those before them took too long, in words.
-    """
-    started, left = time.process_time(), dict.fromkeys(study.base.loops)
+    if not (solves or any(part.is_foreign for loop in loops.values() for part in parts_of(loop))):
+        return []
+    started, left = time.process_time(), dict.fromkeys(loops)
     for group in _first_runs(study):
         if time.process_time() - started > MOST_SECONDS:
-            those = f"the laws before took more than {MOST_SECONDS:g} s"
-            return [f"not tried: {', '.join(left)}; {those}"]
+            break
         label, first = group[0]
-        parts = parts_of(first.problem.loop, list(study.base.loops).index(label))
+        parts = parts_of(first.problem.loop, list(loops).index(label))
         with trial(parts, problems, TOGETHER) as tried:
             problem = Problem.joined([batch.problem for _, batch in group])
             rates = _rates(problem)
@@ -92,7 +86,9 @@ def rehearse(study: Study, problems: Problems, *, solves: bool = True) -> list[s
                 first.engine.rehearse(problem)
         for label, _ in group:
             left.pop(label, None)
-    return []
+    problems.raise_if_any()
+    those = f"the laws before took more than {MOST_SECONDS:g} s"
+    return [f"not tried: {', '.join(left)}; {those}"] if left else []
 
 
 def _first_runs(study: Study) -> Iterator[list[tuple[str, Batch]]]:

@@ -40,7 +40,7 @@ from eqt_cli.runs.folder import (
 )
 from eqt_cli.runs.lock import LOCK, locked
 from eqt_cli.runs.part_files import PartFiles
-from eqt_cli.runs.preflight import check_laws, check_resources
+from eqt_cli.runs.preflight import check_resources, rehearse
 from eqt_cli.runs.provenance import now, provenance
 
 
@@ -158,7 +158,7 @@ def execute(
     if complete:
         finished = complete.runs - complete.failed
     check_resources(study, out, 1 - finished / study.plans.total)
-    check_laws(study)
+    rehearse(study)
     with ExitStack() as locks:
         locks.enter_context(folder.reporting_finished_runs(study))
         locks.enter_context(locked(out, shared=shard is not None))

@@ -42,7 +42,7 @@ from eqt_cli.loop.law_program import (
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 from eqt_cli.numbers.program import Program, distinct, traced
 from eqt_cli.runs.batches import batches
-from eqt_cli.runs.preflight import check_laws
+from eqt_cli.runs.preflight import rehearse
 
 # The filter of an exported law: its program, and instants at which it is checked ------------------
 #
@@ -326,7 +326,7 @@ def states_of(
     few = experiment.of_runs(RUNS)
     ensemble = few.config.ensemble
     study = Study(None, few)
-    check_laws(study)
+    rehearse(study)
     [batch] = batches(study, label, np.arange(ensemble.runs))
     engine = compiled_if_faster(batch.engine, batch.problem)
     with step(f"runs of '{label}'", ensemble.runs):
