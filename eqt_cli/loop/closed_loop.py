@@ -615,17 +615,11 @@ class LoopPart(NamedTuple):
 def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
     """Return the parts of a loop; the first is its law, number `index` of the controllers."""
     law, reference, group = loop.controller, loop.reference, loop.group
-    return [
+    parts = [
         LoopPart(law, ("controllers", index), f"controller '{law.name}'"),
         LoopPart(reference, ("reference",), f"reference '{reference.name}'"),
         LoopPart(group, ("group",), f"group '{group.name}'"),
-        *vehicle_parts(loop),
     ]
-
-
-def vehicle_parts(loop: ClosedLoop) -> list[LoopPart]:
-    """Return the parts of the vehicle, between the law and the motion."""
-    parts = []
     for place, part in loop.vehicle.parts.items():
         name = f"'{place}'"
         for kind in (Force, Actuator, Sensor, Estimator):

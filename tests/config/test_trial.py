@@ -1,0 +1,96 @@
+"""Mistakes in a user's components are found when the configuration is checked, with their line."""
+
+from pathlib import Path
+
+import pytest
+from case_tables import from_yaml
+from plugin_sources import component
+
+from eqt_cli.base.errors import ComponentError
+
+BODIES = {
+    "Controller": """\
+    title: ClassVar[str] = "Own"
+
+    def torque(self, s):
+        return -s.V
+""",
+    "Reference": """\
+    def driving_torque(self, G, inertia, t, Pd):
+        return 0.0 * Pd
+""",
+    "Force": """\
+    departs: ClassVar[str] = "a part of my own"
+    def acting(self, G, t, Q, V):
+        return -V
+""",
+    "Actuator": """\
+    departs: ClassVar[str] = "a part of my own"
+    def output(self, G, command, x):
+        return command
+""",
+    "Sensor": """\
+    departs: ClassVar[str] = "a part of my own"
+    def errors(self, G, instants, period, random):
+        return random.standard_normal((instants, 3))
+""",
+}
+GROUP = """\
+from typing import ClassVar
+
+from eqt_cli.components.matrix_groups import SO3
+
+
+class Own(SO3):
+    name: ClassVar[str] = "Own"
+
+    def hat(self, v):
+        return BODY
+"""
+SECTIONS = {
+    "Controller": {"controllers": "[eqt, own]"},
+    "Reference": {"reference": "{kind: own}"},
+    "Force": {"plant": "{forces: [{kind: constant, force: 0.1}, own]}"},
+    "Actuator": {"actuators": "[own]", "control": "{period: 0.1}"},
+    "Sensor": {"sensors": "{velocity: [{kind: noise, std: 0.1}, own]}", "control": "{period: 0.1}"},
+}
+
+
+def changes(base, old="", new=""):
+    """A configuration with a component, in whose text `old` is replaced."""
+    assert old in BODIES[base]
+    source = f"import numpy as np\nown(eqt_cli.extend.{base}):\n{BODIES[base].replace(old, new)}"
+    Path("own.py").write_text(component(source), encoding="utf-8")
+    return {"plugins": "[own.py]", **SECTIONS[base]}
+
+
+@from_yaml
+def test_a_mistake(message, base, old, new, said):
+    text = message(**changes(base, old, new))
+    assert text.startswith("c.yaml:")
+    assert text.partition(": ")[2] == said
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("v.foo", "AttributeError: 'numpy.ndarray' object has no attribute 'foo' at own.py:10: "),
+        ("v", "ValueError: matmul: "),
+    ],
+)
+def test_a_group(message, body, said):
+    Path("own.py").write_text(GROUP.replace("BODY", body), encoding="utf-8")
+    found = message(plugins="[own.py]", group="Own", controllers="[eqt]").partition(": group: ")[2]
+    assert found.startswith(f"group 'Own' fails at the start of run 0: {said}")
+
+
+def test_a_law_that_fails_later_is_named_too(run):
+    body = "-s.V if np.max(s.t) < 0.5 else 1 / 0"
+    with pytest.raises(ComponentError) as caught:
+        run("solver.engine=solve_ivp", **changes("Controller", "-s.V", body))
+    assert str(caught.value) == f"ZeroDivisionError: division by zero at own.py:12: return {body}"
+
+
+@pytest.mark.parametrize("base", BODIES)
+def test_a_component_that_is_right(experiment, base):
+    experiment(**changes(base))
