@@ -242,7 +242,8 @@ def check(
     document = options.document_of(config, set_, trust_plugins=trust_plugins)
     try:
         checked = study(document, most_checked=MOST_CHECKED)
-        check_resources(checked, Path("results") / checked.name, most_shapes=MOST_CHECKED)
+        if len(checked.shapes) <= MOST_CHECKED:  # each takes a moment to build
+            check_resources(checked, Path("results") / checked.name)
         problems = Problems(document.place)
         shown = checked.base.reference_over_horizon()
         jumps = check_reference(shown, most_torque, problems.at("reference"))

@@ -1,8 +1,8 @@
 """Pre-flight of a study, after that of its experiments (`eqt_cli.config.preflight`, 1 to 4).
 
 5. `check_resources`: its largest part must fit into the memory, and its files on the disk.
-6. `rehearse`: begins the study as a run would, with two runs of every law, for `config check`. What
-   does so for a run puts them together, solves and measures them; no result is stored.
+6. `rehearse`: begins the study as a run would, with two runs of every law. What does so for a run
+   puts them together and, for `config check`, solves them; no result is stored.
 7. `estimate`: times the first part of some points, for `--dry-run`.
 """
 
@@ -23,12 +23,11 @@ from eqt_cli.config.remarks import check_steps
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import parts_of
-from eqt_cli.loop.signals import OUTPUT
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches, by_kind
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
-from eqt_cli.runs.folder import Layout, outputs_of_laws, quantities
+from eqt_cli.runs.folder import Layout, coordinates, quantities
 
 # Begins a study with two runs of every law --------------------------------------------------------
 
@@ -43,13 +42,15 @@ root near 0: they may also change as by such a change of all states."""
 
 
 def rehearse(study: Study, *, solves: bool = False) -> list[str]:
-    """Refuse what would fail in a run: a loop of which none ends, a plugin that mixes runs.
+    """Refuse a loop of which no run ends, and what fails in the first runs of laws together.
+
+    That is an exception, a shape, or a plugin that mixes runs.
 
     Parameters
     ----------
     solves
-        Whether to begin the runs of all laws, too: an exception, a shape, no number, what cannot
-        be compiled.
+        Whether to begin the runs of all laws, and not only where a part is the user's own. This
+        finds also what gives no number, or cannot be compiled.
 
     Returns
     -------
@@ -257,9 +258,7 @@ def parts_size(study: Study) -> int:
     return total
 
 
-def check_resources(
-    study: Study, folder: Path, missing: float = 1.0, *, most_shapes: int | None = None
-) -> None:
+def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
     """Check that the study fits into the memory and on the disk.
 
     Parameters
@@ -268,16 +267,12 @@ def check_resources(
         The result folder, which need not exist yet.
     missing
         Share of the runs that are still to be computed.
-    most_shapes
-        Nothing is checked if the points have more shapes, each of which takes a moment to build.
 
     Raises
     ------
     ConfigError
         With the key to change, the required size and the available size.
     """
-    if most_shapes is not None and len(study.shapes) > most_shapes:
-        return
     check_memory(study)
     result, parts = result_size(study), parts_size(study) * missing
     needed, free = result + parts, _free_disk(folder)
@@ -315,11 +310,9 @@ def _part_memory(study: Study) -> int:
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
     vehicle = base.loop.vehicle
-    sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
-    sizes |= {dim: len(names) for dim, names in vehicle.members.items()}
-    sizes |= {OUTPUT: len(outputs_of_laws(base))}
+    sizes = {dim: len(along.data) for dim, along in coordinates(base, 1).items()} | {"time": 1}
     signals = sum(
-        prod(sizes.get(dim, 1) for dim in entry.dims)
+        prod(sizes.get(dim, 0) for dim in entry.dims)
         for entry in quantities(base, study.vehicles)
         if entry.per is ValuePer.TRAJECTORY
     )
