@@ -151,7 +151,7 @@ def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
         view = result.point(point)
         if result.has_groups:
             return view
-        from eqt_cli.config.study import attributes_at
+        from eqt_cli.runs.description import attributes_at
 
         return result.point(point, attributes_at(result, point))
     except BaseException:

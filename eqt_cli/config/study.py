@@ -12,36 +12,20 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError, EqtError, InputError, InputProblem, Problems, parse_key
-from eqt_cli.base.option_types import Kind, option_names, shown
+from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
 from eqt_cli.base.reporting import reporter, step
-from eqt_cli.base.store_reader import ResultFile
-from eqt_cli.base.yaml_source import dump, parse_value
-from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.base.yaml_source import parse_value
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.description import description
 from eqt_cli.config.designs import EXPECTED, Sweep
-from eqt_cli.config.document import Document, changed_at, document_of, with_value
+from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment, LastPoint, digest_of, hashes, numeric, renamed
 from eqt_cli.config.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import (
-    DESIRED,
-    SHAPES,
-    STARTS,
-    VEHICLE,
-    Config,
-    LawKind,
-    marks_of,
-    not_swept,
-)
+from eqt_cli.config.schema import DESIRED, SHAPES, STARTS, VEHICLE, Config, marks_of, not_swept
 from eqt_cli.config.sections import decides_parts
 from eqt_cli.engines.choice import AUTO
-from eqt_cli.numbers.leaves import leaves
 
 # An experiment at the points of a sweep: its points, its parts, and what is stored ----------------
 
@@ -112,15 +96,6 @@ def config_at(document: Document, point: int) -> Document:
     if not 0 <= point < len(sweep):
         raise EqtError(f"{name}: has no point {point}; choose one of 0 to {len(sweep) - 1}")
     return at_point(without_sweep(document), sweep, point)
-
-
-def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
-    """Return the attributes of one point of a result file that has only those of its sweep."""
-    config = config_at(document_of(results), point).data
-    experiment = json.loads(str(results.attributes["experiment"]))
-    with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
-        experiment |= description(config, experiment["departures"])
-    return {"config": dump(config), "experiment": json.dumps(experiment, ensure_ascii=False)}
 
 
 MOST_TRAJECTORIES = 10_000
@@ -372,80 +347,6 @@ def _built_again(document: Document, sweep: Sweep | None, plans: Plans | None) -
         load_plugin(Path(path), (document.home.plugins or {})[path])
     base = build(at_point(document, sweep, 0))
     return Study(sweep, base, document, plans)
-
-
-# Finds registered laws among the points of a sweep over the options of laws -----------------------
-
-
-STATES = 4
-"""Number of random states at which torques are compared; one suffices for smooth laws."""
-
-ROUNDING = 1e-12
-"""Tolerance relative to the largest torque, for sums of some tens of products in another order."""
-
-
-def law_names(study: Study) -> Array | None:
-    """Return the names by point and controller; "" if a controller equals no law without options.
-
-    None if no swept key changes the controllers. Laws are equal if their structures and their
-    parameters are equal, or, if nothing else is swept, if they give the same torque. For example,
-    the frame of the damping makes no difference if K_d is the same in every frame. Only the laws of
-    each point are built, which takes little time.
-    """
-    sweep = study.sweep
-    keys = [key for key in sweep.sets if section_of(key) == "controllers"] if sweep else []
-    if sweep is None or not keys:
-        return None
-    base, G = study.base, study.base.group
-    laws = [kind() for kind in controllers.all() if not option_names(kind)]
-    known = {_identity(law): law.name for law in reversed(laws)}
-    torques: dict[str, Array] = {}
-    swept = [loop.controller for loop in base.loops.values()]
-    if len(keys) == len(sweep.sets) and all(law.gains_group(G) is G for law in swept):
-        fitting = (law for law in laws if base.config.task in law.tasks and law.fits(G))
-        torques = {law.name: _torque(law, base) for law in fitting}
-    names = np.full((len(study), len(base.loops)), "", dtype=object)
-    for point in range(len(study)):
-        values = sweep.settings(point)
-        data: Any = {"controllers": study.document.data["controllers"]}
-        for key in filter(values.__contains__, keys):
-            data = with_value(data, parse_key(key), values[key])
-        for index, entry in enumerate(data["controllers"]):
-            if isinstance(entry, dict):
-                entry = {
-                    key: value for key, value in entry.items() if key not in LawKind.of_every_law
-                }
-            law: Controller = Kind(controllers).read(entry, Problems())
-            identity = _identity(law)
-            if identity not in known:
-                known[identity] = _law_of_torque(law, base, torques)
-            names[point, index] = known[identity]
-    return names
-
-
-def _law_of_torque(law: Controller, base: Experiment, torques: Mapping[str, Array]) -> str:
-    """Return the first of some laws with the same torque, up to rounding; "" if there is none."""
-    # Without memory: at random states, one with memory is compared at none.
-    if not torques or law.code is not None or type(law).memory is not Controller.memory:
-        return ""
-    torque = _torque(law, base)
-    bound = ROUNDING * np.abs(torque).max()
-    equal = (name for name, other in torques.items() if np.abs(other - torque).max() <= bound)
-    return next(equal, "")
-
-
-def _torque(law: Controller, base: Experiment) -> Array:
-    """Return the torque of a law at some random states of an experiment."""
-    G, loop, random = base.group, replace(base.loop, controller=law), np.random.default_rng(0)
-    Q, Qd = G.exp(random.standard_normal((2, STATES, G.dimension)))
-    V, Vd = random.standard_normal((2, STATES, G.dimension))
-    return law.torque(loop.tracking(0.0, loop.initial_state(Q, V, Qd, Vd)))
-
-
-def _identity(law: Controller) -> Hashable:
-    """Return a key that is equal for laws of equal structure and parameters."""
-    numbers = {name: (value + 0.0).tobytes() for name, value in leaves(law).items()}
-    return law.structure, tuple(sorted(numbers.items()))  # + 0.0 turns -0.0 into 0.0
 
 
 # Reads the sweep of a configuration, and checks every point of it ---------------------------------

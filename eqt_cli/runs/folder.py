@@ -54,10 +54,9 @@ from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.config.description import description
 from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.schema import Config
-from eqt_cli.config.study import Study, law_names, section_of
+from eqt_cli.config.study import Study, section_of
 from eqt_cli.loop.signals import MIXED, OUTPUT, Metric, Signal, holds, output_names, signal_of
 from eqt_cli.results.dataset import derived
 from eqt_cli.results.metrics import (
@@ -69,6 +68,8 @@ from eqt_cli.results.metrics import (
     own_quantity,
 )
 from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.runs.description import description
+from eqt_cli.runs.law_names import law_names
 from eqt_cli.runs.lock import LOCK
 from eqt_cli.runs.part_files import MANIFEST, PART_ENTRIES, PARTS, PartFiles
 

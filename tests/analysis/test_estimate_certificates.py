@@ -7,7 +7,7 @@ import pytest
 
 from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.run_checks import Consistent, WhiteInnovations
-from eqt_cli.config.description import loop_in_words
+from eqt_cli.runs.description import loop_in_words
 
 RUNS, SAMPLES, FREEDOM, COUNT = 20, 11, 6, 60
 

@@ -13,10 +13,10 @@ from eqt_cli.api import load_experiment, margins
 from eqt_cli.base import yaml_source
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.mechanics import LawInput
-from eqt_cli.config.description import loop_in_words
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.config.study import study
+from eqt_cli.runs.description import loop_in_words
 
 SE3 = """group: SE3
 inertia: [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]

@@ -23,7 +23,6 @@ from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
-from eqt_cli.config.description import loop_in_words
 from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
@@ -41,6 +40,7 @@ from eqt_cli.loop.law_program import (
     name_of_number,
 )
 from eqt_cli.numbers.program import Program, c_function
+from eqt_cli.runs.description import loop_in_words
 
 # The files of an exported law: its header, its source, and the program that checks them -----------
 

@@ -1,7 +1,14 @@
 """Describes the loop of a configuration: as a signal path, as a sentence, and for a result."""
 
+import json
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
+
+from eqt_cli.base.store_reader import ResultFile
+from eqt_cli.base.yaml_source import dump
+from eqt_cli.config.document import document_of
+from eqt_cli.config.study import config_at
 
 
 def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
@@ -32,6 +39,15 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
             for thruster in next(filter(None, rows), ())
         ],
     }
+
+
+def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
+    """Return the attributes of one point of a result file that has only those of its sweep."""
+    config = config_at(document_of(results), point).data
+    experiment = json.loads(str(results.attributes["experiment"]))
+    with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
+        experiment |= description(config, experiment["departures"])
+    return {"config": dump(config), "experiment": json.dumps(experiment, ensure_ascii=False)}
 
 
 def _is_down(up: Any) -> bool:
