@@ -22,7 +22,7 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import Problems, Remedy
-from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale, check_period
+from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
@@ -40,6 +40,7 @@ from eqt_cli.components.motions import (
     third_axis,
     unit_vector,
 )
+from eqt_cli.components.vehicle_parts import check_period
 from eqt_cli.numbers.jets import Jet
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 

@@ -24,12 +24,19 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
-from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit, check_period
+from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
 from eqt_cli.components.actuators import Actuator, Needed, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.references import instants_of
-from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_numbers, drawn, lowest
+from eqt_cli.components.vehicle_parts import (
+    Numbers,
+    check_limits,
+    check_numbers,
+    check_period,
+    drawn,
+    lowest,
+)
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 SPEEDS = ("low_speed", "high_speed")

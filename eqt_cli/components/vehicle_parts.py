@@ -1,7 +1,9 @@
 """What all parts of a vehicle share: options per axis, the true inertia, sampling."""
 
 import dataclasses
+import math
 from abc import abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
@@ -402,6 +404,67 @@ class VaryingInertia(TrueInertia):
 
 
 # The clocks of a sampled loop: when law, sensors and actuators act, and when a command arrives ----
+
+
+EXACT = 1e9
+"""Largest number of periods for which rounding can tell whether it is whole."""
+
+ROUNDING = 1e-9
+"""Relative error that decimals of a time and of a period may leave."""
+
+
+def periods_in(time: float, period: float, least: int = 0, name: str = "periods") -> int:
+    """Return how many whole periods a time is.
+
+    Parameters
+    ----------
+    time, period
+        Time and period, s.
+    name
+        What the periods are called.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number of periods; it names the nearest.
+    """
+    count = time / period
+    if not least * (1 - ROUNDING) <= count < EXACT:
+        raise ValueError(
+            f"expected from {least} to {EXACT:g} {name} of {period:g} s, got {time:g} s"
+        )
+    if abs(count - round(count)) > ROUNDING * max(count, 1.0):
+        near = [math.floor(count), math.ceil(count)]
+        times = " or ".join(f"{1e3 * each * period:g} ms" for each in near)
+        raise ValueError(
+            f"expected a whole number of {name} of {1e3 * period:g} ms, got {1e3 * time:g} ms; "
+            f"write {times}"
+        )
+    return round(count)
+
+
+def common_divisor(times: Iterable[float]) -> float:
+    """Return the greatest time of which all times are whole multiples, up to decimals."""
+    divisor = 0.0
+    for time in times:
+        rest, floor = time, ROUNDING * max(time, divisor) * EXACT ** (1 / 3)
+        while rest > floor:
+            divisor, rest = rest, abs(math.remainder(divisor, rest))
+    return divisor
+
+
+def check_period(
+    period: float, control: float | None, problems: Problems, name: str = "periods"
+) -> int | None:
+    """Return the number of control periods, or ticks, in a period; note it if it is not whole."""
+    if control is None:
+        problems.add("counts control periods; set control.period")
+        return None
+    try:
+        return periods_in(period, control, 1, name)
+    except ValueError as error:
+        problems.add(str(error))
+        return None
 
 
 class Clock(NamedTuple):

@@ -56,7 +56,6 @@ from eqt_cli.base.option_types import (
     has_unit,
     one_of,
     option_names,
-    periods_in,
     rank,
     seconds,
     shown,
@@ -81,7 +80,7 @@ from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.references import Reference, references
 from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
-from eqt_cli.components.vehicle_parts import Number
+from eqt_cli.components.vehicle_parts import Number, periods_in
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.engines.choice import SolverKind
 from eqt_cli.engines.engine import engines

@@ -10,15 +10,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.expressions import Expression, formula
-from eqt_cli.base.option_types import (
-    Written,
-    as_section,
-    check_period,
-    common_divisor,
-    has_unit,
-    number_of,
-    seconds,
-)
+from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, seconds
 from eqt_cli.components import mechanics, vehicle_parts
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.forces import Force, currents, in_currents
@@ -37,6 +29,7 @@ from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
 from eqt_cli.components.sensors import TIMING, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
+from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
 from eqt_cli.config.document import Place, with_data
 from eqt_cli.config.schema import (
