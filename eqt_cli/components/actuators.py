@@ -250,12 +250,8 @@ AntiWindup: TypeAlias = Literal["none", "clamp"] | BackCalculation
 """What an integral does where limits cut the command."""
 
 
-def limited_parts(
-    kind: AntiWindup, G: MatrixLieGroup, plant: Any, problems: Problems
-) -> tuple[Any, ...]:
+def limited_parts(G: MatrixLieGroup, plant: Any, problems: Problems) -> tuple[Any, ...]:
     """Return the actuators of a `PlantModel` whose limits an anti-windup reads; note if none."""
-    if kind == "none":
-        return ()
     steady = () if any(part.changes for part in plant.actuators) else plant.actuators
     parts = [part for part in steady if part.allowed(G, np.zeros(G.dimension)) is not None]
     if not parts:

@@ -308,13 +308,14 @@ class Cascade(Controller):
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
         kinds = {"position": self.position.anti_windup, "attitude": self.inner.anti_windup}
-        acting = [limited_parts(k, G, plant, problems.at(at)) for at, k in kinds.items()]
+        unwinding = [at for at, kind in kinds.items() if kind != "none"]
+        acting = [limited_parts(G, plant, problems.at(at)) for at in unwinding]
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
         parts = [force.apart(rigid(G), b, even) or (force, None) for force in plant.forces]
         forces = {
             "known": tuple(free for free, _ in parts),
             "across": tuple(drag for _, drag in parts if drag),
-            "acting": max(acting, key=len),
+            "acting": max(acting, key=len, default=()),
         }
         position = self.position.of_mass(mass)
         return with_fields(self, position=position, **forces, direction=b, exact=plant.exact)

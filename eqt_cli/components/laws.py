@@ -226,8 +226,9 @@ class Controller(TimeVarying, Component):
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""
-        acting = limited_parts(self.anti_windup, G, plant, problems)
-        return with_fields(self, acting=acting) if acting else self
+        if self.anti_windup == "none":
+            return self
+        return with_fields(self, acting=limited_parts(G, plant, problems))
 
     def with_held(self, held: Any) -> Self:
         """Return the law with the numbers that it `held` from one instant to the next."""

@@ -132,7 +132,8 @@ def read_config(
     ConfigError
         If the file is not valid YAML, or an override does not parse.
     """
-    if str(path) in shipped.names() and not (path.exists() or path.with_suffix(".yaml").exists()):
+    is_file = path.exists() or path.with_suffix(".yaml").exists()
+    if not is_file and str(path) in shipped.names():
         path = shipped.folder() / f"{path}.yaml"
     if path.is_dir() and not (path / FILE_NAME).exists() and (files := sorted(path.glob("*.yaml"))):
         listed = ", ".join(map(str, files[:_MAX_LISTED])) + (", …" if files[_MAX_LISTED:] else "")

@@ -10,12 +10,13 @@ from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, InputError, 
 from eqt_cli.base.option_types import Kind, option_names, shown, unknown_key, validated
 from eqt_cli.base.reporting import reporter
 from eqt_cli.engines.engine import Engine, SolverChecks, engines
-from eqt_cli.engines.native import Native, refusal
-from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 AUTO = "auto"
 """The engine of configurations that name none: native where it can be used, else solve_ivp."""
+
+FAST, GENERAL = "native", "solve_ivp"
+"""The engines of which eqt chooses one. The first, which takes a moment to load, needs C."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,12 @@ class Solver:
 
     def chosen(self, loops: Iterable[ClosedLoop]) -> "Solver":
         """Return the solver with an engine that can solve some loops."""
-        if self.other is None or not (why := refusal(loops)):
+        if self.other is None:
+            return self
+        from eqt_cli.engines.native import refusal
+
+        why = refusal(loops)
+        if not why:
             return self
         slower = f"engine {self.other.name}, 2 to 17 times slower than native: {why.args[0]}"
         reporter().remark(EqtWarning(slower, *why.remedies, lines=why.lines))
@@ -89,16 +95,19 @@ class SolverKind(Kind):
         if not isinstance(value, dict):
             problems.add(f"expected a mapping, got {shown(value)}")
             return None
-        name, kinds = value.get("engine", AUTO), engines.core()
+        name, kinds = value.get("engine", AUTO), []
         is_auto = name == AUTO
         if is_auto:
-            name = SolveIvp.name if refusal() else Native.name
+            from eqt_cli.engines.native import refusal
+
+            name, kinds = GENERAL if refusal() else FAST, engines.core()
         with problems.catching("engine"):
             if not isinstance(name, str):
                 raise InputError(f"expected the name of an engine, got {shown(name)}")
             if unavailable := engines.get(name).unavailable():
                 raise InputError(unavailable)
-        if all(kind.name != name for kind in kinds) or value.keys() - {*_keys(kinds)}:
+            kinds = kinds or [engines.get(name)]
+        if not kinds or value.keys() - {*_keys(kinds)}:
             kinds = engines.all()
         _check_keys(value, kinds, is_auto, problems)
         owners: list[type[Any]] = [SolverChecks, *kinds]
@@ -109,7 +118,7 @@ class SolverKind(Kind):
             engine.check(problems)
         if engine is None or problems:
             return None
-        return Solver(value, judgement, engine, by_name[SolveIvp.name] if is_auto else None)
+        return Solver(value, judgement, engine, by_name[GENERAL] if is_auto else None)
 
     def section(self, made: Solver) -> dict[str, Any]:
         """Return the complete section."""
@@ -125,7 +134,7 @@ def _check_keys(
         having = {kind.name for kind in kinds if key in option_names(kind)}
         if key not in keys:
             problems.at(key).add(unknown_key(key, keys))
-        elif is_auto and having and not having >= {Native.name, SolveIvp.name}:
+        elif is_auto and having and not having >= {FAST, GENERAL}:
             problems.at(key).add(f"is a key of engine {min(having)}; add engine: {min(having)}")
 
 

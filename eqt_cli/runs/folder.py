@@ -550,7 +550,7 @@ def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
     """Open the result file of a study for writing; the file appears when the block ends."""
     layouts = [Layout(piece) for piece in study.pieces]
     blanks, coords = _root(study, layouts)
-    laws = law_names(study)
+    laws = law_names(study, study.sweep) if study.sweep else None
     if laws is not None:
         meaning = {"long_name": "registered law without options that the law equals"}
         blanks[LAW] = Blank(("point", "controller"), None, meaning)

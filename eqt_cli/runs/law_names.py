@@ -10,6 +10,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems, parse_key
 from eqt_cli.base.option_types import Kind, option_names
 from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.config.designs import Sweep
 from eqt_cli.config.document import with_value
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.schema import LawKind
@@ -23,7 +24,7 @@ ROUNDING = 1e-12
 """Tolerance relative to the largest torque, for sums of some tens of products in another order."""
 
 
-def law_names(study: Study) -> Array | None:
+def law_names(study: Study, sweep: Sweep) -> Array | None:
     """Return the names by point and controller; "" if a controller equals no law without options.
 
     None if no swept key changes the controllers. Laws are equal if their structures and their
@@ -31,9 +32,8 @@ def law_names(study: Study) -> Array | None:
     the frame of the damping makes no difference if K_d is the same in every frame. Only the laws of
     each point are built, which takes little time.
     """
-    sweep = study.sweep
-    keys = [key for key in sweep.sets if section_of(key) == "controllers"] if sweep else []
-    if sweep is None or not keys:
+    keys = [key for key in sweep.sets if section_of(key) == "controllers"]
+    if not keys:
         return None
     base, G = study.base, study.base.group
     laws = [kind() for kind in controllers.all() if not option_names(kind)]

@@ -329,7 +329,7 @@ def test_swept_weights_have_no_name_of_a_law():
     """Also where a registered law, such as `quaternion`, is not for the group."""
     swept = {"sweep": [{"grid": {"controllers[0].weights.torque": [0.1, 0.2]}}]}
     study = eqt_cli.load_experiment({**BODY, **COUPLED, **swept})
-    assert law_names(study).tolist() == [[""], [""]]
+    assert law_names(study, study.sweep).tolist() == [[""], [""]]
 
 
 SEMI, DEFINITE = "expected a positive semidefinite matrix", "expected a positive definite matrix"

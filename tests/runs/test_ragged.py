@@ -271,7 +271,7 @@ def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(make, 
     law = "{kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}"
     text = f"sweep: [{{zip: {{'controllers[0]': [{law}]}}}}]\n"
     found = make(text, f"gains.kd={kd}", grids=[swept] if swept else [])
-    assert law_names(found)[0, 0] == name
+    assert law_names(found, found.sweep)[0, 0] == name
 
 
 LEAKY = """\
@@ -304,4 +304,4 @@ def test_a_law_with_memory_is_no_other_law_though_it_begins_as_one(make, folder)
         "plugins=[leaky.py]",
         "controllers=[{kind: leaky}]",
     )
-    assert law_names(found).tolist() == [[""], [""]]
+    assert law_names(found, found.sweep).tolist() == [[""], [""]]
