@@ -12,7 +12,7 @@ from pydantic import Tag
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Keys, Real, has_unit, one_of, seconds
+from eqt_cli.base.option_types import Keys, Kind, Real, has_unit, one_of, option_names, seconds
 from eqt_cli.base.registry import Component
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
@@ -206,7 +206,7 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
                 check_sizes(() if problems else numbers)
     elif positive:
         _check_positive("a number", [value], problems)
-    else:
+    elif not isinstance(value, str):  # an expression in time, which is parsed elsewhere
         with problems.catching():
             check_sizes(value)
 
@@ -306,6 +306,19 @@ class VehiclePart(Component):
                 if not here:
                     with here.catching():
                         self._as_array(name, drawn(value, None), G)
+
+
+class PartKind(Kind):
+    """Marks a part of a vehicle: what the class says of its numbers holds, whatever its check."""
+
+    def checked(self, value: Any, problems: Problems, group: MatrixLieGroup | None = None) -> Any:
+        """Return the part that a value describes, or None after noting its errors."""
+        part = super().checked(value, problems, group)
+        for name in () if part is None or problems else option_names(type(part)):
+            number, is_positive = getattr(part, name), name in part.positive
+            if number is not None and (is_positive or is_drawn(number)):
+                check_numbers(number, problems.at(name), is_positive)
+        return part
 
 
 def check_count(value: Numbers, count: int, of: str, problems: Problems, deviations: bool) -> None:

@@ -80,7 +80,7 @@ from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.references import Reference, references
 from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
-from eqt_cli.components.vehicle_parts import Number, periods_in
+from eqt_cli.components.vehicle_parts import Number, PartKind, periods_in
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.engines.choice import SolverKind
 from eqt_cli.engines.engine import engines
@@ -123,12 +123,12 @@ SettlingThreshold = Annotated[
 """Of the pose error, or by the names of the group's parts: angles of rotations, and distances."""
 
 
-AnyForce = Annotated[Force, Kind(forces)]
+AnyForce = Annotated[Force, PartKind(forces)]
 KnownForce = Annotated[AnyForce, WithJsonSchema({})]  # its keys are those of `plant.forces`
-AnyActuator = Annotated[Actuator, Kind(actuators)]
-PoseSensor = Annotated[Sensor, Kind(sensors)]
-VelocitySensor = Annotated[Sensor, Kind(sensors, VELOCITY)]
-AnyEstimator = Annotated[Estimator | None, Kind(estimators)]
+AnyActuator = Annotated[Actuator, PartKind(actuators)]
+PoseSensor = Annotated[Sensor, PartKind(sensors)]
+VelocitySensor = Annotated[Sensor, PartKind(sensors, VELOCITY)]
+AnyEstimator = Annotated[Estimator | None, PartKind(estimators)]
 AnyMetric = Annotated[Metric, Kind(metrics)]
 StartPose = Annotated[PoseDistribution, PoseKind(pose_distributions)]
 StartVelocity = Annotated[VelocityDistribution, Kind(velocity_distributions)]
@@ -668,7 +668,7 @@ class SensorsSection(Section):
 
     pose: list[PoseSensor] | None = None
     velocity: list[VelocitySensor] | None = None
-    magnetometer: list[Annotated[Sensor, Kind(sensors, "magnetometer")]] | None = None
+    magnetometer: list[Annotated[Sensor, PartKind(sensors, "magnetometer")]] | None = None
 
 
 class LogRange(Section):

@@ -6,7 +6,8 @@ import pytest
 from case_tables import from_yaml
 from plugin_sources import component
 
-from eqt_cli.base.errors import ComponentError
+import eqt_cli
+from eqt_cli.base.errors import ComponentError, ConfigError
 
 BODIES = {
     "Controller": """\
@@ -94,3 +95,19 @@ def test_a_law_that_fails_later_is_named_too(run):
 @pytest.mark.parametrize("base", BODIES)
 def test_a_component_that_is_right(experiment, base):
     experiment(**changes(base))
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "said"),
+    [
+        (-1.0, "stiffness: expected a number greater than 0, got -1"),
+        ({"uniform": [3, 1]}, "uniform: expected the smaller number first, got [3, 1]"),
+        ({"uniform": [-2, -1]}, "uniform: expected numbers greater than 0, got -2"),
+    ],
+)
+def test_what_a_part_says_of_its_numbers_holds_though_its_check_does_not_look(stiffness, said):
+    tethered = Path(__file__).parents[2] / "examples/parts/tethered.yaml"
+    changed = {"plant.forces[0].stiffness": stiffness}
+    with pytest.raises(ConfigError) as caught:
+        eqt_cli.load_experiment(tethered, changed, trust_plugins=True)
+    assert said in str(caught.value)
