@@ -23,7 +23,7 @@ from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Measured, Problem, Solution, Status
-from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
+from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.signals import (
     LAW_OUTPUT,
     at_state,
@@ -85,23 +85,25 @@ def shared_reference(study: Study) -> dict[str, Array]:
 
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
     """Solve the references of some points: `DESIRED` as ``(points, samples, …)``."""
-    # All laws have the same reference.
-    times, label = study.base.times, next(iter(study.base.loops))
-    systems = [ReferenceSystem.of(study.experiment(int(point)).loops[label]) for point in points]
-    states = np.empty((len(points), len(times), systems[0].state_length))
-    if systems[0].state_length:  # a reference without states needs no integration
-        for batch in batches_at(study, label, points):
-            states[batch.rows] = batch.engine.solve(batch.problem).states
-    desired = [_desired(*each, times) for each in zip(systems, states, strict=True)]
-    return {name: np.array([values[name] for values in desired]) for name in DESIRED}
+    desired: dict[str, Array] = {}
+    label = next(iter(study.base.loops))  # all laws have the same reference
+    for batch in batches_at(study, label, points):
+        problem = batch.problem
+        states = np.empty((problem.runs, len(problem.times), problem.loop.state_length))
+        if problem.loop.state_length:  # a reference without states needs no integration
+            states = batch.engine.solve(problem).states
+        for name, values in batch.engine.evaluate(_desired, problem, states).items():
+            blank = np.empty((len(points), *values.shape[1:]))
+            desired.setdefault(name, blank)[batch.rows] = values
+    return desired
 
 
-def _desired(system: ReferenceSystem, states: Array, times: Array) -> dict[str, Array]:
-    """Return `DESIRED` of a reference at every sample, ``(samples, …)`` each."""
-    s = system.tracking(times, states)
+def _desired(system: ClosedLoop, t: Any, states: Array) -> dict[str, Array]:
+    """Return `DESIRED` of a reference at a sample, or at each of many, for floats or symbols."""
+    s = system.tracking(t, states)
     # A constant value has no axis of time.
     return {
-        name: np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
+        name: np.broadcast_to(values, (*states.shape[:-1], *values.shape[values.ndim - axes :]))
         for name, values, axes in zip(DESIRED, (s.Qd, s.Vd, s.tau_d), (2, 1, 1), strict=True)
     }
 
