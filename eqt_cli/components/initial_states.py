@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, VELOCITY, Angle, Kind, Real, Scale, Unit, as_section
 from eqt_cli.base.registry import Component, Registry
@@ -142,9 +142,9 @@ def directed(
 ) -> Array:
     """Return a vector of a fixed or a uniform size, ``(length,)``; a random axis is isotropic."""
     low, high = size if isinstance(size, list) else (size, size)
-    norm = generator.uniform(low, high)
+    size = generator.uniform(low, high)
     direction = generator.standard_normal(length) if isinstance(axis, str) else np.array(axis)
-    return norm * (direction / np.linalg.norm(direction))
+    return size * (direction / norm(direction))
 
 
 def check_size(size: float | list[float], problems: Problems) -> None:
@@ -185,7 +185,8 @@ class PoseDistribution(Distribution):
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return the elements of G for the runs' numbers, ``(runs, k) -> (runs, d, d)``.
 
-        This is separate from `draw`, so that many runs need only one array operation.
+        This is separate from `draw`, so that many runs need only one array operation, or the code
+        that an engine compiles of it. A distribution of eqt uses no numbers but these.
         """
 
 
@@ -351,10 +352,15 @@ class ExpNormal(NormalCoordinates, PoseDistribution):
     std: Annotated[Real | list[Real], Unit(POSE)] = 1.0
     centre: Annotated[list[Real] | None, Unit(POSE)] = None
 
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """Return the centre, if there is one, and std · N(0, 1)^m."""
+        return np.concatenate([self.centre or [], super().draw(G, generator)])
+
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """Return exp of the centre times exp of the coordinates."""
-        drawn = G.exp(numbers)
-        return drawn if self.centre is None else G.exp(np.array(self.centre)) @ drawn
+        m = G.dimension
+        placed = G.exp(numbers[..., -m:])
+        return placed if numbers.shape[-1] == m else G.exp(numbers[..., :m]) @ placed
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a wrong number of standard deviations or coordinates, and a negative deviation."""
@@ -621,9 +627,18 @@ def draw_initial_states(
     poses : (runs, d, d)
     velocities : (runs, m)
     """
-    pose_numbers, velocity_errors = [], []
+    numbers, errors = zip(*draws(G, poses, velocities, seed, runs), strict=True)
+    return Qd @ poses.place(G, np.array(numbers)), Vd + np.array(errors)
+
+
+def draws(
+    G: MatrixLieGroup,
+    poses: PoseDistribution,
+    velocities: VelocityDistribution,
+    seed: int,
+    runs: Iterable[int],
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the random numbers of each run: of its pose, and then of its velocity, ``(m,)``."""
     for run in runs:
         random = generator(seed, Stream.INITIAL_STATE, run)
-        pose_numbers.append(poses.draw_of_run(G, random, run))
-        velocity_errors.append(velocities.draw_of_run(G, random, run))
-    return Qd @ poses.place(G, np.array(pose_numbers)), Vd + np.array(velocity_errors)
+        yield poses.draw_of_run(G, random, run), velocities.draw_of_run(G, random, run)

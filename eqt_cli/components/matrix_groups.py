@@ -521,9 +521,10 @@ class EuclideanGroup(MatrixLieGroup):
 
         Normal directions give the Haar measure: ``(..., 4)`` or ``(..., 2) -> (..., n, n)``.
         """
-        if direction.shape[-1] == 2:
-            return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
-        return rotation_of_quaternion(direction / norm(direction)[..., None])
+        unit = direction / norm(direction)[..., None]
+        if unit.shape[-1] == 2:
+            return _plane_rotation(unit[..., 1], unit[..., 0])
+        return rotation_of_quaternion(unit)
 
     def _columns(self, V: Array) -> Array:
         return V[..., self.rotations :].reshape(*V.shape[:-1], len(self.columns), self.space)
@@ -570,9 +571,12 @@ def _frame_along(axis: Array) -> Array:
 
 def _exp_rotation(omega: Array) -> Array:
     if omega.shape[-1] == 1:
-        c, s = np.cos(omega[..., 0]), np.sin(omega[..., 0])
-        return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+        return _plane_rotation(np.cos(omega[..., 0]), np.sin(omega[..., 0]))
     return rotation_of_vector(omega)
+
+
+def _plane_rotation(c: Array, s: Array) -> Array:
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
 
 def _left_jacobian_times(omega: Array, x: Array) -> Array:

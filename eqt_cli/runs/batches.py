@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import groupby
 from operator import itemgetter
@@ -14,9 +15,16 @@ from typing import Any, Literal
 import numpy as np
 
 from eqt_cli.base.arrays import Array, maximum, sqrt, stack
+from eqt_cli.base.registry import is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.initial_states import Stream, draw_initial_states, generator, generator_at
+from eqt_cli.components.initial_states import (
+    PoseDistribution,
+    Stream,
+    draws,
+    generator,
+    generator_at,
+)
 from eqt_cli.components.sensors import Errors
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
@@ -83,44 +91,124 @@ def by_kind(study: Study, entries: Array) -> list[list[tuple[str, Batch]]]:
 
 def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
     """Return the initial poses and velocities of some runs, each at its point."""
-    if study.initial_varies:
-        return _starts(study, tuple(points.tolist()), tuple(runs.tolist()))
-    wanted, where = np.unique(runs, return_inverse=True)
-    Q, V = _starts(study, (0,) * len(wanted), tuple(wanted.tolist()))
-    return Q[where], V[where]
+    G, label = study.base.group, next(iter(study.base.loops))
+    Q, V = np.empty((len(runs), G.size, G.size)), np.empty((len(runs), G.dimension))
+    for rows, problem, _ in _problems(study, label, points, runs):
+        start = _started(study, problem, points[rows], runs[rows])
+        Q[rows], V[rows] = start["pose"], start["velocity"]
+    return Q, V
 
 
 @lru_cache(maxsize=8)
-def _starts(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> tuple[Array, Array]:
-    drawn = []
+def _draws(
+    study: Study, points: tuple[int, ...], runs: tuple[int, ...]
+) -> list[tuple[Array, Array]]:
+    """Return the random numbers of some runs, by `draws`; all laws share them."""
+    drawn: list[tuple[Array, Array]] = []
     for point, entries in groupby(zip(points, runs, strict=True), key=itemgetter(0)):
         experiment = study.experiment(point)
-        states = draw_initial_states(
-            experiment.group,
-            experiment.start.poses,
-            experiment.start.velocities,
-            Qd=experiment.desired.pose,
-            Vd=experiment.desired.velocity,
-            seed=experiment.config.ensemble.seed,
-            runs=[run for _, run in entries],
-        )
-        drawn.append(states)
-    return np.concatenate([Q for Q, _ in drawn]), np.concatenate([V for _, V in drawn])
+        start, seed = experiment.start, experiment.config.ensemble.seed
+        numbers = [run for _, run in entries]
+        drawn += draws(experiment.group, start.poses, start.velocities, seed, numbers)
+    return drawn
+
+
+@dataclass(frozen=True)
+class Start:
+    """Gives a run its start, for floats or symbols: the engine computes Q(0), V(0) and the state.
+
+    Attributes
+    ----------
+    poses
+        Places Q(0) = Q_d(0) · place; None: at Q_d(0).
+    shape
+        Of the random numbers of the pose.
+    key
+        What the places depend on besides these numbers.
+    """
+
+    poses: PoseDistribution | None = field(default=None, compare=False)
+    shape: tuple[int, ...] = (0,)
+    key: Hashable = None
+
+    @classmethod
+    def of(cls, poses: PoseDistribution, shape: tuple[int, ...]) -> Start:
+        """Return the start by a distribution, from random numbers of a shape."""
+        is_own = is_foreign(type(poses).__module__)
+        return cls(poses, shape, repr(poses) if is_own else structure(poses))
+
+    def __call__(self, loop: ClosedLoop, t: Any, row: Array) -> dict[str, Array]:
+        """Return ``pose``, ``velocity`` and, if it has numbers, the flat ``state``.
+
+        Parameters
+        ----------
+        row
+            Q_d(0), V_d(0), the random numbers of the pose, and V(0) − V_d(0).
+        """
+        G, batch, inertia = loop.group, row.shape[:-1], loop.inertia.at(t)
+        lengths = G.size**2, G.dimension, math.prod(self.shape)
+        Qd, Vd, numbers, errors = np.split(row, np.cumsum(lengths), axis=-1)
+        Qd, Pd = Qd.reshape(*batch, G.size, G.size), inertia.momentum(Vd)
+        desired = (loop.held_reference or loop.reference).desired(G, inertia, t, Qd, Pd)
+        Qd, Vd = desired.Q, Vd if desired.V is None else desired.V
+        Q = np.broadcast_to(Qd, (*batch, *Qd.shape[-2:]))
+        if self.poses is not None:
+            places = self.poses.place(G, numbers.reshape(-1, *self.shape))
+            Q = Q @ places.reshape(Q.shape)
+        start = {"pose": Q, "velocity": Vd + errors}
+        if loop.state_length:
+            start["state"] = loop.initial_state(Q, Vd + errors, Qd, Vd, t)
+        return start
+
+
+def _started(study: Study, problem: Problem, points: Array, runs: Array | None) -> dict[str, Array]:
+    """Return what `Start` gives each run of a problem; without runs, the reference."""
+    desired = {point: study.experiment(point).desired for point in points.tolist()}
+    rows = [[desired[point].pose.ravel(), desired[point].velocity] for point in points.tolist()]
+    drawing, numbers = np.zeros_like(points), [(np.empty(0), np.zeros_like(rows[0][1]))] * len(rows)
+    starts = {0: Start()}
+    if runs is not None:
+        drawing = points if study.initial_varies else drawing
+        numbers = _draws(study, tuple(drawing.tolist()), tuple(runs.tolist()))
+        poses = {point: study.experiment(point).start.poses for point in drawing.tolist()}
+        shapes = dict(zip(drawing.tolist(), (each.shape for each, _ in numbers), strict=True))
+        starts = {point: Start.of(poses[point], shapes[point]) for point in poses}
+    began: dict[str, Array] = {}
+    for start in set(starts.values()):
+        those = np.flatnonzero(np.isin(drawing, [k for k in starts if starts[k] == start]))
+        first = replace(problem, times=problem.times[:1]).select(those)
+        row = [np.concatenate([*rows[k], numbers[k][0].ravel(), numbers[k][1]]) for k in those]
+        engine = study.experiment(int(points[0])).engine
+        for name, values in engine.evaluate(start, first, np.array(row)[:, None]).items():
+            blank = np.empty((len(rows), *values.shape[2:]))
+            began.setdefault(name, blank)[those] = values[:, 0]
+    return began
 
 
 def batches_at(
     study: Study, label: str, points: Array, runs: Array | None = None
 ) -> Iterator[Batch]:
     """Group runs of one controller, each at its point; without runs, the references of points."""
+    for rows, problem, kind in _problems(study, label, points, runs):
+        experiment, numbers = study.experiment(int(points[rows[0]])), runs
+        if numbers is not None:
+            numbers = numbers[rows]
+        start = _started(study, problem, points[rows], numbers)
+        states = start.get("state", np.empty((len(rows), 0)))
+        yield Batch(rows, points[rows], experiment, replace(problem, states=states), kind)
+
+
+def _problems(
+    study: Study, label: str, points: Array, runs: Array | None
+) -> Iterator[tuple[Array, Problem, Hashable]]:
+    """Yield problems that lack their initial states, with their rows and kinds."""
     kinds: dict[Hashable, list[int]] = {}
     for point in dict.fromkeys(points.tolist()):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
-        run_numbers = None if runs is None else runs[rows]
-        problem = _problem(study, label, points[rows], run_numbers, kind)
-        experiment = study.experiment(members[0])
-        yield Batch(rows, points[rows], experiment, problem, kind)
+        numbers = None if runs is None else runs[rows]
+        yield rows, _problem(study, label, points[rows], numbers, kind), kind
 
 
 def _problem(
@@ -131,15 +219,12 @@ def _problem(
     loops = [experiment.loops[label] for experiment in experiments]
     if runs is None:
         loops = [ReferenceSystem.of(loop) for loop in loops]
-    Qd = np.array([experiment.desired.pose for experiment in experiments])[which]
-    Vd = np.array([experiment.desired.velocity for experiment in experiments])[which]
-    Q, V = (Qd, Vd) if runs is None else initial_states(study, points, runs)
     # All parts share the first loop, and so what is compiled of it.
     first = study.first_loops.setdefault((label, kind, runs is None), loops[0])
     varying = differing([first, *loops], which + 1)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
         varying |= _drawn(study, tuple(points.tolist()), tuple(runs.tolist()))
-    problem = Problem(first, Q, experiments[0].times, varying)
+    problem = Problem(first, np.empty((len(points), 0)), experiments[0].times, varying)
     errors = None
     if runs is not None and first.vehicle.measures:
         seeds = [experiments[row].config.ensemble.seed for row in which]
@@ -147,8 +232,7 @@ def _problem(
             (seed, Stream.VEHICLE, run) for seed, run in zip(seeds, runs.tolist(), strict=True)
         ]
         errors = Draws(first.group, first.vehicle, problem.control_instants, streams)
-    states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
-    return replace(problem, states=states, errors=errors)
+    return replace(problem, errors=errors)
 
 
 def differing(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
