@@ -205,6 +205,12 @@ def times(stack: Array, matrix: Array) -> Array:
     return stack @ matrix
 
 
+def ordered_product(a: Array, b: Array) -> Array:
+    """a @ b of stacks of matrices, with sums in one order on every machine; BLAS has its own."""
+    product: Array = (a[..., :, :, None] * b[..., None, :, :]).sum(axis=-2)
+    return product
+
+
 def dot(p: Array, v: Array) -> Any:
     """The contraction ⟨P, V⟩ of a covector and a vector, over the last axis."""
     return (p * v).sum(axis=-1)

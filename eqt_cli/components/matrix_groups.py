@@ -17,6 +17,7 @@ from eqt_cli.base.arrays import (
     less,
     minimum,
     norm,
+    ordered_product,
     sin,
     smooth_less,
     sqrt,
@@ -393,7 +394,7 @@ class EuclideanGroup(MatrixLieGroup):
         rotation = np.broadcast_to(np.eye(self.space), (*V.shape[:-1], self.space, self.space))
         if self.rotations == 3:
             rotation, axis = _frame_along(np.where(rotates, axis, [0.0, 0.0, 1.0])), 1.0 * rotates
-            columns = columns @ rotation
+            columns = ordered_product(columns, rotation)
         frame = self.assemble(rotation, np.zeros((*V.shape[:-1], self.space, len(self.columns))))
         columns = (columns / rates[..., None]).reshape(*V.shape[:-1], -1)
         return frame, np.concatenate([axis, columns], axis=-1), rates

@@ -18,6 +18,7 @@ from eqt_cli.base.arrays import (
     cross,
     dot,
     norm,
+    ordered_product,
     sin,
     stack,
     transpose,
@@ -27,6 +28,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.numbers.jets import Jet
+from eqt_cli.numbers.rounded import rounded, rounded_rows
 
 # Motions in closed form, Q(t) = Q_0 Π_k exp(a_k(t) ξ_k), on any group: products and splines -------
 
@@ -66,7 +68,7 @@ def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array
     frames, numbers, rates = G.screw(vectors)
     before = np.concatenate([pose[..., None, :, :], G.inverse(frames)], axis=-3)
     after = np.broadcast_to(G.identity, pose.shape)[..., None, :, :]
-    return before @ np.concatenate([frames, after], axis=-3), numbers, rates
+    return ordered_product(before, np.concatenate([frames, after], axis=-3)), numbers, rates
 
 
 def motion_along(
@@ -199,6 +201,9 @@ def derivative(polynomials: Array) -> Array:
     return shifted
 
 
+MOST_ROUNDED = 100
+"""Most pieces whose numbers are rounded once, at some milliseconds each."""
+
 CUBIC = np.array([[0.0, 3.0, -3.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, 0.0, 1.0]])
 """The cumulative Bernstein polynomials of degree 3 on [0, 1], which rise from 0 to 1."""
 
@@ -217,8 +222,13 @@ def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) ->
     """
     h = np.diff(times)[:, None]
     first, last = h * velocities[:-1] / 3, h * velocities[1:] / 3
-    step = G.inverse(poses[:-1]) @ poses[1:]
-    vectors = np.stack([first, G.log(G.exp(-first) @ step @ G.exp(-last)), last], axis=1)
+
+    def middle(Q: Array, P: Array, before: Array, after: Array) -> Array:
+        return G.log(G.exp(-before) @ G.inverse(Q) @ P @ G.exp(-after))
+
+    given = poses[:-1], poses[1:], first, last
+    second = rounded_rows(middle, *given) if len(h) <= MOST_ROUNDED else middle(*given)
+    vectors = np.stack([first, second, last], axis=1)
     coefficients = CUBIC / h[:, :, None] ** np.arange(4)
     return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
 
@@ -276,7 +286,7 @@ def eased(G: MatrixLieGroup, start: float, end: float, pose: Array, turn: Array)
     return Pieces.of(
         G,
         np.array([min(start, 0.0) - 1.0, start, end]),
-        np.stack([pose, pose, pose @ G.exp(turn)]),
+        np.stack([pose, pose, rounded(lambda Q, U: Q @ G.exp(U), pose, turn)]),
         np.stack([turn, turn, turn])[:, None],
         np.stack([still, quintic, still])[:, None],
     )
@@ -516,8 +526,8 @@ def body_axes(along: tuple[float, ...]) -> Array:
         return np.array([[along[1], along[0]], [-along[0], along[1]]])
     third = np.array(along) * (1.0 if along[2] >= 0 else -1.0)
     ahead = np.eye(3)[0 if abs(third[0]) < 0.9 else 2]
-    first = ahead - (ahead @ third) * third
-    first = first / np.linalg.norm(first)
+    first = ahead - dot(ahead, third) * third
+    first = first / norm(first)
     return np.stack([first, np.cross(third, first), third], axis=-1)
 
 

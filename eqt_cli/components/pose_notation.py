@@ -6,6 +6,7 @@ also a list with one pose per factor.
 
 import re
 from collections.abc import Callable, Container, Iterator
+from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -16,6 +17,7 @@ from eqt_cli.base.errors import InputError, KeyPath, Problems
 from eqt_cli.base.option_types import Angle, Real, Unit, shown, validated
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
+from eqt_cli.numbers.rounded import rounded
 
 GROUP_TOLERANCE = 1e-9
 """Largest ‖QᵀQ − I‖ of a pose written in decimal; below the integrators' tolerances."""
@@ -173,7 +175,7 @@ def _rotvec(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
         return None
     V = np.zeros(G.dimension)
     V[: G.rotations] = vector(numbers, G.rotations, G)
-    return G.rotation(G.exp(V))
+    return G.rotation(rounded(G.exp, V))
 
 
 def _rotation_matrix(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
@@ -224,7 +226,7 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
         problems.at("angles").add(f"{expected}, got {len(angles)}")
     if problems:
         return None
-    return rotation_of_euler(sequence, np.array(angles))
+    return rounded(partial(rotation_of_euler, sequence), np.array(angles))
 
 
 # Turns that poses do not count ----------------------------------------------------------------

@@ -24,6 +24,7 @@ from eqt_cli.components.recording import coordinate_names
 from eqt_cli.components.recording_check import RecordingInFile
 from eqt_cli.numbers.jets import Jet, series, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+from eqt_cli.numbers.rounded import rounded
 
 # Base classes of references: a desired motion Q_d(t), V_d(t), V̇_d(t) and its force τ_d -----------
 
@@ -561,7 +562,7 @@ class SlewReference(PiecewiseReference):
         """Return three pieces: rest, the slew, and rest."""
         start, end = (pose_from(pose, G, Problems()) for pose in (self.from_, self.to))
         assert start is not None and end is not None
-        turn = G.log(G.inverse(start) @ end)
+        turn = rounded(lambda P, Q: G.log(G.inverse(P) @ Q), start, end)
         return motions.eased(G, self.start, self.start + self.duration, start, turn)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:

@@ -17,6 +17,7 @@ from eqt_cli.base.arrays import (
     exp,
     less,
     maximum,
+    norm,
     outside,
     sqrt,
     stack,
@@ -38,6 +39,7 @@ from eqt_cli.components.vehicle_parts import (
     lowest,
 )
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+from eqt_cli.numbers.rounded import pseudo_inverse
 
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
@@ -87,7 +89,7 @@ class Thruster(Keys):
         `ratio` is that of `turns`.
         """
         along = np.array(self.along, dtype=float)
-        along = along / np.linalg.norm(along)
+        along = along / norm(along)
         point = np.append(np.array(self.at, dtype=float), 1.0)
         wrench = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
         if G.space == G.rotations:
@@ -710,7 +712,7 @@ def allocation(B: Array, least: float, scale: Array) -> tuple[Array, Array | Non
     U, sizes, _ = np.linalg.svd(B / norms, full_matrices=False)
     strong = sizes >= least * sizes[0]
     if not (~strong & (sizes > SMALLEST * sizes[0])).any():
-        return scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST), None
+        return scale[:, None] * pseudo_inverse(B * scale, int(strong.sum())), None
     row_space = U[:, strong].T / norms[:, 0]
     inverse = scale[:, None] * np.linalg.pinv(row_space @ B * scale) @ row_space
     return inverse, B @ inverse

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, Ty
 import numpy as np
 from pydantic import Tag
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, inverse_spd
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Keys, Kind, Real, has_unit, one_of, option_names, seconds
 from eqt_cli.base.registry import Component
@@ -392,7 +392,9 @@ class ConstantInertia(TrueInertia):
         matrix = square(drawn(self.matrix, random), G.dimension, G)
         while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
-        return with_fields(self, matrix=matrix, inverse=np.linalg.inv(matrix))
+        # LAPACK's last bits depend on the processor; exact fractions take long for each run.
+        inverse = inverse_spd(matrix.astype(object)).astype(float)
+        return with_fields(self, matrix=matrix, inverse=inverse)
 
     def at(self, model: Inertia, t: Any) -> Inertia:
         """Return the constant tensor."""

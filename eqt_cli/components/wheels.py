@@ -39,6 +39,7 @@ from eqt_cli.components.references import check_expressions, instants_of
 from eqt_cli.components.thrusters import allocation, lost_directions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+from eqt_cli.numbers.rounded import product, pseudo_inverse, rounded
 
 CREEP = 1.0
 """Scale, rad/s, on which Coulomb friction changes its sign, by a hyperbolic tangent."""
@@ -229,9 +230,9 @@ class Wheels(Actuator):
             A = np.array(self.axes, dtype=float).T
             return A / np.linalg.norm(A, axis=0)
         assert self.pyramid is not None
-        turns, across = np.pi / 4 + np.pi / 2 * np.arange(4), np.sin(self.pyramid)
-        z = np.full(4, np.cos(self.pyramid))
-        return np.stack([across * np.cos(turns), across * np.sin(turns), z])
+        half = np.sqrt(0.5) * np.array([[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]])
+        across, z = rounded(lambda beta: stack([sin(beta), cos(beta)]), np.array(self.pyramid))
+        return np.concatenate([across * half, np.full((1, 4), z)])
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return wheels with A, the allocation, and a number for each wheel."""
@@ -248,7 +249,7 @@ class Wheels(Actuator):
             curve = [] if rub.static is None else [rub.static - rub.coulomb, rub.breakaway]
             values["rubbing"] = np.array([rub.viscous, rub.coulomb, *curve])
         if self.bias is not None:
-            null = np.eye(self.count) - np.linalg.pinv(A, rcond=FLAT) @ A
+            null = np.eye(self.count) - product(values["inverse"], A)
             pull, target = null / self.bias.time_constant, np.array([self.bias.momentum])
             values["pulled"] = np.concatenate([pull, target])
         if self.allocation == "min_max":
@@ -484,11 +485,11 @@ def _faces(A: Array, turns: Any) -> list[Array]:
     for pair in map(list, combinations(range(A.shape[1]), 2)):
         normal = np.zeros(len(A))
         normal[turns] = np.cross(*A[turns][:, pair].T)
-        along = normal @ A
+        along = product(normal[None], A)[0]
         along[pair] = 0.0
         c, M = normal / np.abs(along).sum(), np.zeros(A.T.shape)
         M += np.outer(np.sign(along), c)
-        M[pair] = np.linalg.pinv(A[:, pair]) @ (np.eye(len(A)) - A @ M)
+        M[pair] = product(pseudo_inverse(A[:, pair], 2), np.eye(len(A)) - product(A, M))
         faces.append(np.concatenate([c[None], M]))
     return faces
 

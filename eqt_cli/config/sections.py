@@ -42,6 +42,7 @@ from eqt_cli.config.schema import (
     SensorsSection,
     TargetSection,
 )
+from eqt_cli.numbers.rounded import inverse
 
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
 
@@ -242,11 +243,11 @@ def inertia_from(
             require_symmetric(added)
             require_semidefinite(added)
             if rigid is not None:
-                return Inertia(rigid + added, np.linalg.inv(rigid + added), added=added)
+                return Inertia(rigid + added, inverse(rigid + added), added=added)
         return None
     else:
         matrix = _constant(section, G, problems)
-        return None if matrix is None else Inertia(matrix, np.linalg.inv(matrix))
+        return None if matrix is None else Inertia(matrix, inverse(matrix))
     if law is not None:
         with problems.catching():
             _require_definite(law, np.linspace(0.0, horizon, INSTANTS))

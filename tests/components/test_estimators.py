@@ -15,7 +15,7 @@ from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
-from eqt_cli.extensions.firmware.program_error import evaluated
+from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.program import traced
 

@@ -28,7 +28,7 @@ from eqt_cli.config.study import Study
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
 from eqt_cli.extensions.firmware.controllers import adapter_of
 from eqt_cli.extensions.firmware.export_laws import CHECK, TOLERANCE, ExportedLaw, exported
-from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic, evaluated
+from eqt_cli.extensions.firmware.program_error import ARITHMETICS, DOUBLE, Arithmetic
 from eqt_cli.loop.law_program import (
     INPUT,
     MEMORY,
@@ -40,6 +40,7 @@ from eqt_cli.loop.law_program import (
     name_of_number,
 )
 from eqt_cli.numbers.program import Program, c_function
+from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.runs.description import loop_in_words
 
 # The files of an exported law: its header, its source, and the program that checks them -----------

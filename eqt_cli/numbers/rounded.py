@@ -1,0 +1,135 @@
+"""Numbers that a configuration fixes, beyond double precision and rounded once.
+
+The last bits of BLAS, LAPACK and the C library's functions depend on the processor. What is
+computed here does not, so a configuration fixes the same numbers on every machine.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from functools import cache, reduce
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import FUNCTIONS, Array, inverse_spd
+from eqt_cli.numbers.program import COMPARISONS, Constant, Input, Program, traced
+
+# Matrices in exact fractions ----------------------------------------------------------------------
+
+
+def fractions(matrix: Array) -> Array:
+    """Return the numbers of an array as exact fractions."""
+    exact = [Fraction(number) for number in matrix.ravel().tolist()]
+    return np.array(exact, dtype=object).reshape(matrix.shape)
+
+
+def inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric positive definite matrix, ``(m, m)``, rounded once."""
+    return inverse_spd(fractions(matrix)).astype(float)
+
+
+def product(*matrices: Array) -> Array:
+    """Return the product of matrices, rounded once."""
+    return reduce(operator.matmul, map(fractions, matrices)).astype(float)
+
+
+def pseudo_inverse(matrix: Array, rank: int) -> Array:
+    """Return the pseudo-inverse of a matrix, ``(m, k)``, rounded once.
+
+    Rows of zeros do not count. If neither the other rows nor the columns are independent, which
+    `rank` tells, it is LAPACK's.
+    """
+    rows = np.flatnonzero(matrix.any(axis=1))
+    B, result = fractions(matrix[rows]), np.zeros(matrix.T.shape)
+    if rank == len(rows):
+        result[:, rows] = (B.T @ inverse_spd(B @ B.T)).astype(float)
+    elif rank == matrix.shape[1]:
+        result[:, rows] = (inverse_spd(B.T @ B) @ B.T).astype(float)
+    else:
+        result[:, rows] = np.linalg.pinv(matrix[rows], rcond=1e-12)
+    return result
+
+
+# Functions with many digits -----------------------------------------------------------------------
+
+
+DIGITS = 60
+"""Digits of every operation, so that some 40 are left where a state is near a singularity."""
+
+
+def rounded(function: Callable[..., Array], *arrays: Array) -> Array:
+    """Return what a function of arrays returns, computed with `DIGITS` and rounded once.
+
+    It must be one that can be traced, as laws are.
+    """
+    result: Array = rounded_rows(function, *(array[None] for array in arrays))[0]
+    return result
+
+
+def rounded_rows(function: Callable[..., Array], *stacks: Array) -> Array:
+    """Return what a function returns of each entry of some stacks, as `rounded`."""
+
+    def of_symbols(inputs: dict[str, Array]) -> Mapping[str, Array]:
+        # With a batch axis of one: without any, a symbol is no array.
+        pairs = zip(inputs.values(), stacks, strict=True)
+        arrays = (each.reshape(1, *stack.shape[1:]) for each, stack in pairs)
+        return {"result": function(*arrays)[0]}
+
+    names = [str(k) for k in range(len(stacks))]
+    lengths = [math.prod(stack.shape[1:]) for stack in stacks]
+    program, rows = traced(of_symbols, dict(zip(names, lengths, strict=True))), []
+    for entries in zip(*stacks, strict=True):
+        inputs = {name: entry.ravel() for name, entry in zip(names, entries, strict=True)}
+        rows.append([*map(float, evaluated(program, inputs)["result"])])
+    return np.array(rows).reshape(-1, *program.outputs[0].shape)
+
+
+def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[Any]]:
+    """Return the outputs of a program for doubles as `mpf`, entry by entry; NaN where undefined.
+
+    Values that no `select` chooses may be undefined: no comparison with NaN holds.
+    """
+    import mpmath  # slow to import, and most configurations need none
+
+    values: list[Any] = []
+    with mpmath.workdps(DIGITS):
+        for value in program.values:
+            if isinstance(value, Input):
+                values.append(mpmath.mpf(float(inputs[value.group][value.number])))
+            elif isinstance(value, Constant):
+                values.append(mpmath.mpf(value.number))
+            else:
+                values.append(_real(value.name, [values[operand] for operand in value.operands]))
+        return {output.name: [values[k] for k in output.entries] for output in program.outputs}
+
+
+def _real(name: str, operands: list[Any]) -> Any:
+    """Return the value of an operation; NaN where it is not real."""
+    import mpmath
+
+    try:
+        value = _operations()[name](*operands)
+    except ZeroDivisionError:
+        value = mpmath.sign(operands[0]) * mpmath.inf  # NaN for 0/0
+    return mpmath.nan if isinstance(value, mpmath.mpc) else value
+
+
+@cache
+def _operations() -> dict[str, Callable[..., Any]]:
+    import mpmath
+
+    return {
+        **{name: getattr(mpmath, name, abs) for name in FUNCTIONS},
+        **dict.fromkeys(COMPARISONS, operator.lt),
+        "add": operator.add,
+        "subtract": operator.sub,
+        "multiply": operator.mul,
+        "divide": operator.truediv,
+        "negative": operator.neg,
+        "pow": operator.pow,
+        "select": lambda holds, a, b: a if holds else b,
+    }
