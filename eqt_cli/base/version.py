@@ -7,6 +7,9 @@ __version__ = "0.1.0"
 NUMERIC = ("eqt", "numpy", "scipy", "machine")
 """Entries on which the last bits of a number can depend."""
 
+ARITHMETIC, OF = "arithmetic", "arithmetic_of"
+"""Entries with a digest of the arithmetic, and what depends on it."""
+
 VERSIONS = ("eqt", "python", "numpy", "scipy")
 """Entries that a summary shows."""
 
@@ -16,11 +19,14 @@ OTHERS = "other_sessions"
 
 def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
     """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""
-    return ", ".join(
+    words = [
         f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
-        for name in NUMERIC
+        for name in (*NUMERIC, *[ARITHMETIC] * bool(origin.get(OF)))
         if other.get(name) != origin.get(name)
-    )
+    ]
+    if words and words[-1].startswith(ARITHMETIC):
+        words[-1] += f", on which {origin[OF]} depends"
+    return ", ".join(words)
 
 
 def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

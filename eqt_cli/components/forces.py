@@ -438,6 +438,7 @@ class Gust(Force):
     """
 
     name: ClassVar[str] = "gust"
+    by_processor: ClassVar[bool] = True  # its sines are drawn by NumPy
     departs: ClassVar[str] = "gusts"
     vectors: ClassVar[tuple[str, ...]] = ("std",)
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)

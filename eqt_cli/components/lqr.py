@@ -174,6 +174,7 @@ class Lqr(Controller):
     """
 
     name: ClassVar[str] = "lqr"
+    by_processor: ClassVar[bool] = True  # LAPACK finds its gains
     title: ClassVar[str] = "LQR"
     energy: ClassVar[str] = "xᵀSx"
     theorem: ClassVar[str] = ""

@@ -2,6 +2,7 @@
 
 import math
 import re
+from fractions import Fraction
 from functools import reduce
 from typing import Any, Self, TypeGuard
 
@@ -115,7 +116,7 @@ def _cotangent() -> list[float]:
     d = [1 / 3]
     for n in range(2, COTANGENT_TERMS + 1):
         d.append(sum(a * b for a, b in zip(d, d[::-1], strict=True)) / (2 * n + 1))
-    return [term - 2 / math.pi ** (2 * n) for n, term in enumerate(d, start=1)]
+    return [term - float(2 / Fraction(math.pi) ** (2 * n)) for n, term in enumerate(d, start=1)]
 
 
 def _series(coefficients: list[float], x: Any) -> Any:

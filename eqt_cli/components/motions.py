@@ -226,10 +226,10 @@ def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) ->
     def middle(Q: Array, P: Array, before: Array, after: Array) -> Array:
         return G.log(G.exp(-before) @ G.inverse(Q) @ P @ G.exp(-after))
 
-    given = poses[:-1], poses[1:], first, last
-    second = rounded_rows(middle, *given) if len(h) <= MOST_ROUNDED else middle(*given)
+    ends = poses[:-1], poses[1:], first, last
+    second = rounded_rows(middle, *ends) if len(h) <= MOST_ROUNDED else middle(*ends)
     vectors = np.stack([first, second, last], axis=1)
-    coefficients = CUBIC / h[:, :, None] ** np.arange(4)
+    coefficients = CUBIC / np.cumprod([np.ones_like(h), h, h, h], axis=0).transpose(1, 2, 0)
     return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
 
 
@@ -281,7 +281,8 @@ def eased(G: MatrixLieGroup, start: float, end: float, pose: Array, turn: Array)
 
     a(s) = 10s³ − 15s⁴ + 6s⁵, whose velocity and acceleration are 0 at both ends.
     """
-    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / (end - start) ** np.arange(6)
+    powers = np.cumprod([1.0, *[end - start] * 5])  # `**` is the C library's
+    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / powers
     still = np.zeros(6)
     return Pieces.of(
         G,

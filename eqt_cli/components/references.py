@@ -372,6 +372,7 @@ class LogReference(RecordingInFile, PiecewiseReference):
     """
 
     name: ClassVar[str] = "log"
+    by_processor: ClassVar[bool] = True  # recordings are long
 
     def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
         """Return a piece from each row to the next."""

@@ -302,6 +302,11 @@ class Thrusters(Actuator):
         return self.allocation == "bounded"
 
     @property
+    def by_processor(self) -> bool:
+        """Whether LAPACK takes part in the allocation."""
+        return self.passed is not None or self.allocation != "pseudo_inverse"
+
+    @property
     def acting_at_instants(self) -> str:
         """The option, by which messages name the allocation."""
         return f"allocation: {'bounded' if self.solves else 'priority'}"

@@ -298,6 +298,7 @@ class WaypointsReference(InFile, PiecewiseReference):
     """
 
     name: ClassVar[str] = "waypoints"
+    by_processor: ClassVar[bool] = True  # it is found by Newton's method
 
     points: list[Waypoint] | None = None
     smoothing: Literal["auto"] | dict[str, str | float] | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -528,15 +529,21 @@ class Orbit(Keys):
     node: Annotated[Real, Scale("longitude of the node", "rad")] = 0.0
     phase: Annotated[Real, Scale("phase of the orbit", "rad")] = 0.0
 
+    @cached_property
     def numbers(self) -> dict[str, Array]:
-        """Return the rates of orbit and Earth, and the dipole's mean, cosine and sine, a row each.
+        """The rates of orbit and Earth, and the dipole's mean, cosine and sine, a row each.
 
         They are in the frame whose x axis points to the satellite at t = 0, z along the normal.
         """
-        r, (x, _, z), turned = RADIUS + self.altitude, np.eye(3), group_named("SO3").exp
-        from_orbit = turned(self.node * z) @ turned(self.inclination * x) @ turned(self.phase * z)
-        rates = np.array([np.sqrt(GRAVITATION / r**3), TURN])
-        return {"rates": rates, "poles": (RADIUS / r) ** 3 * POLES @ from_orbit}
+
+        def poles(turns: Array) -> Array:
+            node, inclination, phase = np.moveaxis(group_named("SO3").exp(turns), -3, 0)
+            return share * share * share * POLES @ node @ inclination @ phase
+
+        r, (x, _, z) = RADIUS + self.altitude, np.eye(3)
+        turns, share = np.stack([self.node * z, self.inclination * x, self.phase * z]), RADIUS / r
+        rates = np.array([np.sqrt(GRAVITATION / (r * r * r)), TURN])
+        return {"rates": rates, "poles": rounded(poles, turns)}
 
 
 @dataclass(frozen=True)
@@ -584,7 +591,7 @@ class Magnetorquers(Actuator):
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return the torquers with the numbers of the orbit."""
-        numbers = self.orbit.numbers() if self.orbit else {}
+        numbers = self.orbit.numbers if self.orbit else {}
         return with_fields(super().of_run(G, random), orbit=None, flux=self.flux, **numbers)
 
     def in_space(self, t: Any) -> Array:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
 from eqt_cli.base.option_types import (
     MISSING,
@@ -674,7 +674,8 @@ def start_from(
         if velocities is None:
             velocities = np.zeros((len(poses), G.dimension))
         if not section.relative:
-            poses, velocities = G.inverse(desired.pose) @ poses, velocities - desired.velocity
+            to_error = G.inverse(desired.pose)[None]
+            poses, velocities = ordered_product(to_error, poses), velocities - desired.velocity
         resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
         listed = ListedPoses(poses, notes), ListedVelocities(velocities)
         return Start(*listed, resolved, len(poses), {name: text})

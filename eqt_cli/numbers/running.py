@@ -161,12 +161,12 @@ def simpson_weights(times: Array) -> Array:
     pairs = len(steps) // 2
     a, b = steps[: 2 * pairs : 2], steps[1 : 2 * pairs : 2]
     weights[: 2 * pairs : 2] += (a + b) / 6 * (2 - b / a)
-    weights[1 : 2 * pairs : 2] += (a + b) ** 3 / (6 * a * b)
+    weights[1 : 2 * pairs : 2] += (a + b) * (a + b) * (a + b) / (6 * a * b)
     weights[2 : 2 * pairs + 1 : 2] += (a + b) / 6 * (2 - a / b)
     if len(steps) % 2:
         a, b = steps[-2:]
         weights[-3:] += [
-            -(b**3) / (6 * a * (a + b)),
+            -(b * b * b) / (6 * a * (a + b)),
             b * (b + 3 * a) / (6 * a),
             b * (2 * b + 3 * a) / (6 * (a + b)),
         ]

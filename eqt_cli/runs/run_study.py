@@ -20,11 +20,12 @@ from eqt_cli.base.files import LAW, kind_of
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
-from eqt_cli.base.version import OTHERS, differences, together
+from eqt_cli.base.version import ARITHMETIC, OF, OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.runs.arithmetic import arithmetic, dependent
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
@@ -290,7 +291,7 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest
-        here = provenance(self.study.document.home.folder, self.study.base.engine.provenance())
+        here = _origin(self.study)
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
         origin = together(earlier, here)
@@ -349,7 +350,7 @@ class _Session:
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
-        origin = provenance(study.document.home.folder, study.base.engine.provenance())
+        origin = _origin(study)
         if same and not afresh and "provenance" in earlier:
             origin = together(origin, earlier["provenance"])
             self._remark_versions(origin.get(OTHERS, []), origin)
@@ -367,6 +368,12 @@ class _Session:
 
 
 # Packing ------------------------------------------------------------------------------------------
+
+
+def _origin(study: Study) -> dict[str, Any]:
+    """Return where numbers come from that are computed now."""
+    tools, of = study.base.engine.provenance(), dependent(study.base)
+    return provenance(study.document.home.folder, {**tools, ARITHMETIC: arithmetic(), OF: of})
 
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"
