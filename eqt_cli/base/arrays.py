@@ -258,7 +258,8 @@ def inverse_spd(matrix: Array) -> Array:
         if "inverse" in table:
             return table["inverse"](matrix)
     n = matrix.shape[-1]
-    work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)
+    identity = np.eye(n, dtype=int)  # a float would spoil fractions
+    work = np.concatenate([matrix, np.broadcast_to(identity, matrix.shape)], axis=-1)
     for k in range(n):
         work[..., k, :] = work[..., k, :] / work[..., k, k, None]
         for row in range(n):

@@ -10,7 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from functools import cache, reduce
+from functools import cache, lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -43,11 +43,17 @@ def pseudo_inverse(matrix: Array, rank: int) -> Array:
     Rows of zeros do not count. If neither the other rows nor the columns are independent, which
     `rank` tells, it is LAPACK's.
     """
+    return _pseudo_inverse(matrix.tobytes(), matrix.shape, rank).copy()
+
+
+@lru_cache(maxsize=64)  # runs whose other numbers are drawn have the same
+def _pseudo_inverse(entries: bytes, shape: tuple[int, ...], rank: int) -> Array:
+    matrix = np.frombuffer(entries).reshape(shape)
     rows = np.flatnonzero(matrix.any(axis=1))
-    B, result = fractions(matrix[rows]), np.zeros(matrix.T.shape)
+    B, result = fractions(matrix[rows]), np.zeros(shape[::-1])
     if rank == len(rows):
         result[:, rows] = (B.T @ inverse_spd(B @ B.T)).astype(float)
-    elif rank == matrix.shape[1]:
+    elif rank == shape[1]:
         result[:, rows] = (inverse_spd(B.T @ B) @ B.T).astype(float)
     else:
         result[:, rows] = np.linalg.pinv(matrix[rows], rcond=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.study import Study
 from eqt_cli.loop.closed_loop import parts_of
 
 MATRICES, NUMBERS = 100, 2000
@@ -35,11 +36,25 @@ def arithmetic() -> str:
     return sha256(b"".join(np.asarray(each).tobytes() for each in results)).hexdigest()[:12]
 
 
-def dependent(experiment: Experiment) -> str:
-    """Name what computes numbers of an experiment by that arithmetic; "" if nothing does.
+MOST_POINTS = 1000
+"""Most points of a sweep that are looked at: those whose values are not only numbers."""
+
+
+def dependent(study: Study) -> str:
+    """Name what computes numbers of a study by that arithmetic; "" if nothing does.
 
     These are engines in NumPy, code of the user's own, and components that say `by_processor`.
     """
+    points, sweep = [0], study.sweep
+    if sweep is not None:
+        settings = map(sweep.settings, range(min(len(study), MOST_POINTS)))
+        for point, values in enumerate(settings):
+            if not all(isinstance(value, int | float) for value in values.values()):
+                points.append(point)
+    return next(filter(None, map(_dependent, map(study.experiment, points))), "")
+
+
+def _dependent(experiment: Experiment) -> str:
     engine, start = experiment.engine, experiment.start
     if engine.calls_laws:
         return f"engine {engine.name}"

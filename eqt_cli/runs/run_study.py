@@ -372,7 +372,7 @@ class _Session:
 
 def _origin(study: Study) -> dict[str, Any]:
     """Return where numbers come from that are computed now."""
-    tools, of = study.base.engine.provenance(), dependent(study.base)
+    tools, of = study.base.engine.provenance(), dependent(study)
     return provenance(study.document.home.folder, {**tools, ARITHMETIC: arithmetic(), OF: of})
 
 

@@ -15,9 +15,9 @@ from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
-from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.loop.signals import compute
 from eqt_cli.numbers.program import traced
+from eqt_cli.numbers.rounded import evaluated
 
 FIXES = "[{kind: noise, std: 0.02, period: 0.2}]"
 MEASURED = "[{kind: noise, std: 0.01}, {kind: bias, value: 0.05}]"

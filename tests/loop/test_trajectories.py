@@ -25,10 +25,10 @@ from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
 from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.signals import SIGNALS, at_state, compute
+from eqt_cli.numbers.rounded import evaluated
 
 RTOL = 1e-6
 TOLERANCE = 20 * RTOL

@@ -24,6 +24,7 @@ from eqt_cli.engines.engine import Status
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import compute_part, run_study
 from eqt_cli.runs import folder as result_folder
+from eqt_cli.runs.arithmetic import arithmetic
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.executors import Executor, Serial
 from eqt_cli.runs.folder import ResultFolder
@@ -271,6 +272,28 @@ def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, remarks
     assert origin["numpy"] == np.__version__
     assert [session["numpy"] for session in origin["other_sessions"]] == ["1.0"]
     assert_equal(begun, whole)
+
+
+@pytest.mark.parametrize(
+    ("engine", "law", "of"),
+    [
+        ("solve_ivp", "eqt", "engine solve_ivp"),
+        ("native", "eqt", None),
+        ("native", "lqr", "controller 'lqr'"),
+    ],
+)
+def test_parts_of_another_arithmetic_are_told_of_where_bits_depend_on_it(
+    make, tmp_path, remarks, engine, law, of
+):
+    text = CONFIG.replace("{rtol: 1.0e-6, block: 3", f"{{engine: {engine}, rtol: 1.0e-6")
+    text = text.replace("[eqt", f"[{law}")
+    out = tmp_path / "out"
+    interrupted(make(text), out, after=1)
+    pretend(out, arithmetic="abacus")
+    execute(make(text), out)
+    depends = f"arithmetic abacus (not {arithmetic()}), on which {of} depends; they agree"
+    assert [depends in remark for remark in remarks] == [True] * bool(of)
+    assert origin_of(out)["arithmetic"] == arithmetic()
 
 
 @pytest.mark.ci("computes an experiment several times")

@@ -26,8 +26,8 @@ from eqt_cli.engines.native import at_instants, held_rows, parameter_rows, progr
 from eqt_cli.extensions.firmware.export import bounds_in_words
 from eqt_cli.extensions.firmware.export_laws import _random, exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS
-from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.loop.law_program import INPUT, MEMORY
+from eqt_cli.numbers.rounded import evaluated
 from eqt_cli.runs.batches import batches
 
 STATES = 400
