@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.components.initial_states import draw_initial_states
+from eqt_cli.components.initial_states import draws
 from eqt_cli.config.document import read_config
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -84,16 +84,13 @@ def load(
     """A configuration, with another number of runs per controller where one is given."""
     counted = [] if runs is None else [f"ensemble.runs={runs}"]
     experiment = build(read_config(folder / f"{name}.yaml", [*overrides, *counted]))
-    Q, V = draw_initial_states(
-        experiment.group,
-        experiment.start.poses,
-        experiment.start.velocities,
-        Qd=experiment.desired.pose,
-        Vd=experiment.desired.velocity,
-        seed=experiment.config.ensemble.seed,
-        runs=range(experiment.config.ensemble.runs),
+    start, ensemble = experiment.start, experiment.config.ensemble
+    drawn = draws(
+        experiment.group, start.poses, start.velocities, ensemble.seed, range(ensemble.runs)
     )
+    numbers, errors = map(np.array, zip(*drawn, strict=True))
     Qd, Vd = experiment.desired.pose, experiment.desired.velocity
+    Q, V = Qd @ start.poses.place(experiment.group, numbers), Vd + errors
     problems = [
         Problem(loop, loop.initial_state(Q, V, Qd, Vd), experiment.times)
         for loop in experiment.loops.values()

@@ -4,11 +4,8 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-NUMERIC = ("eqt", "numpy", "scipy", "machine")
+NUMERIC = ("eqt", "numpy", "scipy", "machine", "arithmetic")
 """Entries on which the last bits of a number can depend."""
-
-ARITHMETIC, OF = "arithmetic", "arithmetic_of"
-"""Entries with a digest of the arithmetic, and what depends on it."""
 
 VERSIONS = ("eqt", "python", "numpy", "scipy")
 """Entries that a summary shows."""
@@ -19,14 +16,11 @@ OTHERS = "other_sessions"
 
 def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
     """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""
-    words = [
+    return ", ".join(
         f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
-        for name in (*NUMERIC, *[ARITHMETIC] * bool(origin.get(OF)))
+        for name in NUMERIC
         if other.get(name) != origin.get(name)
-    ]
-    if words and words[-1].startswith(ARITHMETIC):
-        words[-1] += f", on which {origin[OF]} depends"
-    return ", ".join(words)
+    )
 
 
 def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:

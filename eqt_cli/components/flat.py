@@ -197,13 +197,10 @@ class FlatReference(ClosedReference):
         return [formula(entry) for entry in self.position or ()]
 
     @property
-    def by_processor(self) -> bool:
-        """Whether its polynomials are found by LAPACK."""
-        return self._knotted
-
-    @property
     def _knotted(self) -> bool:
         return self.position is None and not (self.inner is not None and self.inner.smooth)
+
+    by_processor = _knotted  # LAPACK finds its polynomials
 
     def _pieces(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         """Return the starts of the pieces, and their coefficients ``(N, 8, n)``, rising."""

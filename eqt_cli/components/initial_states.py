@@ -608,29 +608,6 @@ class PoseKind(Kind):
         return as_section(made)
 
 
-def draw_initial_states(
-    G: MatrixLieGroup,
-    poses: PoseDistribution,
-    velocities: VelocityDistribution,
-    *,
-    Qd: Array,
-    Vd: Array,
-    seed: int,
-    runs: Iterable[int],
-) -> tuple[Array, Array]:
-    """Return Q(0) = Q_d(0)·draw and V(0) = V_d(0) + draw for each run.
-
-    The pose is drawn before the velocity, both from the stream of the run.
-
-    Returns
-    -------
-    poses : (runs, d, d)
-    velocities : (runs, m)
-    """
-    numbers, errors = zip(*draws(G, poses, velocities, seed, runs), strict=True)
-    return Qd @ poses.place(G, np.array(numbers)), Vd + np.array(errors)
-
-
 def draws(
     G: MatrixLieGroup,
     poses: PoseDistribution,

@@ -136,10 +136,6 @@ _STUMPFF = [[(-1) ** n / math.factorial(2 * n + k) for n in range(STUMPFF_TERMS)
 # Rotations of space -------------------------------------------------------------------------------
 
 
-SMALL_ANGLE = 1e-3
-"""Angle, rad, up to which sin(θ/2)/θ is a series; the truncation error is below a last place."""
-
-
 def rotation_of_quaternion(q: Array) -> Array:
     """Return the rotation of a unit quaternion, ``(..., 4) -> (..., 3, 3)``."""
     x, y, z, w = np.moveaxis(q, -1, 0)
@@ -149,15 +145,6 @@ def rotation_of_quaternion(q: Array) -> Array:
         (2 * (x * z - y * w), 2 * (y * z + x * w), -x * x - y * y + z * z + w * w),
     )
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def rotation_of_vector(turn: Array) -> Array:
-    """Return exp of a rotation vector, rad, ``(..., 3) -> (..., 3, 3)``."""
-    angle = norm(turn)[..., None]
-    small = 0.5 - angle**2 / 48 + angle**4 / 3840
-    with np.errstate(invalid="ignore"):
-        scale = np.where(angle <= SMALL_ANGLE, small, np.sin(angle / 2) / angle)
-    return rotation_of_quaternion(np.concatenate([turn * scale, np.cos(angle / 2)], -1))
 
 
 def rotation_of_euler(sequence: str, angles: Array) -> Array:
@@ -336,16 +323,6 @@ class EuclideanGroup(MatrixLieGroup):
         return matrix
 
     def exp(self, V: Array) -> Array:
-        """exp in closed form: R = exp ω and each column J(ω) x, J the left Jacobian."""
-        if V.dtype == object:
-            return self._exp_of_symbols(V)
-        omega, columns = V[..., : self.rotations], self._columns(V)
-        translations = np.empty((*V.shape[:-1], self.space, len(self.columns)))
-        for index in range(len(self.columns)):
-            translations[..., index] = _left_jacobian_times(omega, columns[..., index, :])
-        return self.assemble(_exp_rotation(omega), translations)
-
-    def _exp_of_symbols(self, V: Array) -> Array:
         """R = I + c_1 ω^ + c_2 ω^², and (I + c_2 ω^ + c_3 ω^²) x of each column x."""
         n, turn, columns = self.space, V[..., : self.rotations], transpose(self._columns(V))
         _, c1, c2, c3, *_ = (c[..., None] for c in stumpff(stack([dot(turn, turn)])))
@@ -525,7 +502,8 @@ class EuclideanGroup(MatrixLieGroup):
         """
         unit = direction / norm(direction)[..., None]
         if unit.shape[-1] == 2:
-            return _plane_rotation(unit[..., 1], unit[..., 0])
+            s, c = unit[..., 0], unit[..., 1]
+            return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
         return rotation_of_quaternion(unit)
 
     def _columns(self, V: Array) -> Array:
@@ -569,29 +547,6 @@ def _frame_along(axis: Array) -> Array:
     y = np.cross(axis, other)
     y = y / norm(y)[..., None]
     return np.stack([np.cross(y, axis), y, axis], axis=-1)
-
-
-def _exp_rotation(omega: Array) -> Array:
-    if omega.shape[-1] == 1:
-        return _plane_rotation(np.cos(omega[..., 0]), np.sin(omega[..., 0]))
-    return rotation_of_vector(omega)
-
-
-def _plane_rotation(c: Array, s: Array) -> Array:
-    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-
-
-def _left_jacobian_times(omega: Array, x: Array) -> Array:
-    """J(ω) x with J(ω) = ∫₀¹ exp(sω) ds."""
-    if omega.shape[-1] == 1:
-        half = omega[..., 0] / 2
-        # sin θ / θ and (1 − cos θ) / θ, without cancellation near 0.
-        a, b = np.sinc(omega[..., 0] / np.pi), np.sinc(half / np.pi) * np.sin(half)
-        return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
-    from scipy.spatial.transform import RigidTransform  # slow to import, and readers do not need it
-
-    coordinates = np.concatenate([omega, x], axis=-1).reshape(-1, 6)
-    return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)
 
 
 class SO2(EuclideanGroup):

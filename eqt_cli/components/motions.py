@@ -28,7 +28,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.numbers.jets import Jet
-from eqt_cli.numbers.rounded import rounded, rounded_rows
+from eqt_cli.numbers.rounded import rounded
 
 # Motions in closed form, Q(t) = Q_0 Π_k exp(a_k(t) ξ_k), on any group: products and splines -------
 
@@ -201,9 +201,6 @@ def derivative(polynomials: Array) -> Array:
     return shifted
 
 
-MOST_ROUNDED = 100
-"""Most pieces whose numbers are rounded once, at some milliseconds each."""
-
 CUBIC = np.array([[0.0, 3.0, -3.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, 0.0, 1.0]])
 """The cumulative Bernstein polynomials of degree 3 on [0, 1], which rise from 0 to 1."""
 
@@ -222,14 +219,9 @@ def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) ->
     """
     h = np.diff(times)[:, None]
     first, last = h * velocities[:-1] / 3, h * velocities[1:] / 3
-
-    def middle(Q: Array, P: Array, before: Array, after: Array) -> Array:
-        return G.log(G.exp(-before) @ G.inverse(Q) @ P @ G.exp(-after))
-
-    ends = poses[:-1], poses[1:], first, last
-    second = rounded_rows(middle, *ends) if len(h) <= MOST_ROUNDED else middle(*ends)
-    vectors = np.stack([first, second, last], axis=1)
-    coefficients = CUBIC / np.cumprod([np.ones_like(h), h, h, h], axis=0).transpose(1, 2, 0)
+    step = G.inverse(poses[:-1]) @ poses[1:]
+    vectors = np.stack([first, G.log(G.exp(-first) @ step @ G.exp(-last)), last], axis=1)
+    coefficients = CUBIC / h[:, :, None] ** np.arange(4)
     return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
 
 
@@ -281,8 +273,8 @@ def eased(G: MatrixLieGroup, start: float, end: float, pose: Array, turn: Array)
 
     a(s) = 10s³ − 15s⁴ + 6s⁵, whose velocity and acceleration are 0 at both ends.
     """
-    powers = np.cumprod([1.0, *[end - start] * 5])  # `**` is the C library's
-    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / powers
+    # As products: powers are the C library's.
+    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / np.cumprod([1.0, *[end - start] * 5])
     still = np.zeros(6)
     return Pieces.of(
         G,

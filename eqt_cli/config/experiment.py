@@ -674,8 +674,8 @@ def start_from(
         if velocities is None:
             velocities = np.zeros((len(poses), G.dimension))
         if not section.relative:
-            to_error = G.inverse(desired.pose)[None]
-            poses, velocities = ordered_product(to_error, poses), velocities - desired.velocity
+            poses = ordered_product(G.inverse(desired.pose)[None], poses)
+            velocities = velocities - desired.velocity
         resolved = section.model_dump(include={"file", "relative", MAPPING}, exclude_none=True)
         listed = ListedPoses(poses, notes), ListedVelocities(velocities)
         return Start(*listed, resolved, len(poses), {name: text})

@@ -6,7 +6,6 @@ computed here does not, so a configuration fixes the same numbers on every machi
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Callable, Mapping
 from fractions import Fraction
@@ -23,8 +22,7 @@ from eqt_cli.numbers.program import COMPARISONS, Constant, Input, Program, trace
 
 def fractions(matrix: Array) -> Array:
     """Return the numbers of an array as exact fractions."""
-    exact = [Fraction(number) for number in matrix.ravel().tolist()]
-    return np.array(exact, dtype=object).reshape(matrix.shape)
+    return np.array([*map(Fraction, matrix.ravel().tolist())], object).reshape(matrix.shape)
 
 
 def inverse(matrix: Array) -> Array:
@@ -52,9 +50,9 @@ def _pseudo_inverse(entries: bytes, shape: tuple[int, ...], rank: int) -> Array:
     rows = np.flatnonzero(matrix.any(axis=1))
     B, result = fractions(matrix[rows]), np.zeros(shape[::-1])
     if rank == len(rows):
-        result[:, rows] = (B.T @ inverse_spd(B @ B.T)).astype(float)
+        result[:, rows] = B.T @ inverse_spd(B @ B.T)
     elif rank == shape[1]:
-        result[:, rows] = (inverse_spd(B.T @ B) @ B.T).astype(float)
+        result[:, rows] = inverse_spd(B.T @ B) @ B.T
     else:
         result[:, rows] = np.linalg.pinv(matrix[rows], rcond=1e-12)
     return result
@@ -72,26 +70,16 @@ def rounded(function: Callable[..., Array], *arrays: Array) -> Array:
 
     It must be one that can be traced, as laws are.
     """
-    result: Array = rounded_rows(function, *(array[None] for array in arrays))[0]
-    return result
-
-
-def rounded_rows(function: Callable[..., Array], *stacks: Array) -> Array:
-    """Return what a function returns of each entry of some stacks, as `rounded`."""
 
     def of_symbols(inputs: dict[str, Array]) -> Mapping[str, Array]:
         # With a batch axis of one: without any, a symbol is no array.
-        pairs = zip(inputs.values(), stacks, strict=True)
-        arrays = (each.reshape(1, *stack.shape[1:]) for each, stack in pairs)
-        return {"result": function(*arrays)[0]}
+        pairs = zip(inputs.values(), arrays, strict=True)
+        return {"result": function(*(each.reshape(1, *array.shape) for each, array in pairs))[0]}
 
-    names = [str(k) for k in range(len(stacks))]
-    lengths = [math.prod(stack.shape[1:]) for stack in stacks]
-    program, rows = traced(of_symbols, dict(zip(names, lengths, strict=True))), []
-    for entries in zip(*stacks, strict=True):
-        inputs = {name: entry.ravel() for name, entry in zip(names, entries, strict=True)}
-        rows.append([*map(float, evaluated(program, inputs)["result"])])
-    return np.array(rows).reshape(-1, *program.outputs[0].shape)
+    numbers = {str(k): array.ravel() for k, array in enumerate(arrays)}
+    program = traced(of_symbols, {name: len(entries) for name, entries in numbers.items()})
+    values = evaluated(program, numbers)["result"]
+    return np.array([*map(float, values)]).reshape(program.outputs[0].shape)
 
 
 def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[Any]]:

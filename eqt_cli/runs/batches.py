@@ -19,6 +19,7 @@ from eqt_cli.base.registry import is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import (
+    FixedPose,
     PoseDistribution,
     Stream,
     draws,
@@ -53,6 +54,8 @@ class Batch:
         The experiment at the first point; its engine and its judgement are those of all points.
     kind
         Equal for batches, of any controller, that could be joined into one problem.
+    start
+        ``pose`` and ``velocity`` of each run at its start.
     """
 
     rows: Array
@@ -60,6 +63,7 @@ class Batch:
     experiment: Experiment
     problem: Problem
     kind: Hashable
+    start: Mapping[str, Array] = field(repr=False)
 
     @property
     def engine(self) -> Engine:
@@ -68,8 +72,9 @@ class Batch:
 
     def select(self, runs: Array) -> Batch:
         """Return the batch of some of its runs."""
-        problem = self.problem.select(runs)
-        return replace(self, rows=self.rows[runs], points=self.points[runs], problem=problem)
+        start = {name: values[runs] for name, values in self.start.items()}
+        rows, points, problem = self.rows[runs], self.points[runs], self.problem.select(runs)
+        return replace(self, rows=rows, points=points, problem=problem, start=start)
 
 
 def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
@@ -93,24 +98,20 @@ def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Arr
     """Return the initial poses and velocities of some runs, each at its point."""
     G, label = study.base.group, next(iter(study.base.loops))
     Q, V = np.empty((len(runs), G.size, G.size)), np.empty((len(runs), G.dimension))
-    for rows, problem, _ in _problems(study, label, points, runs):
-        start = _started(study, problem, points[rows], runs[rows])
-        Q[rows], V[rows] = start["pose"], start["velocity"]
+    for batch in batches_at(study, label, points, runs):
+        Q[batch.rows], V[batch.rows] = batch.start["pose"], batch.start["velocity"]
     return Q, V
 
 
 @lru_cache(maxsize=8)
-def _draws(
-    study: Study, points: tuple[int, ...], runs: tuple[int, ...]
-) -> list[tuple[Array, Array]]:
-    """Return the random numbers of some runs, by `draws`; all laws share them."""
+def _draws(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> list[Array]:
+    """Return the numbers of `draws` for runs with starts of one kind; all laws share them."""
     drawn: list[tuple[Array, Array]] = []
     for point, entries in groupby(zip(points, runs, strict=True), key=itemgetter(0)):
-        experiment = study.experiment(point)
-        start, seed = experiment.start, experiment.config.ensemble.seed
-        numbers = [run for _, run in entries]
+        experiment, start = study.experiment(point), study.experiment(point).start
+        seed, numbers = experiment.config.ensemble.seed, [run for _, run in entries]
         drawn += draws(experiment.group, start.poses, start.velocities, seed, numbers)
-    return drawn
+    return [*map(np.array, zip(*drawn, strict=True))]
 
 
 @dataclass(frozen=True)
@@ -120,25 +121,19 @@ class Start:
     Attributes
     ----------
     poses
-        Places Q(0) = Q_d(0) · place; None: at Q_d(0).
+        Places Q(0) = Q_d(0) · place.
     shape
         Of the random numbers of the pose.
     key
         What the places depend on besides these numbers.
     """
 
-    poses: PoseDistribution | None = field(default=None, compare=False)
-    shape: tuple[int, ...] = (0,)
-    key: Hashable = None
-
-    @classmethod
-    def of(cls, poses: PoseDistribution, shape: tuple[int, ...]) -> Start:
-        """Return the start by a distribution, from random numbers of a shape."""
-        is_own = is_foreign(type(poses).__module__)
-        return cls(poses, shape, repr(poses) if is_own else structure(poses))
+    poses: PoseDistribution = field(compare=False)
+    shape: tuple[int, ...]
+    key: Hashable
 
     def __call__(self, loop: ClosedLoop, t: Any, row: Array) -> dict[str, Array]:
-        """Return ``pose``, ``velocity`` and, if it has numbers, the flat ``state``.
+        """Return ``pose``, ``velocity`` and the flat ``state``.
 
         Parameters
         ----------
@@ -151,64 +146,48 @@ class Start:
         Qd, Pd = Qd.reshape(*batch, G.size, G.size), inertia.momentum(Vd)
         desired = (loop.held_reference or loop.reference).desired(G, inertia, t, Qd, Pd)
         Qd, Vd = desired.Q, Vd if desired.V is None else desired.V
-        Q = np.broadcast_to(Qd, (*batch, *Qd.shape[-2:]))
-        if self.poses is not None:
-            places = self.poses.place(G, numbers.reshape(-1, *self.shape))
-            Q = Q @ places.reshape(Q.shape)
-        start = {"pose": Q, "velocity": Vd + errors}
-        if loop.state_length:
-            start["state"] = loop.initial_state(Q, Vd + errors, Qd, Vd, t)
-        return start
+        places = self.poses.place(G, numbers.reshape(-1, *self.shape))
+        Q, V = Qd @ places.reshape(*batch, G.size, G.size), Vd + errors
+        return {"pose": Q, "velocity": V, "state": loop.initial_state(Q, V, Qd, Vd, t)}
+
+
+def _placing(poses: PoseDistribution) -> Hashable:
+    """Return a key of what a distribution places by, besides its random numbers."""
+    return repr(poses) if is_foreign(type(poses).__module__) else structure(poses)
 
 
 def _started(study: Study, problem: Problem, points: Array, runs: Array | None) -> dict[str, Array]:
     """Return what `Start` gives each run of a problem; without runs, the reference."""
-    desired = {point: study.experiment(point).desired for point in points.tolist()}
-    rows = [[desired[point].pose.ravel(), desired[point].velocity] for point in points.tolist()]
-    drawing, numbers = np.zeros_like(points), [(np.empty(0), np.zeros_like(rows[0][1]))] * len(rows)
-    starts = {0: Start()}
+    distinct, which = np.unique(points, return_inverse=True)
+    desired = [study.experiment(point).desired for point in distinct.tolist()]
+    starts = np.array([[*each.pose.ravel(), *each.velocity] for each in desired])[which]
+    poses: PoseDistribution = FixedPose()
+    numbers, errors = np.zeros((2, len(points), problem.loop.group.dimension))
     if runs is not None:
-        drawing = points if study.initial_varies else drawing
-        numbers = _draws(study, tuple(drawing.tolist()), tuple(runs.tolist()))
-        poses = {point: study.experiment(point).start.poses for point in drawing.tolist()}
-        shapes = dict(zip(drawing.tolist(), (each.shape for each, _ in numbers), strict=True))
-        starts = {point: Start.of(poses[point], shapes[point]) for point in poses}
-    began: dict[str, Array] = {}
-    for start in set(starts.values()):
-        those = np.flatnonzero(np.isin(drawing, [k for k in starts if starts[k] == start]))
-        first = replace(problem, times=problem.times[:1]).select(those)
-        row = [np.concatenate([*rows[k], numbers[k][0].ravel(), numbers[k][1]]) for k in those]
-        engine = study.experiment(int(points[0])).engine
-        for name, values in engine.evaluate(start, first, np.array(row)[:, None]).items():
-            blank = np.empty((len(rows), *values.shape[2:]))
-            began.setdefault(name, blank)[those] = values[:, 0]
-    return began
+        at = points if study.initial_varies else np.zeros_like(points)
+        poses = study.experiment(int(at[0])).start.poses
+        numbers, errors = _draws(study, (*at.tolist(),), (*runs.tolist(),))
+    rows = np.concatenate([starts, numbers.reshape(len(points), -1), errors], axis=1)[:, None]
+    engine, first = study.experiment(int(points[0])).engine, problem.times[:1]
+    start = Start(poses, numbers.shape[1:], _placing(poses))
+    values = engine.evaluate(start, replace(problem, times=first), rows)
+    return {name: value[:, 0] for name, value in values.items()}
 
 
 def batches_at(
     study: Study, label: str, points: Array, runs: Array | None = None
 ) -> Iterator[Batch]:
     """Group runs of one controller, each at its point; without runs, the references of points."""
-    for rows, problem, kind in _problems(study, label, points, runs):
-        experiment, numbers = study.experiment(int(points[rows[0]])), runs
-        if numbers is not None:
-            numbers = numbers[rows]
-        start = _started(study, problem, points[rows], numbers)
-        states = start.get("state", np.empty((len(rows), 0)))
-        yield Batch(rows, points[rows], experiment, replace(problem, states=states), kind)
-
-
-def _problems(
-    study: Study, label: str, points: Array, runs: Array | None
-) -> Iterator[tuple[Array, Problem, Hashable]]:
-    """Yield problems that lack their initial states, with their rows and kinds."""
     kinds: dict[Hashable, list[int]] = {}
     for point in dict.fromkeys(points.tolist()):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
         numbers = None if runs is None else runs[rows]
-        yield rows, _problem(study, label, points[rows], numbers, kind), kind
+        problem = _problem(study, label, points[rows], numbers, kind)
+        start = _started(study, problem, points[rows], numbers)
+        problem = replace(problem, states=start["state"])
+        yield Batch(rows, points[rows], study.experiment(members[0]), problem, kind, start)
 
 
 def _problem(
@@ -223,7 +202,7 @@ def _problem(
     first = study.first_loops.setdefault((label, kind, runs is None), loops[0])
     varying = differing([first, *loops], which + 1)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
-        varying |= _drawn(study, tuple(points.tolist()), tuple(runs.tolist()))
+        varying |= _drawn(study, (*points.tolist(),), (*runs.tolist(),))
     problem = Problem(first, np.empty((len(points), 0)), experiments[0].times, varying)
     errors = None
     if runs is not None and first.vehicle.measures:
@@ -314,7 +293,8 @@ def _kind(experiment: Experiment, label: str) -> Hashable:
     parts = [structure(part) for part in (loop.inertia, loop.gains, loop.vehicle)]
     judged = [config.settling_threshold, config.early_window, config.closing_window]
     known = json.dumps([experiment.solver.resolved, judged])
-    return (*parts, loop.controller.structure, repr(loop.reference), known)
+    placing = _placing(experiment.start.poses)
+    return (*parts, loop.controller.structure, repr(loop.reference), known, placing)
 
 
 # Solves a few runs of each controller again by another method, and compares the states ------------

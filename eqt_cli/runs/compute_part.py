@@ -88,11 +88,11 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
     desired: dict[str, Array] = {}
     label = next(iter(study.base.loops))  # all laws have the same reference
     for batch in batches_at(study, label, points):
-        problem = batch.problem
-        states = np.empty((problem.runs, len(problem.times), problem.loop.state_length))
+        problem, engine = batch.problem, batch.engine
+        states = np.empty((problem.runs, len(problem.times), 0))
         if problem.loop.state_length:  # a reference without states needs no integration
-            states = batch.engine.solve(problem).states
-        for name, values in batch.engine.evaluate(_desired, problem, states).items():
+            states = engine.solve(problem).states
+        for name, values in engine.evaluate(_desired, problem, states).items():
             blank = np.empty((len(points), *values.shape[1:]))
             desired.setdefault(name, blank)[batch.rows] = values
     return desired

@@ -20,7 +20,7 @@ from eqt_cli.base.files import LAW, kind_of
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
-from eqt_cli.base.version import ARITHMETIC, OF, OTHERS, differences, together
+from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
@@ -372,8 +372,9 @@ class _Session:
 
 def _origin(study: Study) -> dict[str, Any]:
     """Return where numbers come from that are computed now."""
-    tools, of = study.base.engine.provenance(), dependent(study)
-    return provenance(study.document.home.folder, {**tools, ARITHMETIC: arithmetic(), OF: of})
+    tools, processor, of = study.base.engine.provenance(), arithmetic(), dependent(study)
+    tools |= {"processor": processor, "arithmetic": f"{processor} by {of}" if of else "any"}
+    return provenance(study.document.home.folder, tools)
 
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"

@@ -20,7 +20,7 @@ from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.arrays import apply_matrix, transpose
 from eqt_cli.components import inertia as critical_points
-from eqt_cli.components import matrix_groups, mechanics, motions
+from eqt_cli.components import mechanics, motions
 from eqt_cli.components.classic_laws import Stabilising
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import CriticalSet, FactoredInertia, Inertia, PrescribedInertia
@@ -132,7 +132,24 @@ def in_change(owner, factor):
 
 
 in_product = partial(in_method, Semidirect)
-in_jacobian = partial(in_function, matrix_groups._left_jacobian_times)
+
+
+def in_jacobian(translations):
+    """Other translations in an exponential."""
+
+    def fault(exact, G, V):
+        return G.assemble(G.rotation(exact(G, V)), translations(exact, G, V))
+
+    return in_method(EuclideanGroup, "exp", fault)
+
+
+def with_jacobian_transposed(exact, G, V):
+    turn, columns = np.split(V, [G.rotations], axis=-1)
+    return G.translations(exact(G, np.concatenate([-turn, columns], axis=-1)))
+
+
+def with_jacobian_left_out(exact, G, V):
+    return transpose(G._columns(V))
 
 
 def in_property(owner, name, fault):
@@ -415,12 +432,12 @@ PLANTS = {
         Planted("path", in_function(motions.motion_along,
         with_acceleration_of_first_factor_left_out), MOVED),
     "exp: Jacobian transposed": Planted("bluerov2",
-        in_jacobian(lambda exact, turn, x: exact(-turn, x)), EXP),
-    "exp: Jacobian left out": Planted("bluerov2", in_jacobian(lambda exact, turn, x: x), EXP),
+        in_jacobian(with_jacobian_transposed), EXP),
+    "exp: Jacobian left out": Planted("bluerov2", in_jacobian(with_jacobian_left_out), EXP),
     "log: Jacobian left out": Planted("bluerov2",
         in_method(EuclideanGroup, "log", log_without_jacobian), EXP),
     "exp: Jacobian of the plane transposed":
-        Planted("plane", in_jacobian(lambda exact, turn, x: exact(-turn, x)), EXP),
+        Planted("plane", in_jacobian(with_jacobian_transposed), EXP),
     "SE_2(3): columns exchanged": Planted("extended poses",
         in_method(EuclideanGroup, "_columns", lambda exact, G, V: exact(G, V)[..., ::-1, :]), EXP),
     "product: Ad of the inverse": Planted("two bodies",

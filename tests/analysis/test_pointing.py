@@ -142,7 +142,7 @@ def test_the_laws_that_point_fall_in_their_own_l(tmp_path):
 
 def region(one, runs):
     """The rows that count the starts in {L < 2k}, with the number of these by its formula."""
-    from eqt_cli.components.initial_states import draw_initial_states
+    from drawn_starts import draw_initial_states
 
     G = group_named("SO3")
     Qd, Vd = one.desired.pose, one.desired.velocity

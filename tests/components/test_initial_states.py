@@ -7,6 +7,7 @@ times σ/√N from what it estimates, which another seed would exceed once in 16
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from drawn_starts import draw_initial_states
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
@@ -20,7 +21,6 @@ from eqt_cli.components.initial_states import (
     Speed,
     Spread,
     Stream,
-    draw_initial_states,
     generator,
     pose_distributions,
     velocity_distributions,

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ci_cases import mostly_ci
+from drawn_starts import draw_initial_states
 
 from eqt_cli.base.errors import Problems
-from eqt_cli.components.initial_states import draw_initial_states
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build

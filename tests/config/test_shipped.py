@@ -135,8 +135,9 @@ def test_weights_of_the_slow_escape_are_a_navigation_function():
 
 
 def test_slow_escape_starts_next_to_a_maximum_of_the_potential():
+    from drawn_starts import draw_initial_states
+
     from eqt_cli.components.inertia import critical_sets, distance_to_unstable
-    from eqt_cli.components.initial_states import draw_initial_states
 
     one = experiment("attitude_distinct")
     Q, _ = draw_initial_states(

@@ -4,9 +4,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from eqt_cli.base.arrays import norm, sin
+from eqt_cli.base.arrays import sin
 from eqt_cli.components.groups import group_named
-from eqt_cli.numbers.rounded import inverse, product, pseudo_inverse, rounded, rounded_rows
+from eqt_cli.numbers.rounded import inverse, product, pseudo_inverse, rounded
 
 A = np.random.default_rng(3).normal(size=(4, 6))
 
@@ -43,8 +43,6 @@ def test_a_pseudo_inverse_of_dependent_rows_is_lapacks():
 def test_functions_are_rounded_once():
     x = np.array([0.1, 3.0, 1e6])
     assert rounded(sin, x).tolist() == [float(mpmath.sin(each)) for each in x.tolist()]
-    exact = [float(mpmath.norm(row.tolist())) for row in A]
-    assert rounded_rows(lambda row: norm(row)[..., None], A)[:, 0].tolist() == exact
 
 
 def test_a_pose_is_that_of_floats_but_for_rounding():

@@ -289,11 +289,11 @@ def test_parts_of_another_arithmetic_are_told_of_where_bits_depend_on_it(
     text = text.replace("[eqt", f"[{law}")
     out = tmp_path / "out"
     interrupted(make(text), out, after=1)
-    pretend(out, arithmetic="abacus")
+    pretend(out, processor="abacus", arithmetic=f"abacus by {of}" if of else "any")
     execute(make(text), out)
-    depends = f"arithmetic abacus (not {arithmetic()}), on which {of} depends; they agree"
-    assert [depends in remark for remark in remarks] == [True] * bool(of)
-    assert origin_of(out)["arithmetic"] == arithmetic()
+    now = f"arithmetic abacus by {of} (not {arithmetic()} by {of}); they agree"
+    assert [now in remark for remark in remarks] == [True] * bool(of)
+    assert origin_of(out)["processor"] == arithmetic()
 
 
 @pytest.mark.ci("computes an experiment several times")
