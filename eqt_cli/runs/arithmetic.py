@@ -19,11 +19,11 @@ def arithmetic() -> str:
     """Return a digest of what BLAS, LAPACK, NumPy and the C library make of some numbers here."""
     random = np.random.default_rng(0)
     x, A = random.uniform(0.01, 0.99, NUMBERS), random.normal(size=(MATRICES, 6, 6))
-    loops = [function(x) for function in (np.sin, np.exp, np.tanh, np.arctan)]
-    mixed = [x**0.3, (x + 1j * x[::-1]) * (x[::-1] + 1j)]
+    loops = [*(function(x) for function in (np.sin, np.exp, np.tanh, np.arctan)), x**0.3]
     matrices = [A @ A[::-1], np.linalg.inv(A), np.linalg.svd(A)[0], *map(np.linalg.norm, A[:, 0])]
-    library = [function(20 * each) for function in (math.sin, math.exp, math.atan) for each in x]
-    results = [*loops, *mixed, *matrices, library]
+    numbers, product = (20 * x).tolist(), (x + 1j * x[::-1]) * (x[::-1] + 1j)
+    library = [*map(math.sin, numbers), *map(math.exp, numbers), *map(math.atan, numbers)]
+    results = [*loops, product, *matrices, library]
     return sha256(b"".join(np.asarray(each).tobytes() for each in results)).hexdigest()[:12]
 
 
@@ -50,8 +50,9 @@ def _dependent(experiment: Experiment) -> str:
         return f"engine {engine.name}"
     for index, loop in enumerate(experiment.loops.values()):
         parts += parts_of(loop, index)
-    others = (*experiment.metrics, start.poses, start.velocities)
-    for part in [*parts, *(LoopPart(each, (), each.name) for each in others)]:
+    starts = (*getattr(start.poses, "factors", (start.poses,)), start.velocities)
+    parts += [LoopPart(each, ("initial",), "the start") for each in starts]
+    for part in [*parts, *(LoopPart(metric, (), metric.name) for metric in experiment.metrics)]:
         if part.is_foreign or any(getattr(part.part, x, False) for x in ("by_processor", "code")):
             return part.name
     return ""

@@ -153,7 +153,8 @@ class Start:
 
 def _placing(poses: PoseDistribution) -> Hashable:
     """Return a key of what a distribution places by, besides its random numbers."""
-    return repr(poses) if is_foreign(type(poses).__module__) else structure(poses)
+    factors = getattr(poses, "factors", (poses,))
+    return repr(poses) if any(is_foreign(type(x).__module__) for x in factors) else structure(poses)
 
 
 def _started(study: Study, problem: Problem, points: Array, runs: Array | None) -> dict[str, Array]:

@@ -86,13 +86,12 @@ def shared_reference(study: Study) -> dict[str, Array]:
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
     """Solve the references of some points: `DESIRED` as ``(points, samples, …)``."""
     desired: dict[str, Array] = {}
-    label = next(iter(study.base.loops))  # all laws have the same reference
-    for batch in batches_at(study, label, points):
-        problem, engine = batch.problem, batch.engine
-        states = np.empty((problem.runs, len(problem.times), 0))
-        if problem.loop.state_length:  # a reference without states needs no integration
-            states = engine.solve(problem).states
-        for name, values in engine.evaluate(_desired, problem, states).items():
+    # All laws have the same reference.
+    for batch in batches_at(study, next(iter(study.base.loops)), points):
+        states = np.empty((len(batch.rows), len(study.base.times), 0))
+        if batch.problem.loop.state_length:  # a reference without states needs no integration
+            states = batch.engine.solve(batch.problem).states
+        for name, values in batch.engine.evaluate(_desired, batch.problem, states).items():
             blank = np.empty((len(points), *values.shape[1:]))
             desired.setdefault(name, blank)[batch.rows] = values
     return desired

@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from eqt_cli.config.document import read_config
+from eqt_cli.config.study import study
+from eqt_cli.runs.arithmetic import dependent
+
 OTHER = {"OPENBLAS_CORETYPE": "Prescott"}
 OLDEST = {
     "OPENBLAS_CORETYPE": "Sandybridge",
@@ -66,3 +70,17 @@ def test_the_bits_of_native_are_those_of_any_arithmetic(tmp_path):
     assert len(bits) > 150
     for _, found in others:
         assert [name for name in bits if found[name] != bits[name]] == []
+
+
+@pytest.mark.ci("builds all shipped configurations")
+def test_what_depends_on_the_arithmetic_is_named():
+    paths = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+    studies = {path.stem: study(read_config(path, ["solver.engine=native"])) for path in paths}
+    assert {name: of for name, each in studies.items() if (of := dependent(each))} == {
+        "crazyflie": "force 'gust'",
+        "planar_vtol": "reference 'flat'",
+        "quadrotor_recovery": "actuator 'thrusters'",
+        "quadrotor_speeds": "controller 'lqr'",
+        "se3_survey": "reference 'waypoints'",
+        "sweep_lqr": "controller 'lqr'",
+    }
