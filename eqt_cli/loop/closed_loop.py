@@ -448,12 +448,11 @@ class ClosedLoop:
         inputs = inputs._replace(velocity=V)
         if errors is None:
             return inputs
-        if self.vehicle.estimator is not None:
-            Q, V = self.vehicle.estimated(self.group, s.vehicle)
-            return inputs._replace(pose=Q, velocity=V)
         Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
         B = None if s.flux is None else s.flux + errors.flux
         Q, V, B = self.vehicle.as_arrived(self.group, (Q, V, B), s.vehicle)
+        if self.vehicle.estimator is not None:
+            Q, V = self.vehicle.estimated(self.group, s.vehicle)
         return inputs._replace(pose=Q, velocity=V, flux=B)
 
     def answer(

@@ -195,11 +195,21 @@ def test_dumping_is_that_of_a_plain_program_and_takes_momentum(solved, engine):
     ("{kind: noise, std: 200 nT}, {kind: bias, value: [1 uT, 0, 0]}", 1, 0),
     ("{kind: noise, std: 200 nT, period: 1.0, delay: 1}", 2, 1),
 ])  # fmt: skip
-def test_the_law_reads_the_magnetometer_at_its_clock(solved, engine, sensor, every, late):
-    """The dipole at an instant from measurements: B + b of every n-th instant, one period late."""
+@pytest.mark.parametrize("estimator", [None, "invariant"])
+def test_the_law_reads_the_magnetometer_at_its_clock(
+    solved, engine, sensor, every, late, estimator
+):
+    """The dipole at an instant from measurements: B + b of every n-th instant, one period late.
+
+    An estimator gives pose and velocity, but not the field.
+    """
     short = {"time": {"duration": 5, "samples": 11}, "solver": {"engine": engine, "rtol": 1e-12}}
-    measuring = {"sensors": {"magnetometer": yaml.safe_load(f"[{sensor}]")}}
-    problem, solution = solved(changed(short | measuring), label="b_dot")
+    sensors = {"magnetometer": yaml.safe_load(f"[{sensor}]")}
+    if estimator:
+        noisy = [{"kind": "noise", "std": 1e-3}]
+        sensors |= {"pose": noisy, "velocity": noisy}
+        short["estimator"] = estimator
+    problem, solution = solved(changed(short | {"sensors": sensors}), label="b_dot")
     s = problem.loop.tracking(problem.times, solution.states)
     errors = problem.drawn().flux[0]
     assert np.ptp(errors, axis=0).min() > 1e-7
