@@ -361,7 +361,8 @@ def keys(
     from eqt_cli.config.json_schema import json_schema, keys_of, within
 
     listed, (section, _, name) = keys_of(json_schema()), (key or "").rpartition(".")
-    if section in {each.key for each in listed} and _of_name(name):
+    names = {each.key for each in listed}
+    if key not in names and section in names and _of_name(name):
         _explain(name, [], json)  # controllers.cascade
         return
     if key is not None:

@@ -209,6 +209,13 @@ def test_keys_of_a_component(eqt):
     assert done.out == eqt("list", "cascade").out
 
 
+def test_a_key_with_the_name_of_a_figure_is_a_key(eqt):
+    for key in ("initial.pose", "sensors.pose", "target.pose", "sensors.velocity"):
+        [heads, _, row, *_] = eqt("config", "keys", key).out.splitlines()
+        assert heads.split() == ["key", "value", "default", "meaning"]
+        assert row.split()[0] == key
+
+
 def test_a_key_of_any_controller(eqt):
     [found] = json.loads(eqt("config", "keys", "controllers[3].gyroscopic", "--json").out)
     assert found == {
