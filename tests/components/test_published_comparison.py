@@ -49,7 +49,8 @@ def test_a_row_of_the_public_table(row, tmp_path):
     given["initial"]["file"] = str(FOLDER / given["initial"]["file"])
     if row == ("disturbed", "decoupled"):  # as stored: the other laws have 0.1
         given["plant"]["forces"][2]["force"][1] = 0.2
-    given["solver"] |= {"rtol": 1e-7, "atol": 1e-7, "error_estimate": False}
+    # At 1e-7 the line of brescianini, whose law jumps, meets a jump that no step passes.
+    given["solver"] |= {"rtol": 1e-8, "atol": 1e-8, "error_estimate": False}
     result = eqt_cli.run(given, out=tmp_path / "out")
     with open_at(result) as data:
         names = ("position_error", "attitude_command_error", "thrust")
