@@ -369,6 +369,8 @@ INEXACT = {
 }
 """Macros, and their values, of compilers that do not round as IEEE 754 requires."""
 
+NARROW = "-fsingle-precision-constant"
+
 CPLUSPLUS = "#pragma eqt C++\n"
 """A line of each source in C++, which preprocessors keep."""
 
@@ -492,6 +494,11 @@ def _queried(command: tuple[str, ...]) -> Compiler:
         raise TraceError(
             f"the C compiler {shlex.join(command)} reads headers that no result names",
             Remedy(f"remove {added[0]} from the variable CC"),
+        )
+    if NARROW in command:  # which no macro shows
+        raise TraceError(
+            f"the C compiler {shlex.join(command)} reads 0.1 as a float",
+            Remedy(f"remove {NARROW} from the variable CC"),
         )
     said = ""
     for flags in ((THIS_MACHINE,), ()):

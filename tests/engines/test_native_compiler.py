@@ -285,6 +285,15 @@ def test_a_compiler_that_rounds_otherwise_is_refused(cc, monkeypatch):
     )
 
 
+def test_a_compiler_that_narrows_constants_is_refused(cc, monkeypatch):
+    called = f"{os.environ['CC']} -fsingle-precision-constant"
+    monkeypatch.setenv("CC", called)
+    assert refusal(EqtError, compiler.compiler) == (
+        f"the C compiler {called} reads 0.1 as a float; remove -fsingle-precision-constant from "
+        "the variable CC"
+    )
+
+
 def test_a_source_that_does_not_compile_is_told_in_short(cc):
     first, error, *_, last = refusal(
         EqtError, compiler.library, "int f(void) { return nothing; }"
