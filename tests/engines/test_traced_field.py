@@ -68,9 +68,9 @@ def test_every_shipped_loop_equals_its_program(name):
         other = y * random.uniform(0.9, 1.1, y.shape)
         found.hold(1.0)
         expected = loop.holding(1.0).vector_field(1.0, other)
-        # Rates of actuators are differences of numbers of this size.
+        # Rates of actuators are differences of numbers of this size; 90 roundings of it.
         size = max(np.abs(expected).max(), np.abs(other).max())
-        np.testing.assert_allclose(found(1.0, other), expected, rtol=0, atol=1e-14 * size)
+        np.testing.assert_allclose(found(1.0, other), expected, rtol=0, atol=2e-14 * size)
 
 
 def branching_on_time(loop, t, y):

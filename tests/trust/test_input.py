@@ -173,7 +173,8 @@ def test_times_of_waypoints_have_bounds(sent, refused, times):
 
 @pytest.mark.ci("computes what is at the bounds")
 def test_times_at_the_bounds_are_taken(sent, eqt):
-    rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,2\n1,0,0,1\n1e9,0,0,0\n"
+    # At 1 rad/s between the rows of a nanosecond: no run along 1 rad there would end.
+    rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,1.000000001\n1,0,0,1\n1e9,0,0,0\n"
     Path("w.csv").write_text("t,wx [rad],wy [rad],wz [rad]\n" + rows, encoding="utf-8")
     done = eqt("config", "check", "c.yaml", "--set", "reference={kind: waypoints, file: w.csv}")
     assert done.code == 0
