@@ -10,7 +10,7 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.loop.closed_loop import LoopPart, parts_of
 
-MATRICES, NUMBERS = 100, 2000
+MATRICES, NUMBERS = 50, 1000
 """How many are tried: seven settings of kernels, loops and C library all differed."""
 
 

@@ -19,7 +19,7 @@ from eqt_cli.base.registry import is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import (
-    FixedPose,
+    ListedPoses,
     PoseDistribution,
     Stream,
     draws,
@@ -162,8 +162,9 @@ def _started(study: Study, problem: Problem, points: Array, runs: Array | None) 
     distinct, which = np.unique(points, return_inverse=True)
     desired = [study.experiment(point).desired for point in distinct.tolist()]
     starts = np.array([[*each.pose.ravel(), *each.velocity] for each in desired])[which]
-    poses: PoseDistribution = FixedPose()
-    numbers, errors = np.zeros((2, len(points), problem.loop.group.dimension))
+    G = problem.loop.group
+    poses: PoseDistribution = ListedPoses(G.identity[None])
+    numbers, errors = np.array([G.identity] * len(points)), np.zeros((len(points), G.dimension))
     if runs is not None:
         at = points if study.initial_varies else np.zeros_like(points)
         poses = study.experiment(int(at[0])).start.poses
