@@ -117,7 +117,11 @@ class Sink:
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         """Go to a position, as HDF5 requests before it reads, writes, or measures the file."""
-        return self._file.seek(offset, whence)
+        try:
+            return self._file.seek(offset, whence)
+        except BaseException as error:  # an interruption, as in `write`; HDF5 would print it
+            self._error = self._error or error
+            return self._file.seek(offset, whence)
 
     def tell(self) -> int:
         """Return the position."""
