@@ -39,7 +39,7 @@ from eqt_cli.components.vehicle_parts import (
     lowest,
 )
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
-from eqt_cli.numbers.rounded import pseudo_inverse
+from eqt_cli.numbers.rounded import is_exact, pseudo_inverse
 
 SPEEDS = ("low_speed", "high_speed")
 """Limits of rotors."""
@@ -304,7 +304,8 @@ class Thrusters(Actuator):
     @property
     def by_processor(self) -> bool:
         """Whether LAPACK takes part in the allocation."""
-        return self.passed is not None or self.allocation != "pseudo_inverse"
+        chosen = self.passed is not None or self.allocation != "pseudo_inverse"
+        return chosen or not is_exact(np.asarray(self.matrix))
 
     @property
     def acting_at_instants(self) -> str:

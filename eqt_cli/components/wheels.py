@@ -40,7 +40,7 @@ from eqt_cli.components.references import check_expressions, instants_of
 from eqt_cli.components.thrusters import allocation, lost_directions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
-from eqt_cli.numbers.rounded import product, pseudo_inverse, rounded
+from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse, rounded
 
 CREEP = 1.0
 """Scale, rad/s, on which Coulomb friction changes its sign, by a hyperbolic tangent."""
@@ -224,6 +224,11 @@ class Wheels(Actuator):
         if self.matrix is not None:
             return int(self.matrix.shape[-1])
         return 4 if self.axes is None else len(self.axes)
+
+    @property
+    def by_processor(self) -> bool:
+        """Whether LAPACK takes part in the allocation."""
+        return not is_exact(np.asarray(self.matrix))
 
     def unit_axes(self) -> Array:
         """Return the unit axes as columns, ``(3, k)``."""

@@ -44,6 +44,12 @@ def pseudo_inverse(matrix: Array, rank: int) -> Array:
     return _pseudo_inverse(matrix.tobytes(), matrix.shape, rank).copy()
 
 
+def is_exact(matrix: Array) -> bool:
+    """Whether `pseudo_inverse` needs no LAPACK: its rows but zeros, or columns, are independent."""
+    rows = matrix[matrix.any(axis=1)]
+    return int(np.linalg.matrix_rank(rows)) == min(rows.shape)
+
+
 @lru_cache(maxsize=64)  # runs whose other numbers are drawn have the same
 def _pseudo_inverse(entries: bytes, shape: tuple[int, ...], rank: int) -> Array:
     matrix = np.frombuffer(entries).reshape(shape)

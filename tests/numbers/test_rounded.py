@@ -6,7 +6,7 @@ import pytest
 
 from eqt_cli.base.arrays import sin
 from eqt_cli.components.groups import group_named
-from eqt_cli.numbers.rounded import inverse, product, pseudo_inverse, rounded
+from eqt_cli.numbers.rounded import inverse, is_exact, product, pseudo_inverse, rounded
 
 A = np.random.default_rng(3).normal(size=(4, 6))
 
@@ -37,6 +37,9 @@ def test_a_pseudo_inverse_of_dependent_rows_is_lapacks():
     B = np.concatenate([A, A[:1] + A[1:2]])
     found = pseudo_inverse(B, 4)
     assert found == pytest.approx(np.linalg.pinv(B), abs=1e-14)
+    assert [is_exact(each) for each in (A, A.T, B, np.insert(A, 2, 0.0, axis=0))] == [
+        *(True, True, False, True)
+    ]
 
 
 @mpmath.workdps(80)
