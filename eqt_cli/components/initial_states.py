@@ -1,7 +1,7 @@
 """Distributions of initial poses and velocities, and the seeds of their random numbers."""
 
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Any, ClassVar, Literal
@@ -606,16 +606,3 @@ class PoseKind(Kind):
         if isinstance(made, FactorPoses):
             return [as_section(factor) for factor in made.factors]
         return as_section(made)
-
-
-def draws(
-    G: MatrixLieGroup,
-    poses: PoseDistribution,
-    velocities: VelocityDistribution,
-    seed: int,
-    runs: Iterable[int],
-) -> Iterator[tuple[Array, Array]]:
-    """Yield the random numbers of each run: of its pose, and then of its velocity, ``(m,)``."""
-    for run in runs:
-        random = generator(seed, Stream.INITIAL_STATE, run)
-        yield poses.draw_of_run(G, random, run), velocities.draw_of_run(G, random, run)

@@ -35,7 +35,9 @@ from eqt_cli.components.initial_states import (
     ListedPoses,
     ListedVelocities,
     PoseDistribution,
+    Stream,
     VelocityDistribution,
+    generator,
     pose_distributions,
 )
 from eqt_cli.components.laws import Controller, check_calls, controllers, distinct_titles
@@ -318,6 +320,11 @@ class Start:
     resolved: dict[str, Any]
     rows: int | None = None
     files: dict[str, str] = field(default_factory=dict)
+
+    def numbers(self, G: MatrixLieGroup, seed: int, run: int) -> tuple[Array, Array]:
+        """Return the random numbers of a run: of its pose, and then of its velocity, ``(m,)``."""
+        random = generator(seed, Stream.INITIAL_STATE, run)
+        return self.poses.draw_of_run(G, random, run), self.velocities.draw_of_run(G, random, run)
 
 
 TAKEN_BY = {"rates": "{kind: rate_loop, bandwidth: 40}", "dipole": "{kind: magnetorquers, …}"}

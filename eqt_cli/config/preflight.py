@@ -44,7 +44,7 @@ from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.initial_states import Stream, draws, generator_at
+from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.references import Reference
 from eqt_cli.components.sensors import Sensor
@@ -307,7 +307,7 @@ def try_laws(experiment: Experiment, problems: Problems) -> None:
     start = [LoopPart(each, ("initial",), "the initial states") for each in (poses, velocities)]
     first, seed = next(iter(loops.values())), experiment.config.ensemble.seed
     with trial([*start, *parts_of(first)], problems):
-        [(drawn, error)] = draws(first.group, poses, velocities, seed, [0])
+        drawn, error = experiment.start.numbers(first.group, seed, run=0)
         Q, V = Qd @ poses.place(first.group, drawn[None]), Vd + error[None]
         first.initial_state(Q, V, Qd, Vd)
     if problems:

@@ -8,8 +8,6 @@ import time
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
-from itertools import groupby
-from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -18,14 +16,7 @@ from eqt_cli.base.arrays import Array, maximum, sqrt, stack
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.initial_states import (
-    ListedPoses,
-    PoseDistribution,
-    Stream,
-    draws,
-    generator,
-    generator_at,
-)
+from eqt_cli.components.initial_states import PoseDistribution, Stream, generator, generator_at
 from eqt_cli.components.sensors import Errors
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
@@ -94,28 +85,19 @@ def by_kind(study: Study, entries: Array) -> list[list[tuple[str, Batch]]]:
     return list(groups.values())
 
 
-def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
-    """Return the initial poses and velocities of some runs, each at its point."""
-    G, label = study.base.group, next(iter(study.base.loops))
-    Q, V = np.empty((len(runs), G.size, G.size)), np.empty((len(runs), G.dimension))
-    for batch in batches_at(study, label, points, runs):
-        Q[batch.rows], V[batch.rows] = batch.start["pose"], batch.start["velocity"]
-    return Q, V
-
-
 @lru_cache(maxsize=8)
 def _draws(study: Study, points: tuple[int, ...], runs: tuple[int, ...]) -> list[Array]:
-    """Return the numbers of `draws` for runs with starts of one kind; all laws share them."""
-    drawn: list[tuple[Array, Array]] = []
-    for point, entries in groupby(zip(points, runs, strict=True), key=itemgetter(0)):
-        experiment, start = study.experiment(point), study.experiment(point).start
-        seed, numbers = experiment.config.ensemble.seed, [run for _, run in entries]
-        drawn += draws(experiment.group, start.poses, start.velocities, seed, numbers)
+    """Return the random numbers of runs with starts of one kind; all laws share them."""
+    drawn = []
+    for point, run in zip(points, runs, strict=True):
+        experiment = study.experiment(point)
+        seed = experiment.config.ensemble.seed
+        drawn.append(experiment.start.numbers(experiment.group, seed, run))
     return [*map(np.array, zip(*drawn, strict=True))]
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialState:
     """Gives a run its start, for floats or symbols: the engine computes Q(0), V(0) and the state.
 
     Attributes
@@ -157,39 +139,42 @@ def _placing(poses: PoseDistribution) -> Hashable:
     return repr(poses) if any(is_foreign(type(x).__module__) for x in factors) else structure(poses)
 
 
-def _started(study: Study, problem: Problem, points: Array, runs: Array | None) -> dict[str, Array]:
-    """Return what `Start` gives each run of a problem; without runs, the reference."""
+def _started(study: Study, problem: Problem, points: Array, runs: Array) -> dict[str, Array]:
+    """Return what `InitialState` gives each run of a problem."""
     distinct, which = np.unique(points, return_inverse=True)
     desired = [study.experiment(point).desired for point in distinct.tolist()]
     starts = np.array([[*each.pose.ravel(), *each.velocity] for each in desired])[which]
-    G = problem.loop.group
-    poses: PoseDistribution = ListedPoses(G.identity[None])
-    numbers, errors = np.array([G.identity] * len(points)), np.zeros((len(points), G.dimension))
-    if runs is not None:
-        at = points if study.initial_varies else np.zeros_like(points)
-        poses = study.experiment(int(at[0])).start.poses
-        numbers, errors = _draws(study, (*at.tolist(),), (*runs.tolist(),))
+    at = points if study.initial_varies else np.zeros_like(points)
+    poses = study.experiment(int(at[0])).start.poses
+    numbers, errors = _draws(study, (*at.tolist(),), (*runs.tolist(),))
     rows = np.concatenate([starts, numbers.reshape(len(points), -1), errors], axis=1)[:, None]
     engine, first = study.experiment(int(points[0])).engine, problem.times[:1]
-    start = Start(poses, numbers.shape[1:], _placing(poses))
+    start = InitialState(poses, numbers.shape[1:], _placing(poses))
     values = engine.evaluate(start, replace(problem, times=first), rows)
     return {name: value[:, 0] for name, value in values.items()}
 
 
-def batches_at(
-    study: Study, label: str, points: Array, runs: Array | None = None
-) -> Iterator[Batch]:
-    """Group runs of one controller, each at its point; without runs, the references of points."""
+def batches_at(study: Study, label: str, points: Array, runs: Array) -> Iterator[Batch]:
+    """Group runs of one controller, each at its point."""
     kinds: dict[Hashable, list[int]] = {}
     for point in dict.fromkeys(points.tolist()):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
-        numbers = None if runs is None else runs[rows]
-        problem = _problem(study, label, points[rows], numbers, kind)
-        start = _started(study, problem, points[rows], numbers)
+        problem = _problem(study, label, points[rows], runs[rows], kind)
+        start = _started(study, problem, points[rows], runs[rows])
         problem = replace(problem, states=start["state"])
         yield Batch(rows, points[rows], study.experiment(members[0]), problem, kind, start)
+
+
+def references(study: Study, points: Array) -> Iterator[Batch]:
+    """Group the references of some points; all laws, and all runs of a point, have the same."""
+    label = next(iter(study.base.loops))
+    for batch in batches_at(study, label, points, np.zeros_like(points)):
+        problem = _problem(study, label, batch.points, None, batch.kind)
+        system, parts = problem.loop, batch.problem.loop.layout.split(batch.problem.states)
+        states = system.layout.join(parts, np.empty((problem.runs, system.state_length)))
+        yield replace(batch, problem=replace(problem, states=states))
 
 
 def _problem(

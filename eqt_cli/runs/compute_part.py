@@ -40,10 +40,9 @@ from eqt_cli.runs.batches import (
     BOUND_PER_RTOL,
     Batch,
     batches,
-    batches_at,
     chosen_entries,
-    initial_states,
     largest,
+    references,
     squares,
 )
 from eqt_cli.runs.executors import TaskContext
@@ -86,8 +85,7 @@ def shared_reference(study: Study) -> dict[str, Array]:
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
     """Solve the references of some points: `DESIRED` as ``(points, samples, …)``."""
     desired: dict[str, Array] = {}
-    # All laws have the same reference.
-    for batch in batches_at(study, next(iter(study.base.loops)), points):
+    for batch in references(study, points):
         states = np.empty((len(batch.rows), len(study.base.times), 0))
         if batch.problem.loop.state_length:  # a reference without states needs no integration
             states = batch.engine.solve(batch.problem).states
@@ -119,19 +117,19 @@ def compute_part(
         The reference that all points share; None if each point has its own.
     """
     gathered = PartArrays(study, part)
-    references = None
+    desired = None
     if shared is None:
-        references = solve_references(study, gathered.points)
-        gathered.add_references(references)
+        desired = solve_references(study, gathered.points)
+        gathered.add_references(desired)
     laws = list(study.base.loops)
     which = f"law {laws.index(gathered.label) + 1} of {len(laws)} ({gathered.label})"
     with working_for(which):
         for batch in batches(study, gathered.label, gathered.entries):
             for runs in batch.engine.blocks(batch.problem, context.threads):
                 block, reference = batch.select(runs), shared
-                if references is not None:
+                if desired is not None:
                     where = np.searchsorted(gathered.points, block.points)
-                    reference = {name: values[where] for name, values in references.items()}
+                    reference = {name: values[where] for name, values in desired.items()}
                 assert reference is not None
                 gathered.add(block, *_solve(block, reference, *gathered.wanted(block), context))
     return gathered.table()
@@ -169,9 +167,7 @@ class PartArrays:
             entry.name: _blank(entry, (counts[entry.per], *(sizes[dim] for dim in entry.dims)))
             for entry in self.quantities
         }
-        if len(starts):
-            Q, V = initial_states(study, part.points[starts], part.run_numbers[starts])
-            self.data |= {"initial_pose": Q, "initial_velocity": V}
+        self._starts = _positions(starts, len(part))
         self._stored = _positions(self.stored_rows, len(part))
         check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
         self._checked = _positions(check_rows, len(part))
@@ -203,6 +199,10 @@ class PartArrays:
             "message": np.array(solution.messages, dtype=object),
         }
         stored, checked = self._stored[batch.rows], self._checked[batch.rows]
+        starts = self._starts[batch.rows]
+        if (starts >= 0).any():
+            for name in ("pose", "velocity"):
+                self.data[f"initial_{name}"][starts[starts >= 0]] = batch.start[name][starts >= 0]
         for quantity in self.quantities:
             if quantity.per is ValuePer.RUN:
                 self.data[quantity.name][batch.rows] = values[quantity.name]

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from eqt_cli.components.initial_states import draws
+from eqt_cli.config.experiment import Start
 
 
 def draw_initial_states(G, poses, velocities, *, Qd, Vd, seed, runs):
     """Q(0) = Q_d(0)·draw and V(0) = V_d(0) + draw of each run, by NumPy."""
-    numbers, errors = zip(*draws(G, poses, velocities, seed, runs), strict=True)
+    start = Start(poses, velocities, {})
+    numbers, errors = zip(*(start.numbers(G, seed, run) for run in runs), strict=True)
     return Qd @ poses.place(G, np.array(numbers)), Vd + np.array(errors)
