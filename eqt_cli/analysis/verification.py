@@ -23,7 +23,7 @@ from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.remarks import along_reference, small_loops
+from eqt_cli.config.remarks import along_reference, gains_flown, small_loops
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
@@ -71,6 +71,9 @@ class Verification(InNotebook):
         The verified experiment.
     engines
         Names of the engines that integrated the runs.
+    departing
+        How poles of laws along the reference are not those at Q_d = I, by label. Stiffness and
+        damping of small errors are checked there.
     """
 
     rows: list[certificates.Row]
@@ -78,6 +81,7 @@ class Verification(InNotebook):
     failed_runs: int
     experiment: Experiment
     engines: list[str]
+    departing: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def failures(self) -> list[certificates.Row]:
@@ -101,9 +105,11 @@ class Verification(InNotebook):
         """Return how many statements hold, the doubts about hypotheses, and what fails."""
         name, group = self.experiment.name, self.experiment.group.name
         tally, engines = certificates.tally(self.titled), " and ".join(self.engines)
+        titles = self.experiment.titles
         return [
             f"{name} on {group}: {tally}, {self.runs} runs with engine {engines}",
             *(f"hypothesis {doubt}" for doubt in certificates.doubtful(self.titled)),
+            *(f"small errors of {titles[law]}: {words}" for law, words in self.departing.items()),
             *self.causes(self.experiment.titles),
         ]
 
@@ -320,7 +326,9 @@ class _Verifier:
             rows += loop.controller.judged(label, loop, horizon, random, flown)
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
-        return Verification(rows, count, failed, self.experiment, list(self.engines))
+        small = gains_flown(self.experiment)
+        departing = {label: x.departs for label, x in small.items() if x.departs}
+        return Verification(rows, count, failed, self.experiment, list(self.engines), departing)
 
 
 def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certificates.Row]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from eqt_cli.config.experiment import Experiment
+    from eqt_cli.loop.small_errors import SmallErrors
 
 # `eqt list`: the available components ------------------------------------------------------------
 
@@ -234,7 +235,7 @@ def check(
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
     from eqt_cli.base.yaml_source import dump
-    from eqt_cli.config.remarks import remarks, wheels_needed
+    from eqt_cli.config.remarks import gains_flown, remarks, wheels_needed
     from eqt_cli.config.study import study
     from eqt_cli.engines.horizon import check_reference
     from eqt_cli.runs.preflight import check_resources, rehearse
@@ -284,7 +285,8 @@ def check(
     )
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
-    said = [*_gains(experiment), *_skipped_ticks(experiment), *needed]
+    poles = _poles(experiment, gains_flown(experiment, shown))
+    said = [*_gains(experiment), *poles, *_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
     text = "\n".join([text, *said])
     answer = {
@@ -326,6 +328,19 @@ def _gains(experiment: Experiment) -> Iterator[str]:
             words += f"; free: {loop.free}; {claim if claimed else 'nothing is claimed'}"
         laws.setdefault(words, []).append(title)
     yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in laws.items())
+
+
+def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator[str]:
+    """Yield the slowest pole of each law along the reference, and which laws fly with others."""
+    laws = dict[tuple[str, str], list[str]]()
+    for label, errors in flown.items():
+        laws.setdefault((errors.poles, errors.departs), []).append(experiment.titles[label])
+    for (poles, departs), titles in laws.items():
+        yield f"slowest pole of {', '.join(titles)} at rest: {poles}"
+        if departs:
+            yield f"  {departs}"
+    if any(departs for _, departs in laws):
+        yield "  to keep them: a law with its error in the body, or on SO3 equal gains on all axes"
 
 
 def _skipped_ticks(experiment: Experiment) -> Iterator[str]:

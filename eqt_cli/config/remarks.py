@@ -23,6 +23,7 @@ from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import Along, flow, growth, left_out, linearised, size_of
+from eqt_cli.loop.small_errors import SmallErrors, along
 
 # Remarks on an experiment -------------------------------------------------------------------------
 
@@ -348,6 +349,25 @@ def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
     shares = np.sort(np.arange(LINEARISED) * GOLDEN % 1.0)
     where = np.searchsorted(shown.times, shares * shown.times[-1])
     return Along(shown.times[where], shown.pose[where], shown.velocity[where])
+
+
+POSES = 21
+"""Number of poses of a reference at which a law is tried, equally spaced in time."""
+
+
+def gains_flown(experiment: Experiment, shown: Horizon | None = None) -> dict[str, SmallErrors]:
+    """Return the small errors of each law along the reference, where its torque tells them."""
+    times, horizon = np.linspace(0.0, experiment.times[-1], POSES), [shown] if shown else []
+
+    def poses() -> Array | None:
+        if not horizon:
+            horizon.append(experiment.reference_over_horizon())
+        [desired] = horizon
+        is_whole = desired.finite.all() and desired.spent is None
+        return desired.pose[np.searchsorted(desired.times, times)] if is_whole else None
+
+    flown = {label: along(loop, times, poses) for label, loop in experiment.loops.items()}
+    return {label: errors for label, errors in flown.items() if errors}
 
 
 # Remarks on limits below the torque of the reference ----------------------------------------------

@@ -32,6 +32,7 @@ from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import controllers, distinct_titles
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.small_errors import SmallErrors
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""
@@ -79,7 +80,7 @@ def check_coordinates(result: KnownResult) -> None:
         if len(set(labels)) < len(labels):
             raise result.refusal("two of its controllers have one label")
         known = result.described
-        for label in (*known.functions, *known.unclaimed, *known.not_matched):
+        for label in (*known.functions, *known.unclaimed, *known.not_matched, *known.small_errors):
             if label not in labels:
                 text = f"its attribute 'experiment' names '{label}', which is not a controller"
                 raise result.refusal(text)
@@ -127,6 +128,8 @@ class Experiment(BaseModel):
     unclaimed, not_matched
         Labels of the laws that do not claim that their L decreases, and of those whose stiffness
         and damping are not those of the gains.
+    small_errors
+        Stiffness, damping and poles at rest of the laws for which they are known, by label.
     rtol
         Relative tolerance of all runs; None if it is swept.
     seed
@@ -155,6 +158,7 @@ class Experiment(BaseModel):
     functions: dict[str, str] = {}
     unclaimed: list[str] = []
     not_matched: list[str] = []
+    small_errors: dict[str, SmallErrors] = {}
     rtol: FiniteFloat | None = None
     seed: int = 0
     signal_path: Words = ""
@@ -165,6 +169,11 @@ class Experiment(BaseModel):
     holds: dict[str, PositiveFloat] = {}
     decimate: PositiveInt = 1
     axis: Arrow | None = None
+
+    def has_other_gains(self, law: str) -> bool:
+        """Whether stiffness and damping of a law, where it flew, are not those of the gains."""
+        small = self.small_errors.get(law)
+        return law in self.not_matched or (small is not None and bool(small.departs))
 
 
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))

@@ -55,6 +55,7 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment, renamed
+from eqt_cli.config.remarks import gains_flown
 from eqt_cli.config.schema import Config
 from eqt_cli.config.study import Study, section_of
 from eqt_cli.loop.signals import MIXED, OUTPUT, Metric, Signal, holds, output_names, signal_of
@@ -653,6 +654,9 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
         "not_matched": [label for label, law in laws.items() if law.matched is False],
     }
     about |= {"rtol": None} if "solver" in swept else {}
+    if not swept & {"controllers", "gains", "group", "inertia", "reference", "time"}:
+        flown = gains_flown(experiment)
+        about["small_errors"] = {label: errors.model_dump() for label, errors in flown.items()}
     about |= {} if swept & {"control", "actuators"} else {"holds": holds(experiment.loop.vehicle)}
     return json.dumps(about, ensure_ascii=False)
 

@@ -233,6 +233,19 @@ def test_runs_bounds_what_is_integrated(eqt):
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 99).out)["runs"] == 6
 
 
+def test_laws_that_fly_with_turned_gains_stand_in_the_summary(eqt):
+    """At 90 deg about x the stiffness diag(5, 4, 3) of K = diag(1, 2, 3) meets the axes x, z, y.
+
+    About z, with J = 3 and K_d = 1: s = −1/6 ± i √(k/3 − 1/36), k = 4 for 3.
+    """
+    gains = "gains={kp: [1, 2, 3], kd: 1}"
+    reference = "reference={kind: constant, pose: {rotvec: [90 deg, 0, 0]}}"
+    done = eqt("verify", "c.yaml", "--runs", 1, "--set", gains, "--set", reference)
+    pole = "slowest pole −0.167 ± 1.14i rad/s at 0 s, −0.167 ± 0.986i at Q_d = I: K in space"
+    said = " ".join(done.out.split())
+    assert all(f"small errors of {law}: {pole}" in said for law in ("EqT", "GT")), done.out
+
+
 def test_hypotheses_in_doubt_stand_in_the_summary(eqt):
     off_plane = "controllers=[{kind: family, label: off, transport: 0.2}]"
     torque = 'reference={torque: ["exp(t)", "0", "0"]}'
