@@ -23,6 +23,7 @@ from eqt_cli.analysis.intervals import (
 )
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
+from eqt_cli.loop.small_errors import SmallErrors
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window
 from eqt_cli.results.result import PerRun, Result
@@ -283,7 +284,9 @@ def compare(
     levels, pairs, resamples = statistics([*samples.values()], result.labels, result.good, how)
     judgements = _judgements(result, tests, kinds, samples, pairs, how.confidence)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
-    of_all = result.lyapunov_functions
+    of_all, small = result.lyapunov_functions, result.described.small_errors
+    gains = _gains(small, dict.fromkeys(labels, labels[0]), result.title_of)
+    declared = result.described.not_matched
     functions = {label: of_all[label] for label in labels if label in of_all}
     return _with_answer(
         result,
@@ -305,11 +308,30 @@ def compare(
         judgements=judgements,
         departures=result.described.departures,
         lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
-        not_matched=[label for label in result.described.not_matched if label in labels],
+        not_matched=[label for label in labels if label in declared or label in gains],
+        gains=gains,
         missing=[*_cut(result, chosen, windows), *_missing(result)],
         resamples=resamples,
         negligible=negligible,
     )
+
+
+def _gains(
+    small: Mapping[str, SmallErrors], bases: Mapping[str, str], titles: Mapping[str, str]
+) -> dict[str, str]:
+    """Return how laws fly with other gains than at Q_d = I, or than their base has."""
+    words = {}
+    for label, base in bases.items():
+        if label in small and small[label].departs:
+            words[label] = small[label].departs
+        elif differs := _differ(small, label, base):
+            words[label] = f"{differs} of {titles[base]}"
+    return words
+
+
+def _differ(small: Mapping[str, SmallErrors], one: str, other: str) -> str:
+    both = one in small and other in small
+    return small[one].differs_from(small[other]) if both else ""
 
 
 def _with_answer(result: Result, how: Resampling, **fields: Any) -> Comparison:
@@ -388,12 +410,17 @@ def compare_two(
     levels, pairs, resamples = statistics(measured, list(laws), good, how)
     same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
     bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
+    titles = {k: f"{result.title_of[law]} ({name})" for k, (name, result, law) in laws.items()}
+    known = {k: (result.described.small_errors, law) for k, (_, result, law) in laws.items()}
+    small = {label: errors[law] for label, (errors, law) in known.items() if law in errors}
+    of_base = dict.fromkeys(bases.values(), f"the law in {names[0]}")
+    gains = _gains(small, {label: bases.get(label, label) for label in laws}, titles | of_base)
     return _with_answer(
         first,
         how,
         title=" and ".join(names),
         labels=list(laws),
-        titles={k: f"{result.title_of[law]} ({name})" for k, (name, result, law) in laws.items()},
+        titles=titles,
         runs=runs,
         kinds={label: result.kinds[law] for label, (_, result, law) in laws.items()},
         failed=dict(zip(laws, np.count_nonzero(~good, axis=1).tolist(), strict=True)),
@@ -402,6 +429,8 @@ def compare_two(
         missing=[*_cut(first, chosen, windows), *_missing(first), *_missing(second)],
         resamples=resamples,
         negligible=negligible,
+        not_matched=list(gains),
+        gains=gains,
         bases=bases,
         between=between,
     )
@@ -502,6 +531,9 @@ def _judgements(
             first, second = kinds[row.lesser], kinds[row.greater]
             pair = by_names.get((key, first, second)) or by_names[key, second, first].swapped()
             judged = judge_less(source, claim.says, pair)
+            if words := _differ(result.described.small_errors, first, second):
+                incomparable = ClaimVerdict.NOT_COMPARABLE
+                judged = replace(judged, verdict=incomparable, runs_to_decide=None, statement=words)
         if result.described.departures:
             uncovered = ClaimVerdict.NOT_COVERED
             judged = replace(judged, verdict=uncovered, runs_to_decide=None)

@@ -17,6 +17,7 @@ class ClaimVerdict(StrEnum):
     NOT_SUPPORTED = "not supported"
     UNDECIDED = "undecided"
     NOT_COVERED = "not covered"
+    NOT_COMPARABLE = "not comparable"
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Judgement:
     measured, controller
         The measure and the controller, for a claim about every run.
     statement
-        The claim about every run in words.
+        The claim about every run in words; of laws that are not comparable, how their gains differ.
     held, runs
         Number of runs in which it held, and of runs with a value.
     low
@@ -85,6 +86,9 @@ class Comparison(InNotebook):
         Name of each law's function L, by label; empty if it is the same for all.
     not_matched
         Labels of laws whose gains are not matched to those of the others.
+    gains
+        How stiffness and damping of laws, at the poses that they flew, are not those of their gains
+        or of the law that they are compared with, by label.
     missing
         Sentences about numbers that could not be computed.
     confidence, resamples, seed
@@ -122,6 +126,7 @@ class Comparison(InNotebook):
     departures: str = ""
     lyapunov_functions: Mapping[str, str] = field(default_factory=dict)
     not_matched: Sequence[str] = ()
+    gains: Mapping[str, str] = field(default_factory=dict)
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
     lines: Sequence[str] = ()

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
-from eqt_cli.analysis.comparison import Comparison, Judgement
+from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
 from eqt_cli.analysis.intervals import FEWEST, POWER, Level, Pair, Word
 from eqt_cli.analysis.verdict import Answer, answers, runs_each, sources, too_few, unsettled
 from eqt_cli.base.reporting import Block, TextTable, percent
@@ -306,6 +306,10 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
     ]
     if comparison.departures:
         notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]
+    if any(row.verdict is ClaimVerdict.NOT_COMPARABLE for row in comparison.judgements):
+        notes.append(
+            "not comparable: the two laws have not one stiffness and damping where they flew."
+        )
     notes += [f"{late}: where they end, these runs do not show." for late in unsettled(comparison)]
     return TextTable("claims", caption, header, blocks, notes, (header[-1],))
 

@@ -91,7 +91,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
         Whether to say how the claims of papers come out.
     """
     conclusions, titles, runs = answers(comparison, against), comparison.titles, comparison.runs
-    sentences, undecided = [*comparison.between], list[str]()
+    sentences, undecided = [*comparison.between, *_gains(comparison)], list[str]()
     for label in comparison.labels:
         of_law = [answer for answer in conclusions if answer.pair.first == label]
         if not of_law:
@@ -106,7 +106,8 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
                 sentences.append(f"  also {word}: {', '.join(_names(decided, comparison))}")
         if runs >= FEWEST and (names := _undecided(others, comparison)):
             undecided.append(f"{titles[label]}: {names}")
-    if alone := ", ".join(titles[label] for label in comparison.not_matched):
+    untold = (label for label in comparison.not_matched if label not in comparison.gains)
+    if alone := ", ".join(titles[label] for label in untold):
         tuning = "`eqt tune CONFIG` tunes all laws alike"
         sentences.append(f"gains are not tuned alike: {alone}; {tuning}")
     if undecided:
@@ -121,6 +122,15 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
         sentences.append(f"claims of {sources(comparison)}: {verdicts}")
     tested = sum(answer.p_value >= 0 for answer in conclusions)
     return [*sentences, *(_meaning(comparison, tested) if tested else ())]
+
+
+def _gains(comparison: Comparison) -> Iterator[str]:
+    """Name the laws that fly with other gains, before any verdict."""
+    laws = dict[str, list[str]]()
+    for label, words in comparison.gains.items():
+        laws.setdefault(words, []).append(comparison.titles[label])
+    for words, titles in laws.items():
+        yield f"gains are not matched: {', '.join(titles)}: {words}"
 
 
 def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:
@@ -264,6 +274,8 @@ def _of_claim(comparison: Comparison, says: str, rows: Sequence[Judgement]) -> F
     verdict = str(ClaimVerdict.NOT_SUPPORTED)
     if len(verdicts) == 1:
         verdict = str(*verdicts)
+    elif ClaimVerdict.NOT_COMPARABLE in verdicts:
+        verdict = str(ClaimVerdict.NOT_COMPARABLE)
     elif ClaimVerdict.SUPPORTED in verdicts:
         verdict = f"{PARTLY} {ClaimVerdict.SUPPORTED}"
     in_every_run = [row for row in rows if row.pair is None]
@@ -290,6 +302,11 @@ def _in_every_run(comparison: Comparison, rows: Sequence[Judgement]) -> Iterator
 
 def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
     """Yield the differences; of several, the number that agree and those that do not."""
+    unlike = [row for row in rows if row.verdict is ClaimVerdict.NOT_COMPARABLE]
+    for row in unlike:
+        if row.pair:
+            yield f"{titles[row.pair.first]} has {row.statement} of {titles[row.pair.second]}"
+    rows = [row for row in rows if row not in unlike]
     if len(rows) < 2:
         yield from (_difference_in_words(row.pair, titles) for row in rows if row.pair)
         return

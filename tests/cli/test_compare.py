@@ -128,6 +128,9 @@ def test_two_results_are_compared_law_by_law(invoke, changed):
         f"{law} (stiff) against {law} (soft)" for law in ("EqT", "GT", "nog", "asym")
     ]
     assert "runs are paired by their equal starts" in lines
+    laws = ", ".join(f"{law} (stiff)" for law in ("EqT", "GT", "nog", "asym"))
+    said = " ".join(map(str.strip, lines))
+    assert f"gains are not matched: {laws}: 2 times the stiffness of the law in soft" in said
     assert "what differs: gains.kp 1.0 → 2.0" in lines
     rows = json.loads(invoke("compare", *two, "--json", "--resamples", 99).stdout)["pairs"]
     with open_result(two[0]) as soft, open_result(two[1]) as stiff:
@@ -405,3 +408,21 @@ def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path)
         half = (interval.high - interval.low) / 2
         assert pair["low"] == pytest.approx(interval.low, abs=0.3 * half)
         assert pair["high"] == pytest.approx(interval.high, abs=0.3 * half)
+
+
+def test_laws_with_other_gains_are_named_first_and_claims_not_judged(invoke, tmp_path):
+    """The paper's EqT, and GT with twice its stiffness, which tracks better for that alone."""
+    text = (Path(__file__).parents[2] / "configs" / "paper.yaml").read_text()
+    laws = "controllers: [eqt, { kind: gt, gains: { kp: 2 } }]"
+    (tmp_path / "unequal.yaml").write_text(re.sub(r"(?m)^controllers: .*$", laws, text))
+    invoke("run", tmp_path / "unequal.yaml", *SMALL, "--out", tmp_path / "result")
+    compare = "compare", tmp_path / "result", "--resamples", 99
+    first, second, *_, claims = invoke(*compare).stdout.split("20 runs per law")[0].splitlines()
+    assert first == "gains are not matched: GT: 2 times the stiffness of EqT"
+    assert second == "GT against EqT"
+    assert claims.endswith("; 2 not comparable")
+    compared = json.loads(invoke(*compare, "--json").stdout)
+    verdicts = {row["verdict"] for row in compared["claims"] if "held" not in row}
+    assert verdicts == {"not comparable"}
+    table = invoke(*compare, "--table", "claims").stdout
+    assert "not comparable: the two laws have not one stiffness and damping" in table
