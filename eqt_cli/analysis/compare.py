@@ -310,6 +310,7 @@ def compare(
         lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
         not_matched=[label for label in labels if label in declared or label in gains],
         gains=gains,
+        resolution=_resolution(result),
         missing=[*_cut(result, chosen, windows), *_missing(result)],
         resamples=resamples,
         negligible=negligible,
@@ -327,6 +328,14 @@ def _gains(
         elif differs := _differ(small, label, base):
             words[label] = f"{differs} of {titles[base]}"
     return words
+
+
+def _resolution(result: Result) -> float:
+    """Return the largest error estimate of the good runs; 0 where none is known."""
+    if not result.has("error_estimate"):
+        return 0.0
+    estimates = result["error_estimate"][result.good]
+    return float(np.nanmax(estimates, initial=0.0))
 
 
 def _differ(small: Mapping[str, SmallErrors], one: str, other: str) -> str:
@@ -430,6 +439,7 @@ def compare_two(
         resamples=resamples,
         negligible=negligible,
         not_matched=list(gains),
+        resolution=max(map(_resolution, both)),
         gains=gains,
         bases=bases,
         between=between,

@@ -89,6 +89,8 @@ class Comparison(InNotebook):
     gains
         How stiffness and damping of laws, at the poses that they flew, are not those of their gains
         or of the law that they are compared with, by label.
+    resolution
+        Largest error estimate of the runs; 0 where none is known. Smaller errors are not judged.
     missing
         Sentences about numbers that could not be computed.
     confidence, resamples, seed
@@ -127,6 +129,7 @@ class Comparison(InNotebook):
     lyapunov_functions: Mapping[str, str] = field(default_factory=dict)
     not_matched: Sequence[str] = ()
     gains: Mapping[str, str] = field(default_factory=dict)
+    resolution: float = 0.0
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
     lines: Sequence[str] = ()

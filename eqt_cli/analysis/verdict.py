@@ -71,8 +71,20 @@ def answers(comparison: Comparison, against: str = "") -> list[Answer]:
         decided = word is Word.ALIKE
         if word in (Word.BETTER, Word.WORSE) and p_value <= 1 - comparison.confidence:
             decided = first > second if word is Word.BETTER else second > first
+        decided &= not unresolved(pair, comparison.resolution)
         conclusions.append(Answer(pair, word, p_value, decided))
     return conclusions
+
+
+STATE_UNITS = ("1", "rad", "deg", "m", "rad/s", "m/s")
+"""Units of errors of poses and velocities, to which error estimates apply."""
+
+
+def unresolved(pair: Pair, resolution: float) -> bool:
+    """Whether both means are errors of a state that are within their error estimate."""
+    signals, of_state = pair.measured.quantity.signals, pair.measured.unit in STATE_UNITS
+    is_error = any("_error" in signal or "attitude_angle" in signal for signal in signals)
+    return is_error and of_state and max(pair.mean_first, pair.mean_second) <= resolution
 
 
 # The answer in words ------------------------------------------------------------------------------
@@ -112,6 +124,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
         sentences.append(f"gains are not tuned alike: {alone}; {tuning}")
     if undecided:
         sentences.append(f"undecided: {'; '.join(undecided)}")
+    sentences += _within(conclusions, comparison)
     failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
     if failed:
         sentences.append(f"failed runs, left out: {', '.join(failed)}")
@@ -131,6 +144,14 @@ def _gains(comparison: Comparison) -> Iterator[str]:
         laws.setdefault(words, []).append(comparison.titles[label])
     for words, titles in laws.items():
         yield f"gains are not matched: {', '.join(titles)}: {words}"
+
+
+def _within(conclusions: Sequence[Answer], comparison: Comparison) -> Iterator[str]:
+    """Name the errors that are within their estimate."""
+    within = [x for x in conclusions if unresolved(x.pair, comparison.resolution)]
+    if names := ", ".join(dict.fromkeys(_names(within, comparison))):
+        estimate = f"the error estimate of {comparison.resolution:.1g}"
+        yield f"not judged, as both are within {estimate}: {names}"
 
 
 def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:

@@ -202,6 +202,12 @@ class Experiment:
                 "lacks the weight that model.forces has, so that laws hold the body against "
                 "nothing; repeat it here",
             )
+        if draws_nothing(self):
+            yield (
+                ("ensemble", "runs"),
+                f"all {self.config.ensemble.runs} runs of a law are equal, as nothing is drawn: "
+                "one run tells as much, and no interval follows from them",
+            )
         listed, loops = {each.name for each in self.metrics}, self.loops.values()
         plugin_metrics = metrics.defined_by(self.plugins.values())
         for name in plugin_metrics if self.document.data.get("metrics") is None else ():
@@ -713,6 +719,31 @@ def in_agreement(
             f"got {config.ensemble.runs}"
         )
     return config
+
+
+def draws_nothing(experiment: Experiment) -> bool:
+    """Whether all runs of a law are one and the same."""
+    vehicle, seed = experiment.loop.vehicle, experiment.config.ensemble.seed
+    if experiment.config.ensemble.runs == 1 or vehicle.varies or vehicle.measures:
+        return False
+    one, two = (experiment.start.numbers(experiment.group, seed, run) for run in (0, 1))
+    return all(map(np.array_equal, one, two))
+
+
+def check_starts(experiment: Experiment, problems: Problems) -> None:
+    """Note an experiment that repeats one run which starts on its reference."""
+    if not draws_nothing(experiment):
+        return
+    G, runs = experiment.group, experiment.config.ensemble.runs
+    numbers, velocity = experiment.start.numbers(G, experiment.config.ensemble.seed, 0)
+    if not velocity.any() and (experiment.start.poses.place(G, numbers[None]) == G.identity).all():
+        turns = all(part.turns for part in G.parts) and G.dimension == 3
+        pose = "haar" if turns else "{ kind: exp_normal, std: 0.5 }"
+        problems.at("initial").add(
+            f"all {runs} runs start on the reference, and nothing is drawn, so they are one run; "
+            f"add `initial: {{ pose: {pose}, velocity: {{ kind: normal, std: 1 }} }}`, or set "
+            "ensemble.runs to 1"
+        )
 
 
 def designed_laws(experiment: Experiment, problems: Problems) -> Experiment:

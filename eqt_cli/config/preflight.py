@@ -50,7 +50,7 @@ from eqt_cli.components.references import Reference
 from eqt_cli.components.sensors import Sensor
 from eqt_cli.components.vehicle_parts import VehiclePart
 from eqt_cli.config.document import Document, changed_at
-from eqt_cli.config.experiment import Experiment, LastPoint, assemble, designed_laws
+from eqt_cli.config.experiment import Experiment, LastPoint, assemble, check_starts, designed_laws
 from eqt_cli.engines.choice import AUTO
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of
@@ -85,6 +85,7 @@ def build(document: Document, last: LastPoint | None = None) -> Experiment:
     problems.raise_if_any()
     try_laws(experiment, problems)
     problems.raise_if_any()
+    check_starts(experiment, problems)
     try_metrics(experiment, problems)
     problems.raise_if_any()
     if not experiment.solver.is_auto:

@@ -180,7 +180,7 @@ class ShownControllers:
             for e in self.ensembles
             if (count := np.count_nonzero(~e.good))
         ]
-        unmatched = [e.title for e in self.shown if e.results.described.has_other_gains(e.law)]
+        unmatched = [e.title for e in self.shown if e.law in e.results.described.not_matched]
         matched = [f"Gains not matched: {', '.join(unmatched)}."] if unmatched else []
         return failed + matched + self.remarks
 

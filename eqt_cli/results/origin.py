@@ -170,11 +170,6 @@ class Experiment(BaseModel):
     decimate: PositiveInt = 1
     axis: Arrow | None = None
 
-    def has_other_gains(self, law: str) -> bool:
-        """Whether stiffness and damping of a law, where it flew, are not those of the gains."""
-        small = self.small_errors.get(law)
-        return law in self.not_matched or (small is not None and bool(small.departs))
-
 
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))
 

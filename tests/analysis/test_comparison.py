@@ -10,8 +10,8 @@ from scipy.stats import binomtest
 
 from eqt_cli.analysis.compare import AtMost, compare, judge_at_most, judge_less
 from eqt_cli.analysis.comparison_tables import records, text_tables
-from eqt_cli.analysis.intervals import Resampling, resolved_differences
-from eqt_cli.analysis.verdict import unsettled
+from eqt_cli.analysis.intervals import Resampling, Word, resolved_differences
+from eqt_cli.analysis.verdict import answers, unsettled
 from eqt_cli.base.errors import EqtError
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import decay_rate
@@ -394,6 +394,19 @@ def test_a_comparison_of_some_laws_is_about_these_only(make_result):
     whole = compare(results, metrics=["effort"])
     assert (whole.labels, whole.not_matched) == (["a", "b", "c"], ["b", "c"])
     assert len(whole.pairs) == 3
+
+
+@pytest.mark.parametrize(("estimate", "judged"), [(1e-9, False), (1e-13, True)])
+def test_errors_within_their_estimate_are_not_judged(make_result, estimate, judged):
+    """Four times the error in each of 40 runs is better for sure, if it is more than rounding."""
+    errors = 1e-12 * (2 + 0.1 * np.sin(np.arange(40.0)))
+    estimates = np.full((2, 40), estimate)
+    metrics = {"mean_pose_error": [errors, 4 * errors], "error_estimate": estimates}
+    compared = compare(make_result(["eqt", "gt"], metrics=metrics), metrics=["mean_pose_error"])
+    [answer] = answers(compared)
+    assert (answer.word, answer.decided) == (Word.WORSE, judged)
+    said = "not judged, as both are within the error estimate of 1e-09: mean ‖I − Q_E‖"
+    assert (said in compared.lines) == (not judged)
 
 
 def test_a_window_is_cut_where_the_runs_end_and_says_so(torques):

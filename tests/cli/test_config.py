@@ -99,6 +99,25 @@ def test_a_shipped_configuration_by_its_name(eqt, refused, folder):
 # check ------------------------------------------------------------------------------------------
 
 
+def test_runs_that_are_one_run_are_refused_on_the_reference_and_remarked_beside_it(eqt):
+    """Three runs without a draw: on the reference there is nothing to track."""
+    done = eqt("config", "check", "c.yaml", "--set", "initial={}")
+    assert done.code == 2
+    assert done.err.endswith(
+        "initial: all 3 runs start on the reference, and nothing is drawn, so they are one run; "
+        "add `initial: { pose: haar, velocity: { kind: normal, std: 1 } }`, or set ensemble.runs to "
+        "1\n"
+    )
+    one = eqt("config", "check", "c.yaml", "--set", "initial={}", "--set", "ensemble.runs=1")
+    noisy = "--set=sensors={pose: [{kind: noise, std: 0.01}]}", "--set=control={period: 0.1}"
+    drawn = eqt("config", "check", "c.yaml", "--set", "initial={}", *noisy)
+    beside = "initial={velocity: {kind: fixed, coordinates: [0, 0, 1]}}"
+    fixed = eqt("config", "check", "c.yaml", "--set", beside)
+    assert (one.code, drawn.code, fixed.code) == (0, 0, 0), drawn.err
+    assert "ensemble.runs: all 3 runs of a law are equal, as nothing is drawn" in fixed.err
+    assert "are equal" not in one.err + drawn.err
+
+
 def test_check_says_what_would_run(eqt, folder):
     done = eqt("config", "check", "c.yaml")
     assert (done.code, done.err) == (0, "c.yaml: valid\n")
