@@ -24,7 +24,7 @@ from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
 from eqt_cli.base.registry import Registry
 from eqt_cli.components import vehicle_parts
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, check_turns_in_space, rigid_motions
 from eqt_cli.components.motions import RigidMotion, body_axes, unit_vector
@@ -46,11 +46,20 @@ class Force(vehicle_parts.VehiclePart):
     Attributes
     ----------
     frame
-        The frame of its coordinates and of the velocity that it depends on. A spatial force f acts
-        as Ad*_Q f: on SE3 its line of action is given in space and not on the body.
+        The frame of its coordinates and of the velocity that it depends on.
+    at
+        Where a spatial force f acts. `centre`: at the origin of the body, as wind and weight do, so
+        that a translational part has no torque. `line`: along a line that is fixed in space, as
+        Ad*_Q f, so that far from the origin of space it turns the body.
     """
 
     frame: Literal["body", "spatial"] = field(default="body", kw_only=True)
+    at: Literal["centre", "line"] = field(default="centre", kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Refuse a line in space for a force that turns with the body."""
+        if self.at == "line" and self.frame == "body":
+            raise ValueError("at: line is fixed in space; add frame: spatial, or leave it out")
 
     @abstractmethod
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
@@ -60,8 +69,9 @@ class Force(vehicle_parts.VehiclePart):
         """Return the force in the body frame, ``(..., m)``; V is the body velocity."""
         if self.frame == "body":
             return self.acting(G, t, Q, V)
-        force = self.acting(G, t, Q, G.Ad(Q, V))
-        return G.Ad_star(Q, force + 0 * V)
+        place = Q if self.at == "line" else at_origin(G, Q)
+        force = self.acting(G, t, Q, G.Ad(place, V))
+        return G.Ad_star(place, force + 0 * V)
 
     @property
     def turns(self) -> bool:
@@ -98,6 +108,16 @@ class Force(vehicle_parts.VehiclePart):
     def remarks(self, G: MatrixLieGroup, inertia: Inertia) -> Iterator[tuple[str, str]]:
         """Yield remarks for the user with their options, where `inertia` is the plant's."""
         yield from ()
+
+
+def at_origin(G: MatrixLieGroup, Q: Array) -> Array:
+    """Return a pose without its translations, which carries vectors of space without a lever."""
+    if isinstance(G, ProductGroup):
+        factors = zip(G.factors, G.places, strict=True)
+        return G.assemble([at_origin(factor, Q[..., at, at]) for factor, at in factors])
+    if isinstance(G, EuclideanGroup) and G.columns:
+        return G.assemble(G.rotation(Q), np.zeros_like(G.translations(Q)))
+    return Q
 
 
 forces = Registry("force", "forces", Force, ("components.forces",))
@@ -346,7 +366,7 @@ class ExpressionForce(InExpressions, Force):
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return f(t)."""
-        return self.at(t)
+        return self.values(t)
 
 
 # The gravity gradient, whose torque turns the long axis of a satellite towards the planet ---------

@@ -43,7 +43,7 @@ class InExpressions:
         """The expressions, parsed."""
         return [formula(entry) for entry in getattr(self, self.expressed)]
 
-    def at(self, t: Any) -> Array:
+    def values(self, t: Any) -> Array:
         """Return the values of the expressions, ``(..., m)``."""
         return stack([expression.evaluate({"t": t}) for expression in self.expressions])
 
@@ -590,4 +590,4 @@ class TorqueReference(InExpressions, Reference):
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
         """τ_d(t)."""
-        return self.at(t)
+        return self.values(t)

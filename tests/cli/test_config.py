@@ -105,8 +105,8 @@ def test_runs_that_are_one_run_are_refused_on_the_reference_and_remarked_beside_
     assert done.code == 2
     assert done.err.endswith(
         "initial: all 3 runs start on the reference, and nothing is drawn, so they are one run; "
-        "add `initial: { pose: haar, velocity: { kind: normal, std: 1 } }`, or set ensemble.runs to "
-        "1\n"
+        "add `initial: { pose: haar, velocity: { kind: normal, std: 1 } }`, or set ensemble.runs "
+        "to 1\n"
     )
     one = eqt("config", "check", "c.yaml", "--set", "initial={}", "--set", "ensemble.runs=1")
     noisy = "--set=sensors={pose: [{kind: noise, std: 0.01}]}", "--set=control={period: 0.1}"

@@ -234,8 +234,8 @@ def test_a_constant_reference_rests_unless_told():
 def test_other_functions_of_time_leave_a_reference_as_it_is():
     one, t = TorqueReference(["1", "2", "t"]), 0.5
     other = one.with_functions(lambda: formula("7"))
-    assert other.at(t).tolist() == [7.0, 7.0, 7.0]
-    assert one.at(t).tolist() == [1.0, 2.0, 0.5]
+    assert other.values(t).tolist() == [7.0, 7.0, 7.0]
+    assert one.values(t).tolist() == [1.0, 2.0, 0.5]
 
 
 def test_a_reference_without_a_file_is_given_at_all_times():

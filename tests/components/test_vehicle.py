@@ -96,7 +96,7 @@ def test_drag_is_odd_and_takes_power():
 def test_a_spatial_force_acts_as_its_dual_adjoint():
     Q = SE3.exp(np.array([[0.3, -0.2, 0.5, 1.0, 2.0, -1.0]]))
     V = np.zeros((1, 6))
-    drag = Drag(linear=1.0, frame="spatial")
+    drag = Drag(linear=1.0, frame="spatial", at="line")
     V = V + 0.4
     expected = -SE3.Ad_star(Q, SE3.Ad(Q, V))
     np.testing.assert_allclose(acting(drag, SE3, Q, V), expected, atol=10 * ROUNDING)
@@ -104,7 +104,7 @@ def test_a_spatial_force_acts_as_its_dual_adjoint():
 
 def test_a_push_in_space_acts_on_a_body_at_rest():
     Q, push = SE3.exp(np.array([0.3, -0.2, 0.5, 1.0, 2.0, -1.0])), [0.1, -0.2, 0.3, 1.0, 2.0, 3.0]
-    found = acting(ConstantForce(push, frame="spatial"), SE3, Q, np.zeros(6))
+    found = acting(ConstantForce(push, frame="spatial", at="line"), SE3, Q, np.zeros(6))
     np.testing.assert_allclose(found, SE3.Ad_star(Q, np.array(push)), atol=ROUNDING)
 
 
