@@ -1,8 +1,10 @@
 """Every command and snippet of the documentation works as it stands, and says what is true."""
 
 import ast
+import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -123,12 +125,27 @@ def _printed(folder, *arguments, **environment):
     return done.stdout
 
 
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """The folder with 5,000 runs of each law of the paper, by the command of the first pages."""
+    folder = tmp_path_factory.mktemp("many")
+    shutil.copytree(ROOT / "configs", folder / "configs")
+    runs = {
+        block.text.partition("eqt compare")[0]
+        for page in ("index.md", "../README.md")
+        for block in docs_runner.blocks(_text(page))
+        if "results/many\neqt" in block.text
+    }
+    (run,) = runs  # the same on both pages
+    _printed(folder, *shlex.split(run)[1:])
+    return folder
+
+
 @pytest.mark.ci("computes the 800 runs of the paper")
 @NEEDS_COMPILER
-@pytest.mark.parametrize("page", [FIRST, "index.md"])
-def test_table_of_the_paper(page, paper):
+def test_table_of_the_paper(paper):
     """Its digits do not depend on the engine; the energy residuals, in the last column, do."""
-    shown = _rows(_text(page))
+    shown = _rows(_text(FIRST))
     assert len(shown) == 4
     assert _rows(paper[1]) == shown
 
@@ -140,16 +157,51 @@ def _rows(text):
 
 @pytest.mark.ci("computes the 800 runs of the paper")
 @NEEDS_COMPILER
-@pytest.mark.parametrize("page", [FIRST, "index.md", "../README.md"])
-def test_comparison_of_the_paper(page, paper):
+def test_comparison_of_the_paper(paper):
     printed = _printed(paper[0], "compare", "results/paper", COLUMNS="80")
+    assert docs_runner.matches(_comparison(FIRST), printed)
+
+
+def _comparison(page):
     texts = [block.text for block in docs_runner.blocks(_text(page)) if block.language == "text"]
     (shown,) = [text for text in texts if text.startswith("GT against EqT")]
-    compared, _, places = shown.partition("all runs ")  # which `make paper` adds
-    assert docs_runner.matches(compared, printed)
+    return shown
+
+
+@pytest.mark.ci("computes 20,000 runs")
+@NEEDS_COMPILER
+def test_numbers_of_the_first_pages(many):
+    """Each has its interval, and comes from the command beside it."""
+    printed = _printed(many, "compare", "results/many", COLUMNS="80")
+    pages = ["index.md", "../README.md", "explanation/paper.md"]
+    for page in pages[:2]:
+        assert docs_runner.matches(_comparison(page), printed)
+    compared = json.loads(_printed(many, "compare", "results/many", "--json", "--against", "gt"))
+    rows = compared["pairs"]
+    pairs = {(x["metric"], x["window_stop"], x["first"], x["second"]): x for x in rows}
+    home, readme, findings = (" ".join(_text(page).split()) for page in pages)
+
+    def percent(*measured):
+        row = pairs[measured]
+        names = "relative", "relative_low", "relative_high"
+        mean, *ends = (abs(100 * row[name]) for name in names)
+        low, high = sorted(ends)
+        return f"{mean:.1f} % [{low:.1f}, {high:.1f}]"
+
+    torque = percent("mean_torque", 5, "eqt", "gt")
+    errors = percent("mean_pose_error", 20, "eqt", "gt")
+    assert f"EqT needs {torque} less torque than GT in the first 5 s" in readme
+    assert f"EqT needs {torque} less torque than GT in the first 5 s, with {errors} more" in home
+    asym = percent("mean_attitude_error", 20, "asym", "eqt")
+    assert f"the attitude error of asym is {asym} below that of EqT" in readme
+    assert f"less by {torque}" in findings and f"more by {errors}" in findings
+
+
+def test_the_readme_says_what_make_paper_prints_last():
+    texts = [block.text for block in docs_runner.blocks(_text("../README.md"))]
+    (places,) = [text for text in texts if text.startswith("all runs ")]
     recipe = (ROOT / "Makefile").read_text("utf-8").replace("$(BIN)", ".venv/bin")
-    assert places == "" or f'"all runs {places.splitlines()[0]}"' in recipe
-    assert all(f'"{line}"' in recipe for line in places.splitlines()[1:])
+    assert all(f'"{line}"' in recipe for line in places.splitlines())
 
 
 COLUMNS = re.findall(

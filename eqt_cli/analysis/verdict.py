@@ -178,7 +178,7 @@ def _undecided(conclusions: Sequence[Answer], comparison: Comparison) -> str:
 
 
 def _in_full(answer: Answer, comparison: Comparison) -> str:
-    """``better: mean attitude error −16 % [−19, −13], in 167 of 200 runs, p < 1e-20``.
+    """``better: mean attitude error −16 % [−19, −13], in 167 of 200 (p<1e-20)``.
 
     Without an interval, ``mean attitude error +38 % (4.437 against 3.216 deg)``.
     """
@@ -192,8 +192,8 @@ def _in_full(answer: Answer, comparison: Comparison) -> str:
         return f"{word}: {what}"
     first, second = pair.better_in
     ahead = {Word.BETTER: first, Word.WORSE: second}.get(word, max(first, second))
-    p_value = "p < 1e-20" if answer.p_value < 1e-20 else f"p = {answer.p_value:.1g}"
-    return f"{word}: {what}, in {ahead} of {pair.pairs} runs, {p_value}"
+    p_value = "p<1e-20" if answer.p_value < 1e-20 else f"p={answer.p_value:.1g}"
+    return f"{word}: {what}, in {ahead} of {pair.pairs} ({p_value})"
 
 
 def _names(conclusions: Sequence[Answer], comparison: Comparison) -> list[str]:
@@ -221,8 +221,8 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     yield (
-        f"{runs_each(comparison)}{starts}; better or worse where {sure} intervals and sign tests "
-        f"(Holm, {count} numbers) agree; within {none} is no difference"
+        f"{runs_each(comparison)}{starts}; p: sign test, corrected for {count} numbers (Holm); "
+        f"better or worse where it and the {sure} interval agree; within {none} is no difference"
     )
 
 

@@ -82,7 +82,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert len(lines) <= 25 and max(map(len, lines)) <= 80
     heads = ["GT against EqT", "nog against EqT", "asym against EqT"]
     assert [line for line in lines if " against " in line] == heads
-    first = r"  better: mean attitude error −\d+ % \[−\d+, −\d+\], in \d+ of 60 runs, p = .+"
+    first = r"  better: mean attitude error −\d+ % \[−\d+, −\d+\], in \d+ of 60 \(p=.+\)"
     assert re.fullmatch(first, lines[1])
     assert re.fullmatch(r"  (worse|undecided): effort \+\d+ % \[.+", lines[2])
     said = done.stdout.replace("\n    ", " ")
