@@ -82,9 +82,10 @@ STATE_UNITS = ("1", "rad", "deg", "m", "rad/s", "m/s")
 
 def unresolved(pair: Pair, resolution: float) -> bool:
     """Whether both means are errors of a state that are within their error estimate."""
-    signals, of_state = pair.measured.quantity.signals, pair.measured.unit in STATE_UNITS
-    is_error = any("_error" in signal or "attitude_angle" in signal for signal in signals)
-    return is_error and of_state and max(pair.mean_first, pair.mean_second) <= resolution
+    quantity, of_state = pair.measured.quantity, pair.measured.unit in STATE_UNITS
+    is_error = any("_error" in name or "attitude_angle" in name for name in quantity.signals)
+    is_least = 0 < max(pair.mean_first, pair.mean_second) <= resolution
+    return is_error and of_state and not quantity.counts and is_least
 
 
 # The answer in words ------------------------------------------------------------------------------

@@ -46,20 +46,11 @@ class Force(vehicle_parts.VehiclePart):
     Attributes
     ----------
     frame
-        The frame of its coordinates and of the velocity that it depends on.
-    at
-        Where a spatial force f acts. `centre`: at the origin of the body, as wind and weight do, so
-        that a translational part has no torque. `line`: along a line that is fixed in space, as
-        Ad*_Q f, so that far from the origin of space it turns the body.
+        The frame of its coordinates and of the velocity that it depends on. `spatial`: the axes of
+        space, at the origin of the body, as wind and weight act.
     """
 
     frame: Literal["body", "spatial"] = field(default="body", kw_only=True)
-    at: Literal["centre", "line"] = field(default="centre", kw_only=True)
-
-    def __post_init__(self) -> None:
-        """Refuse a line in space for a force that turns with the body."""
-        if self.at == "line" and self.frame == "body":
-            raise ValueError("at: line is fixed in space; add frame: spatial, or leave it out")
 
     @abstractmethod
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
@@ -69,7 +60,7 @@ class Force(vehicle_parts.VehiclePart):
         """Return the force in the body frame, ``(..., m)``; V is the body velocity."""
         if self.frame == "body":
             return self.acting(G, t, Q, V)
-        place = Q if self.at == "line" else at_origin(G, Q)
+        place = at_origin(G, Q)
         force = self.acting(G, t, Q, G.Ad(place, V))
         return G.Ad_star(place, force + 0 * V)
 
@@ -120,11 +111,37 @@ def at_origin(G: MatrixLieGroup, Q: Array) -> Array:
     return Q
 
 
+@dataclass(frozen=True)
+class PlacedForce(Force):
+    """A force that may act along a line of space.
+
+    Attributes
+    ----------
+    at
+        Where it acts with `frame: spatial`. `centre`: at the origin of the body, so that its
+        translational part has no torque. `line`: along a line that is fixed in space, as Ad*_Q f,
+        so that far from the origin of space it turns the body.
+    """
+
+    at: Literal["centre", "line"] = field(default="centre", kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Refuse a line in space for a force that turns with the body."""
+        if self.at == "line" and self.frame == "body":
+            raise ValueError("at: line is fixed in space; add frame: spatial, or leave it out")
+
+    def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
+        """Return the force in the body frame; along a line, with its lever."""
+        if self.at == "centre":
+            return super().in_body(G, t, Q, V)
+        return G.Ad_star(Q, self.acting(G, t, Q, G.Ad(Q, V)) + 0 * V)
+
+
 forces = Registry("force", "forces", Force, ("components.forces",))
 
 
 @dataclass(frozen=True)
-class ConstantForce(Force):
+class ConstantForce(PlacedForce):
     """The same force at all times.
 
     Attributes
@@ -174,7 +191,7 @@ def in_currents(
 
 
 @dataclass(frozen=True)
-class Drag(Force):
+class Drag(PlacedForce):
     """The drag −(D₁ + D₂ diag|U|) U, with U = V − Ad_{Q⁻¹} (0, c) in a current c, else U = V.
 
     A current also acts through `inertia: {rigid: …, added: M_A}`, whose added part has the velocity
@@ -345,7 +362,7 @@ class Drag(Force):
 
 
 @dataclass(frozen=True)
-class ExpressionForce(InExpressions, Force):
+class ExpressionForce(InExpressions, PlacedForce):
     """A force f(t), one expression per coordinate.
 
     Attributes
@@ -443,7 +460,7 @@ SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
 
 
 @dataclass(frozen=True)
-class Gust(Force):
+class Gust(PlacedForce):
     """A force with the spectrum of an Ornstein-Uhlenbeck process, its coordinates independent.
 
     Each coordinate is a sum of sines of equal amplitude, with frequencies that divide the spectrum
