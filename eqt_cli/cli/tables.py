@@ -120,7 +120,7 @@ _STYLES = {
     "green": ("holds", "supported", "agrees", "better"),
     "bold red": ("FAILS", "not supported", "differs", "violated"),
     "red": ("worse",),
-    "yellow": ("undecided", "growing", "unknown", "not covered"),
+    "yellow": ("undecided", "growing", "unknown", "not covered", "not comparable"),
 }
 """Colours of verdicts, by their first words; the text says the same without colour."""
 

@@ -9,7 +9,9 @@ import pytest
 
 import eqt_cli
 from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.comparison import ClaimVerdict
 from eqt_cli.api.loading import open_at
+from eqt_cli.cli.tables import _STYLES
 from eqt_cli.report.document import Wanted, report
 from eqt_cli.results.metrics import QUANTITIES
 
@@ -232,3 +234,12 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
         [],
         "The certificates were left out (--quick); `eqt verify` computes them.",
     )
+
+
+def test_the_page_and_the_terminal_know_every_verdict_on_a_claim():
+    template = (
+        Path(eqt_cli.__file__).parent / "report" / "templates" / "report.html.j2"
+    ).read_text(encoding="utf-8")
+    coloured = {verdict for verdicts in _STYLES.values() for verdict in verdicts}
+    for verdict in ClaimVerdict:
+        assert f'"{verdict}": ' in template and str(verdict) in coloured
