@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.components.initial_states import draws
 from eqt_cli.config.document import read_config
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -85,12 +84,11 @@ def load(
     counted = [] if runs is None else [f"ensemble.runs={runs}"]
     experiment = build(read_config(folder / f"{name}.yaml", [*overrides, *counted]))
     start, ensemble = experiment.start, experiment.config.ensemble
-    drawn = draws(
-        experiment.group, start.poses, start.velocities, ensemble.seed, range(ensemble.runs)
-    )
-    numbers, errors = map(np.array, zip(*drawn, strict=True))
+    G = experiment.group
+    pairs = (start.numbers(G, ensemble.seed, run) for run in range(ensemble.runs))
+    numbers, errors = map(np.array, zip(*pairs, strict=True))
     Qd, Vd = experiment.desired.pose, experiment.desired.velocity
-    Q, V = Qd @ start.poses.place(experiment.group, numbers), Vd + errors
+    Q, V = Qd @ start.poses.place(G, numbers), Vd + errors
     problems = [
         Problem(loop, loop.initial_state(Q, V, Qd, Vd), experiment.times)
         for loop in experiment.loops.values()
