@@ -161,7 +161,10 @@ def configurations(draw):
             "settling_threshold": positive,
         },
     )
-    return draw(sections)
+    data = draw(sections)
+    if data.get("ensemble", {}).get("runs", 1) > 1:  # they must not be one run
+        data["initial"] = {"velocity": "normal"} | data.get("initial", {})
+    return data
 
 
 SCHEMA = jsonschema.Draft202012Validator(json_schema())
