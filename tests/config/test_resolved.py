@@ -91,7 +91,7 @@ solvers = st.fixed_dictionaries(
         "max_error": st.none() | positive,
         "error_estimate": st.booleans(),
     },
-)
+).map(lambda keys: {"engine": "solve_ivp"} | keys if {"method", "block"} & {*keys} else keys)
 
 
 @st.composite
