@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import eqt_cli
 from eqt_cli.config.remarks import gains_flown
@@ -99,3 +100,15 @@ def test_forces_in_space_turn_a_body_that_is_far_from_the_origin():
     np.testing.assert_allclose(one, 0.4 * np.eye(3), atol=1e-9)
     np.testing.assert_allclose(two, 0.4 * lever.T @ lever, atol=SAME)
     assert "K and K_d in space" in gains_flown(experiment)["eqt"].departs
+
+
+@pytest.mark.parametrize("damage", [{"stiffness": [[[1.0, 2.0], [3.0]]]}, {"damping": []}])
+def test_what_a_result_says_of_poles_is_checked(damage):
+    """It comes from a file: its words are printed, and its matrices are compared."""
+    said = gains_flown(eqt_cli.load_experiment(SATELLITE).base)["eqt"]
+    again = type(said)(**said.model_dump())
+    assert again == said
+    hostile = type(said)(**{**said.model_dump(), "departs": "a\x1b[2J"})
+    assert "\x1b" not in hostile.departs
+    with pytest.raises(ValidationError):
+        type(said)(**{**said.model_dump(), **damage})
