@@ -22,9 +22,10 @@ os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 INTERRUPTED = "interrupted; run the same command again"
 
-OBJECTS_BETWEEN_COLLECTIONS = 200_000
+OBJECTS_BETWEEN_COLLECTIONS = 400_000
 """New objects between searches for unreachable ones, instead of Python's 700 or 2,000: loading
-libraries makes many objects and no garbage."""
+libraries makes many objects and no garbage. Of shipped configurations a run makes 195,000 to
+300,000; a search among them takes 60 to 80 ms and finds 1 %."""
 
 
 def main() -> None:
