@@ -288,6 +288,11 @@ def compare(
     gains = _gains(small, dict.fromkeys(labels, labels[0]), result.title_of)
     declared = result.described.not_matched
     functions = {label: of_all[label] for label in labels if label in of_all}
+    without = [label for label in labels if label in result.described.without_forces]
+    between = []
+    if 0 < len(without) < len(labels):
+        names = ", ".join(result.title_of[label] for label in without)
+        between = [f"without the forces of `model`, which the other laws know: {names}"]
     return _with_answer(
         result,
         how,
@@ -310,6 +315,7 @@ def compare(
         lyapunov_functions=functions if len(set(functions.values())) > 1 else {},
         not_matched=[label for label in labels if label in declared or label in gains],
         gains=gains,
+        between=between,
         resolution=_resolution(result),
         missing=[*_cut(result, chosen, windows), *_missing(result)],
         resamples=resamples,

@@ -403,7 +403,7 @@ class Goodarzi2013(Controller):
         rate = self.velocity_error(s)
         if self.anti_windup == "none":
             return {"integral": rate}
-        x = s.once(EXCESS, lambda s: excess(s.G, self.acting, self.torque(s)))
+        x = s.once(EXCESS, lambda s: excess(s.G, self.acting, s.command(self.torque(s))))
         return {"integral": unwound(self.anti_windup, rate, x, self.ki)}
 
     def torque(self, s: Tracking) -> Array:

@@ -274,11 +274,6 @@ class FlatReference(ClosedReference):
 
     # What it knows of the plant.
 
-    @property
-    def known_forces(self) -> tuple[Any, ...]:
-        """The forces of `model`, drag by its parts."""
-        return (*self.free, *self.across)
-
     def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Return Q_d(0) and V_d(0) of the motion, which a model decides; until then those given."""
         return super().initial(G, pose, velocity) if self.direction else (pose, velocity)

@@ -220,9 +220,9 @@ class Controller(TimeVarying, Component):
         return None
 
     @property
-    def known_forces(self) -> tuple[Any, ...]:
-        """The forces of `model` for which it is `designed`."""
-        return ()
+    def counteracts(self) -> bool:
+        """Whether the loop takes known forces from its torque; others do it themselves, or not."""
+        return bool(self.tasks)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""

@@ -230,6 +230,8 @@ class Tracking:
     ahead
         For laws with a `preview`: returns Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)`` at later
         times. A function, because a sampled law needs them at its instants only.
+    known_force : (..., m)
+        The force that the loop takes from the torque of the law, body frame; None for none.
     """
 
     G: MatrixLieGroup
@@ -246,6 +248,11 @@ class Tracking:
     flat: FlatOutput | None = None
     flux: Any = None
     ahead: Callable[[], tuple[Array, Array]] | None = None
+    known_force: Array | None = None
+
+    def command(self, torque: Array) -> Array:
+        """Return τ − f, what the loop commands for a torque of the law."""
+        return torque if self.known_force is None else torque - self.known_force
 
     @cached_property
     def V(self) -> Array:
@@ -528,7 +535,12 @@ class LawInput(NamedTuple):
         return np.concatenate(columns, axis=-1)
 
     def tracking(
-        self, G: MatrixLieGroup, inertia: InertiaLaw, gains: Gains, memory: Mapping[str, Array]
+        self,
+        G: MatrixLieGroup,
+        inertia: InertiaLaw,
+        gains: Gains,
+        memory: Mapping[str, Array],
+        known_force: Array | None = None,
     ) -> Tracking:
         """Return the tracking state that the law reads, with momenta by its own inertia."""
         now, Q, Qd = inertia.at(self.t), self.pose, self.desired_pose
@@ -537,8 +549,7 @@ class LawInput(NamedTuple):
         later = self.later_pose, self.later_velocity
         ahead = None if self.later_pose is None else lambda: later
         # In place of P_d and τ_d, until `following` gives them, is P.
-        tracking = Tracking(
-            G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, flat, self.flux, ahead
-        )
+        of_loop = flat, self.flux, ahead, known_force
+        tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, *of_loop)
         tracking = with_fields(tracking, V=self.velocity)
         return tracking.following(self.desired_velocity, self.desired_acceleration)

@@ -154,11 +154,6 @@ class Reference(TimeVarying, Component):
         """Return the reference with what it knows of the plant, after noting what does not fit."""
         return self
 
-    @property
-    def known_forces(self) -> tuple[Any, ...]:
-        """The forces that act along the motion besides those of the actuators, as far as known."""
-        return ()
-
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the reference with a new function of time for each of its expressions."""
         return self
@@ -580,7 +575,8 @@ class TorqueReference(InExpressions, Reference):
     Attributes
     ----------
     torque
-        m expressions in t, body frame: forces dual to the velocity coordinates.
+        m expressions in t, body frame: forces dual to the velocity coordinates. They move the
+        desired body, on which no forces of `model` or `plant` act: a weight is not part of them.
     """
 
     name: ClassVar[str] = "torque"

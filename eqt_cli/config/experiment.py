@@ -29,6 +29,7 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import blamed
+from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
 from eqt_cli.components.initial_states import (
@@ -347,6 +348,8 @@ class Law:
         Its number among `controllers`.
     gains
         Its own gains, as `kp` and `kd`.
+    known_forces
+        Whether it takes the forces of `model` into account.
     written
         The names of the options that are written.
     files, code
@@ -358,6 +361,7 @@ class Law:
     law: Controller
     index: int
     gains: dict[str, Any]
+    known_forces: bool
     written: tuple[str, ...]
     files: dict[str, str]
     code: dict[str, str]
@@ -373,6 +377,7 @@ class Law:
     def resolved(self) -> dict[str, Any]:
         """The entry; options that follow the gains stay away, and follow them again."""
         section = as_section(self.law) | ({"gains": self.gains} if self.gains else {})
+        section |= {} if self.known_forces else {"known_forces": False}
         return {name: value for name, value in section.items() if name not in self.followed}
 
 
@@ -459,14 +464,19 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     assert desired
     assert inertia
     laws = {label: law.with_gains(G, gains[label]) for label, law in laws.items()}
-    laws, desired = with_model(config, laws, G, inertia, vehicle, desired, problems)
+    known = known_forces(config, vehicle, G)
+    laws, desired = with_model(config, laws, G, inertia, vehicle, known, desired, problems)
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
     config = in_agreement(config, laws, G, desired, start, problems)
     problems.raise_if_any()
     assert start
     axis = tuple(task.axis) if isinstance(task, PointSection) else ()
     loops = {
-        label: ClosedLoop(G, inertia, gains[label], desired.reference, law.law, vehicle, axis=axis)
+        label: ClosedLoop(
+            *(G, inertia, gains[label], desired.reference, law.law, vehicle),
+            axis=axis,
+            known_forces=known if law.known_forces and law.law.counteracts else (),
+        )
         for label, law in laws.items()
     }
     if metrics_of_runs := _metrics_of(config.metrics, plugins, loops.values(), problems):
@@ -546,7 +556,7 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
             here.add(f"{held}; give this one another `label`{also}")
         else:
             gains = kp_and_kd(entry.gains, law.gains_group(G), here.at("gains"))
-            laws[label] = Law(law, index, gains, entry.written, files, code)
+            laws[label] = Law(law, index, gains, entry.known_forces, entry.written, files, code)
     return laws
 
 
@@ -604,6 +614,7 @@ def with_model(
     G: MatrixLieGroup,
     inertia: InertiaLaw,
     vehicle: Vehicle,
+    known: tuple[Force, ...],
     desired: DesiredTrajectory,
     problems: Problems,
 ) -> tuple[dict[str, Law], DesiredTrajectory]:
@@ -614,7 +625,7 @@ def with_model(
     parts = (vehicle.configured or vehicle).actuators
     plant = PlantModel(
         inertia,
-        known_forces(config, vehicle, G),
+        known,
         pushes,
         vehicle.is_direct and not acting,
         config.time.duration,
@@ -627,7 +638,8 @@ def with_model(
     takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
     for label, entry in laws.items():
         here = problems.at("controllers", entry.index)
-        laws[label] = replace(entry, law=entry.law.for_plant(G, plant, here))
+        of_law = plant if entry.known_forces else plant._replace(forces=())
+        laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
         commands = entry.law.commands
         if commands and commands != takes:
             which = takes if commands == "torque" else commands

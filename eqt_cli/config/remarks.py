@@ -409,6 +409,19 @@ class WheelsNeeded(NamedTuple):
         return any(bool((np.abs(v) > limit).any()) for v, limit in pairs if limit is not None)
 
 
+NEEDED = 1e-6
+"""What the reference needs beyond a limit is rounding below this part of the largest need: it is
+integrated to 1e-8, and a limit may be what it needs, such as 0 of an idle thruster."""
+
+
+def _forces_along(loop: ClosedLoop, shown: Horizon) -> Array:
+    """Return what acts on the plant along the reference, body frame, ``(times, m)``."""
+    total = np.zeros_like(shown.velocity)
+    for force in loop.vehicle.forces:
+        total = total + force.in_body(loop.group, shown.times, shown.pose, shown.velocity)
+    return total
+
+
 def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None:
     """Return what wheels need along the reference, by the balance of momentum; None without any.
 
@@ -419,9 +432,7 @@ def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None
     if loop.vehicle.wheels is None or not shown.finite.all():
         return None
     G, wheels, t, Q, V = loop.group, loop.vehicle.wheels[1], shown.times, shown.pose, shown.velocity
-    forces = np.zeros_like(V)
-    for force in loop.vehicle.forces:
-        forces = forces + force.in_body(G, t, Q, V)
+    forces = _forces_along(loop, shown)
     body = loop.inertia.at(t).momentum(V)
     there = G.Ad_star(G.inverse(Q), forces)
     gained = np.cumsum(np.diff(t)[:, None] * (there[1:] + there[:-1]) / 2, axis=0)
@@ -444,10 +455,8 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     if not loop.vehicle.limits:
         return
     shown = shown or experiment.reference_over_horizon()
-    parts = (shown.times, shown.torque, shown.pose, shown.velocity)
-    times, torque, pose, velocity = (part[shown.finite] for part in parts)
-    for force in loop.reference.known_forces:
-        torque = torque - force.in_body(loop.group, times, pose, velocity)
+    torque = shown.torque - _forces_along(loop, shown)
+    times, torque = shown.times[shown.finite], torque[shown.finite]
     wheels = wheels_needed(experiment, shown)
     if wheels is not None and wheels.are_too_much and not loop.vehicle.magnet:  # which dumps it
         needs = f"the reference, with the forces of the plant, needs {wheels.in_words}"
@@ -459,11 +468,11 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         needed, low, high = np.broadcast_arrays(*demand)
         beyond = np.maximum(needed - high, low - needed)
         limits = np.where(needed > high, high, low)
-        with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0
-            share = np.where(beyond > 0, beyond / np.abs(limits), 0.0)
-        axis = int(np.argmax(share.max(axis=0)))
-        when = int(np.argmax(beyond[:, axis]))
-        if beyond[when, axis] > 0:
+        # Thrusts have one unit, other limits that of their axis; a limit may be 0.
+        size = np.abs(needed).max(axis=None if actuator.thruster_names else 0)
+        share = np.divide(beyond, size, out=0.0 * beyond, where=size > 0)
+        when, axis = np.unravel_index(share.argmax(), share.shape)
+        if share[when, axis] > NEEDED:
             t = times[len(times) - len(needed) + when]
             most = "most" if needed[when, axis] > high[when, axis] else "least"
             names = actuator.thruster_names

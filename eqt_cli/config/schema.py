@@ -146,6 +146,8 @@ class LawEntry:
         Its label, if it has one.
     gains
         Its own gains, if it has any.
+    known_forces
+        Whether it takes the forces of `model` into account.
     written
         The names of the options that are written.
     """
@@ -153,19 +155,21 @@ class LawEntry:
     law: Controller
     label: Any
     gains: "GainsSection | None"
+    known_forces: bool
     written: tuple[str, ...]
 
 
 class LawKind(Kind):
-    """An entry of `controllers`: a law, which may have a label and gains of its own."""
+    """An entry of `controllers`: a law, and what an entry says of it besides its options."""
 
-    of_every_law: ClassVar = ("label", "gains")
+    of_every_law: ClassVar = ("label", "gains", "known_forces")
     """The keys that no law has for itself."""
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> LawEntry | None:
         """Return the entry; what needs files or other sections is checked later."""
         options = dict(value) if isinstance(value, dict) else {}
         label, gains = options.pop("label", None), options.pop("gains", None)
+        known = validated(bool, options.pop("known_forces", True), problems.at("known_forces"))
         named = options if isinstance(value, dict) else value
         law: Controller | None = self.read(named, problems, group, self.of_every_law)
         if law is not None and group is not None and not law.files:
@@ -173,7 +177,7 @@ class LawKind(Kind):
         if gains is not None:
             of = None if law is None or group is None else law.gains_group(group)
             gains = validated(GainsSection, gains, problems.at("gains"), group=of)
-        return None if law is None else LawEntry(law, label, gains, tuple(options))
+        return None if law is None else LawEntry(law, label, gains, known, tuple(options))
 
     def section(self, made: LawEntry) -> dict[str, Any]:
         """Return the law with every option."""
@@ -183,11 +187,13 @@ class LawKind(Kind):
         """Return the JSON schema of a law with its options."""
         label = "The name of the law in tables and figures; its kind."
         gains = "Gains of this law, where they differ from the section `gains`."
+        known = "Whether the law counteracts the forces of `model`; default: true."
         section: Any = {**TypeAdapter(GainsSection).core_schema, "ref": GainsSection.__name__}
         shared = handler(core_schema.list_schema(section))["items"]  # of all laws, by its reference
         more = {
             "label": {"type": "string", "description": label},
             "gains": shared | {"description": gains},
+            "known_forces": {"type": "boolean", "description": known},
         }
         return super().mapping(component, handler, **more)
 
@@ -588,13 +594,14 @@ PlantInertia = Annotated[
 
 
 class ModelSection(Section):
-    """What laws that use a model know of the plant, besides `inertia`.
+    """What laws know of the plant, besides `inertia`.
 
     Attributes
     ----------
     forces
         Forces that they know (`eqt list forces`), or `plant` for those of `plant.forces`. Without
-        `plant.forces`, these act.
+        `plant.forces`, these act. A law commands its torque less these forces, as they act on the
+        body at rest; `known_forces: false` in its entry leaves them out.
     """
 
     forces: Literal["plant"] | list[KnownForce] | None = None
@@ -867,7 +874,7 @@ class Config(Section):
     target
         Where to come to rest, for `task: stabilise`.
     model
-        The forces that laws know which use a model, such as `cascade`.
+        The forces that laws know, and counteract.
     controllers
         Control laws to compare, from the same initial states (`eqt list controllers`).
     plant

@@ -106,6 +106,8 @@ class ClosedLoop:
     ----------
     axis
         The body axis that `task: point` turns, of length 1; () where the whole pose counts.
+    known_forces
+        The forces f of the model that the loop takes from the torque of the law.
     held_reference, held_law, held_ahead
         Reference, law and preview with their numbers between two known instants; see `holding`.
     """
@@ -117,6 +119,7 @@ class ClosedLoop:
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
     axis: tuple[float, ...] = field(default=(), kw_only=True, metadata=STRUCTURE)
+    known_forces: tuple[Force, ...] = field(default=(), kw_only=True)
     held_reference: Reference | None = field(default=None, kw_only=True)
     held_law: Any = field(default=None, kw_only=True)
     held_ahead: ReferenceAhead | None = field(default=None, kw_only=True)
@@ -182,7 +185,7 @@ class ClosedLoop:
         """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
         if self.vehicle.control is not None:
             return self.vehicle.last_command(self.group, s.vehicle)
-        return self.law.torque(s)
+        return s.command(self.law.torque(s))
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque τ of the actuators, body frame, ``(..., m)``."""
@@ -254,6 +257,14 @@ class ClosedLoop:
     def work(self, state: Array) -> Array:
         """Return the work W taken out of L up to a flat state."""
         return state[..., self.layout.slices["work"].start]
+
+    def known_force(self, t: Any, Q: Array) -> Array | None:
+        """Return Σ f, the known forces on a body at rest at Q, ``(..., m)``; None without any."""
+        still, total = np.zeros(self.group.dimension), None
+        for force in self.known_forces:
+            f = force.in_body(self.group, t, Q, still)
+            total = f if total is None else total + f
+        return total
 
     # Instants, known in advance, at which the vector field changes.
 
@@ -347,7 +358,8 @@ class ClosedLoop:
             state = self.layout.join(stretches, state)
         if self.vehicle.runs:
             s = self.tracking(t, state)
-            running = self.vehicle.at(s).running(self.group, self.controller.torque(s), s.vehicle)
+            command = s.command(self.controller.torque(s))
+            running = self.vehicle.at(s).running(self.group, command, s.vehicle)
             state = self.layout.join(stretches | _named(VEHICLE, running), state)
         return state
 
@@ -361,12 +373,13 @@ class ClosedLoop:
             assert flat is not None  # as the configuration was checked for
             heading = None if flat.heading is None else _spread(flat.heading, batch, 1)
             flat = FlatOutput(_spread(flat.position, batch, 2), heading)
+        Q = self.group.unpack(parts["pose"])
         s = Tracking(
             G=self.group,
             inertia=inertia,
             gains=self.gains,
             t=t,
-            Q=self.group.unpack(parts["pose"]),
+            Q=Q,
             P=parts["momentum"],
             Qd=desired.Q,
             Pd=desired.P,
@@ -374,6 +387,7 @@ class ClosedLoop:
             memory=_of(MEMORY, parts),
             vehicle=_of(VEHICLE, parts),
             flat=flat,
+            known_force=self.known_force(t, Q),
         )
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
@@ -459,9 +473,10 @@ class ClosedLoop:
         self, inputs: LawInput, memory: Mapping[str, Array], period: Any
     ) -> tuple[Array, dict[str, Array]]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
-        s = inputs.tracking(self.group, self.inertia, self.gains, memory)
+        known_force = self.known_force(inputs.t, inputs.pose)
+        s = inputs.tracking(self.group, self.inertia, self.gains, memory, known_force)
         torque, later = self.law.answer(s, period)
-        return torque + 0.0 * inputs.velocity, dict(later)
+        return s.command(torque) + 0.0 * inputs.velocity, dict(later)
 
     def after_answer(
         self,

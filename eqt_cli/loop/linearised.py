@@ -43,7 +43,8 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     InputError
         If the model has no derivative, or no gain makes it stable.
     """
-    clock, forces = loop.vehicle.control, loop.controller.known_forces
+    law: Any = loop.controller
+    clock, forces = loop.vehicle.control, law.known_forces
     actuators = tuple(each.nominal for each in loop.vehicle.actuators)
     known = Vehicle(forces=forces, actuators=actuators, control=clock)
     linear = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
@@ -58,7 +59,7 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     if not linear.is_constant:
         knots = times[1:-1] if period is None else period * np.floor(times[1:-1] / period)
         plant = LinearPlant(knots, A[1:-1], B[1:-1], period, _differs(linear.about, A=A, B=B))
-    return dataclasses.replace(loop, controller=loop.controller.designed(loop.group, plant))
+    return dataclasses.replace(loop, controller=law.designed(loop.group, plant))
 
 
 def _differs(about: "_About", **matrices: Array) -> str:

@@ -80,7 +80,8 @@ def check_coordinates(result: KnownResult) -> None:
         if len(set(labels)) < len(labels):
             raise result.refusal("two of its controllers have one label")
         known = result.described
-        for label in (*known.functions, *known.unclaimed, *known.not_matched, *known.small_errors):
+        listed = known.unclaimed + known.not_matched + known.without_forces
+        for label in (*known.functions, *listed, *known.small_errors):
             if label not in labels:
                 text = f"its attribute 'experiment' names '{label}', which is not a controller"
                 raise result.refusal(text)
@@ -128,6 +129,8 @@ class Experiment(BaseModel):
     unclaimed, not_matched
         Labels of the laws that do not claim that their L decreases, and of those whose stiffness
         and damping are not those of the gains.
+    without_forces
+        Labels of the laws that leave out the forces of the model, which the others counteract.
     small_errors
         Stiffness, damping and poles at rest of the laws for which they are known, by label.
     rtol
@@ -158,6 +161,7 @@ class Experiment(BaseModel):
     functions: dict[str, str] = {}
     unclaimed: list[str] = []
     not_matched: list[str] = []
+    without_forces: list[str] = []
     small_errors: dict[str, SmallErrors] = {}
     rtol: FiniteFloat | None = None
     seed: int = 0

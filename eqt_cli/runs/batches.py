@@ -277,7 +277,7 @@ class Draws:
 def _kind(experiment: Experiment, label: str) -> Hashable:
     """Return a key of all that the runs of one problem share: all but leaves and initial states."""
     loop, config = experiment.loops[label], experiment.config
-    parts = [structure(part) for part in (loop.inertia, loop.gains, loop.vehicle)]
+    parts = [structure(x) for x in (loop.inertia, loop.gains, loop.vehicle, *loop.known_forces)]
     judged = [config.settling_threshold, config.early_window, config.closing_window]
     known = json.dumps([experiment.solver.resolved, judged])
     placing = _placing(experiment.start.poses)

@@ -653,6 +653,8 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],
     }
+    if (model := experiment.config.model) and model.forces:
+        about["without_forces"] = [k for k, law in experiment.laws.items() if not law.known_forces]
     about |= {"rtol": None} if "solver" in swept else {}
     if not swept & {"controllers", "gains", "group", "inertia", "reference", "time"}:
         flown = gains_flown(experiment)

@@ -105,7 +105,7 @@ def test_a_push_along_the_axis_does_what_drag_of_the_own_axes_leaves(name, deriv
     if G.space == 3:
         ahead = np.stack([np.cos(0.3 * t), np.sin(0.3 * t)], axis=-1)
         np.testing.assert_allclose((Q[:, :2, 1] * ahead).sum(axis=-1), 0.0, atol=1e-14)
-    known_there = sum(each.in_body(G, t, Q, V) for each in reference.known_forces)
+    known_there = sum(each.in_body(G, t, Q, V) for each in (*reference.free, *reference.across))
     expected = weight.in_body(G, t, Q, V) + drag.in_body(G, t, Q, V)
     np.testing.assert_allclose(known_there, expected, rtol=1e-12, atol=1e-12)
 

@@ -73,7 +73,7 @@ def kinds(place):
 @pytest.mark.parametrize(
     ("registry", "path", "common"),
     [
-        (controllers, ["properties", "controllers", "items"], {"label", "gains"}),
+        (controllers, ["properties", "controllers", "items"], {"label", "gains", "known_forces"}),
         (references, ["properties", "reference"], set()),  # each says what it starts from
         (pose_distributions, ["$defs", "PoseDistribution"], set()),
         (velocity_distributions, ["$defs", "InitialSection", "properties", "velocity"], set()),

@@ -565,8 +565,9 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
         entry["adapter"] = load(text_of(adapter, "it is an adapter", InputError), str(adapter)).data
     if claimed is not None:
         meant = next((e for e in entries if claimed in (e.get("label"), e.get("kind"))), {})
-        options = {key: value for key, value in meant.items() if key not in ("label", "gains")}
-        entry |= {"as": options or claimed} | {k: v for k, v in meant.items() if k == "gains"}
+        shared = {key: meant[key] for key in ("gains", "known_forces") if key in meant}
+        options = {key: meant[key] for key in meant if key not in {"label", *shared}}
+        entry |= {"as": options or claimed} | shared
     return changed_at(document, ("controllers",), [entry], "--code")
 
 

@@ -174,7 +174,8 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
                 "actuator, and record the wrench that it applies"
             )
     flying = replace(vehicle, actuators=actuators).of_run(loop.group)
-    return replace(loop, reference=ConstantReference(), controller=law, vehicle=flying)
+    alone = replace(loop, known_forces=(), reference=ConstantReference())  # no law adds to it
+    return replace(alone, controller=law, vehicle=flying)
 
 
 def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
