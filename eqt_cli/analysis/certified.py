@@ -28,6 +28,7 @@ from eqt_cli.base.errors import EqtError, InputError, TraceError
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import off_limits
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
 # A(V_d), exactly ----------------------------------------------------------------------------------
@@ -43,7 +44,7 @@ def affine(loop: ClosedLoop) -> Array:
     InputError
         If there is no such A; the message goes on from the name of the law.
     """
-    loop = loop.off_limits
+    loop = off_limits(loop)
     G, law, vehicle = loop.group, loop.controller, loop.vehicle
     if loop.axis:
         raise InputError(f"leaves {loop.free} free, so that not all small errors decay")

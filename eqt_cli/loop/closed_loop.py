@@ -29,7 +29,7 @@ from eqt_cli.components.references import (
 )
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
-from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
+from eqt_cli.numbers.leaves import STRUCTURE, leaves
 
 # The layout of a flat state: named stretches of numbers, one after the other ----------------------
 
@@ -174,13 +174,6 @@ class ClosedLoop:
 
     # Quantities for certificates, metrics and figures.
 
-    @property
-    def off_limits(self) -> Self:
-        """The loop where no limit is reached, without an estimator."""
-        law = self.controller
-        law = with_fields(law, acting=()) if law.acting else law
-        return dataclasses.replace(self, controller=law, vehicle=self.vehicle.linear_part)
-
     def command(self, s: Tracking) -> Array:
         """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
         if self.vehicle.control is not None:
@@ -257,14 +250,6 @@ class ClosedLoop:
     def work(self, state: Array) -> Array:
         """Return the work W taken out of L up to a flat state."""
         return state[..., self.layout.slices["work"].start]
-
-    def known_force(self, t: Any, Q: Array) -> Array | None:
-        """Return Σ f, the known forces on a body at rest at Q, ``(..., m)``; None without any."""
-        still, total = np.zeros(self.group.dimension), None
-        for force in self.known_forces:
-            f = force.in_body(self.group, t, Q, still)
-            total = f if total is None else total + f
-        return total
 
     # Instants, known in advance, at which the vector field changes.
 
@@ -387,7 +372,7 @@ class ClosedLoop:
             memory=_of(MEMORY, parts),
             vehicle=_of(VEHICLE, parts),
             flat=flat,
-            known_force=self.known_force(t, Q),
+            known_force=_known_force(self, t, Q),
         )
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
@@ -473,7 +458,7 @@ class ClosedLoop:
         self, inputs: LawInput, memory: Mapping[str, Array], period: Any
     ) -> tuple[Array, dict[str, Array]]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
-        known_force = self.known_force(inputs.t, inputs.pose)
+        known_force = _known_force(self, inputs.t, inputs.pose)
         s = inputs.tracking(self.group, self.inertia, self.gains, memory, known_force)
         torque, later = self.law.answer(s, period)
         return s.command(torque) + 0.0 * inputs.velocity, dict(later)
@@ -542,6 +527,15 @@ class ClosedLoop:
     def memory(self, state: Array) -> dict[str, Array]:
         """Return the memory of the law in a flat state, by name."""
         return _of(MEMORY, self.layout.split(state))
+
+
+def _known_force(loop: ClosedLoop, t: Any, Q: Array) -> Array | None:
+    """Return Σ f, the known forces on a body at rest at Q, ``(..., m)``; None without any."""
+    still, total = np.zeros(loop.group.dimension), None
+    for force in loop.known_forces:
+        f = force.in_body(loop.group, t, Q, still)
+        total = f if total is None else total + f
+    return total
 
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:

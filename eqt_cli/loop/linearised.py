@@ -25,6 +25,13 @@ from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
 
+def off_limits(loop: ClosedLoop) -> ClosedLoop:
+    """Return the loop where no limit is reached, without an estimator."""
+    law = loop.controller
+    law = with_fields(law, acting=()) if law.acting else law
+    return dataclasses.replace(loop, controller=law, vehicle=loop.vehicle.linear_part)
+
+
 def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> ClosedLoop:
     """Return a loop whose law has the gains that follow from its model of the loop.
 
@@ -276,7 +283,7 @@ def linearised(
         to which it settles there: to first order, errors do not change it.
     """
     estimator = loop.vehicle.estimator if with_estimator else None
-    loop = loop.off_limits
+    loop = off_limits(loop)
     about = _About.reference(loop, times, poses, velocities)
     if about.dimension > MOST_STATES:
         raise InputError(
@@ -308,7 +315,7 @@ def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Arr
 
     ``(times, n, n)``; NaN where there is no derivative.
     """
-    loop = loop.off_limits
+    loop = off_limits(loop)
     return _About.reference(loop, times, poses, velocities).flow
 
 

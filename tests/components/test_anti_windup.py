@@ -13,6 +13,7 @@ from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.components.groups import group_named
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.loop.linearised import off_limits
 
 KINDS = {"none": "none", "clamp": "clamp", "back": {"back_calculation": 0.5}}
 T = 0.5
@@ -216,7 +217,7 @@ def test_both_integrals_of_a_cascade_are_told_of_limits_at_an_instant(experiment
     z[:, :12] = loop.group.pack(loop.group.exp(0.5 * size * random.standard_normal((40, 6))))
     z[:, 12:15] *= 4e-3  # the momentum of the turn
     s = loop.tracking(0.0, z)
-    law, free = loop.law, loop.off_limits.law
+    law, free = loop.law, off_limits(loop).law
     command, later = law.answer(s, 0.01)
     _, plain = free.answer(loop.tracking(0.0, z), 0.01)
     B = np.array([[at[1], -at[0], 0.02 * (-1) ** k, 0, 0, 1] for k, at in enumerate(PLACES)]).T
