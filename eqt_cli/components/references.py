@@ -572,11 +572,13 @@ class SlewReference(PiecewiseReference):
 class TorqueReference(InExpressions, Reference):
     """A torque τ_d(t), one expression per coordinate (the paper's §7).
 
+    It moves the desired body, on which no forces of `model` or `plant` act: what holds a weight is
+    no part of τ_d.
+
     Attributes
     ----------
     torque
-        m expressions in t, body frame: forces dual to the velocity coordinates. They move the
-        desired body, on which no forces of `model` or `plant` act: a weight is not part of them.
+        m expressions in t, body frame: forces dual to the velocity coordinates.
     """
 
     name: ClassVar[str] = "torque"

@@ -543,6 +543,11 @@ def vehicle_from(
     known, forces = config.model and config.model.forces, plant.forces
     if forces is None and isinstance(known, list):
         forces = known
+    if isinstance(known, list) and known and forces == []:
+        at_plant.at("forces").add(
+            "is empty, and laws counteract the forces of model; list what acts, such as "
+            "{kind: constant, force: 0}, or remove this key"
+        )
     acting = config.actuators or []
     sensing = {name: list(getattr(measured, name) or ()) for name in SIGNALS}
     field = sensing["magnetometer"]
