@@ -746,6 +746,7 @@ class MomentumBalance(LargestExcess):
             force = force + vehicle.at(s).magnet.output(G, 0.0 * s.V, s.V)
         for each in vehicle.forces:
             force = force + each.in_body(G, s.t, s.Q, s.V)
+        force = force + vehicle.inertia_at(s).leaving(s.V)
         fine = ORDERS[-1]
         starts = range(1, len(times) - 1, fine + 1)  # without the ends of the horizon
         durations = [np.ptp(times[start : start + fine + 1]) for start in starts]

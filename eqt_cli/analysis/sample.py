@@ -179,7 +179,12 @@ def tracks_nothing(loop: ClosedLoop) -> bool:
 
 
 def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
-    """Return the loop with a reference whose pose and velocity are part of the state."""
+    """Return the loop with a reference whose pose and velocity are part of the state.
+
+    Identities are of laws, which take an inertia whose mass leaves for constant.
+    """
+    if (now := loop.inertia.at(0.0)).leaves:
+        loop = replace(loop, inertia=replace(now, change=None, leaves=False))
     if "velocity" in loop.reference.starts_from or loop.controller.reads_flat_output:
         return loop
     torque = 0.0 if tracks_nothing(loop) else 0.5

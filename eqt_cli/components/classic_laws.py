@@ -431,6 +431,8 @@ class Goodarzi2013(Controller):
         # Without that of the integral.
         moved = dot(self.c2 * (force + self.ki * self._bounded(s)), self._e_R(r))
         mixed = dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
+        if s.inertia.leaves:  # with this, ½⟨𝕀̇y, y⟩ is the rate of L
+            mixed = mixed + dot(self.c2**2 / 2 * s.inertia.leaving(self._e_R(r)), self._e_R(r))
         if self.anti_windup == "none":
             return mixed
         changed = self.memory_rate(s)["integral"] - self.velocity_error(s)

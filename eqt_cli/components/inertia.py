@@ -63,12 +63,15 @@ class Inertia(InertiaLaw):
         A, with A + Aᵀ = 𝕀̇; None where the inertia is constant.
     added : (m, m), optional
         The part of 𝕀 that moves with a current; None where it is not known.
+    leaves
+        Whether mass leaves or joins at the velocity of the body, so that 𝕀V̇ = ad*_V P + τ.
     """
 
     matrix: Array
     inverse: Array
     change: Array | None = None
     added: Array | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
+    leaves: bool = field(default=False, kw_only=True, metadata=STRUCTURE)
 
     def momentum(self, V: Array) -> Array:
         """P = 𝕀 V."""
@@ -79,11 +82,18 @@ class Inertia(InertiaLaw):
         return apply_matrix(self.inverse, P)
 
     def feedforward(self, V: Array) -> Array | float:
-        """Ṡ*S⁻* P = A V, Hampsey et al. (2025), eq. (11); 0.0 where the inertia is constant."""
-        return 0.0 if self.change is None else apply_matrix(self.change, V)
+        """Ṡ*S⁻* P = A V, Hampsey et al. (2025), eq. (11); 0.0 if constant, or if mass leaves."""
+        return 0.0 if self.change is None or self.leaves else apply_matrix(self.change, V)
 
     def rate_force(self, V: Array) -> Array | float:
-        """𝕀̇ V; 0.0 where the inertia is constant."""
+        """𝕀̇ V, which slows the body as 𝕀 grows; 0.0 if constant, or if mass leaves."""
+        return 0.0 if self.leaves else self._rate(V)
+
+    def leaving(self, V: Array) -> Any:
+        """𝕀̇ V, the rate of the momentum that mass takes along or brings; 0.0 if none leaves."""
+        return self._rate(V) if self.leaves else 0.0
+
+    def _rate(self, V: Array) -> Any:
         if self.change is None:
             return 0.0
         return apply_matrix(self.change + transpose(self.change), V)
@@ -103,17 +113,21 @@ class FactoredInertia(InertiaLaw):
         𝕀_0.
     factor
         m rows of m expressions; S(0) = I.
+    leaves
+        As of an `Inertia`.
     """
 
     initial: Array
     factor: tuple[tuple[Expression, ...], ...] = field(metadata=STRUCTURE)
+    leaves: bool = field(default=False, metadata=STRUCTURE)
 
     def at(self, t: Any) -> Inertia:
         """𝕀_t, and A = Ṡᵀ 𝕀_0 S, since S⁻* P = 𝕀_0 S V."""
         S, rate = _matrix_and_rate(self.factor, t)
         image = self.initial @ S
         matrix = transpose(S) @ image
-        return Inertia(matrix, inverse_spd(matrix), transpose(rate) @ image)
+        change = transpose(rate) @ image
+        return Inertia(matrix, inverse_spd(matrix), change, leaves=self.leaves)
 
     def factor_at(self, t: Any) -> Array:
         """S_t."""
@@ -137,14 +151,17 @@ class PrescribedInertia(InertiaLaw):
     ----------
     matrix
         m rows of m expressions.
+    leaves
+        As of an `Inertia`.
     """
 
     matrix: tuple[tuple[Expression, ...], ...] = field(metadata=STRUCTURE)
+    leaves: bool = field(default=False, metadata=STRUCTURE)
 
     def at(self, t: Any) -> Inertia:
         """𝕀_t, and A = ½𝕀̇_t."""
         matrix, rate = _matrix_and_rate(self.matrix, t)
-        return Inertia(matrix, inverse_spd(matrix), rate / 2)
+        return Inertia(matrix, inverse_spd(matrix), rate / 2, leaves=self.leaves)
 
     def matrix_at(self, t: Any) -> Array:
         """𝕀_t without its inverse, so that it may be singular."""

@@ -371,7 +371,8 @@ class RelativeInertia(TrueInertia):
         factor = 1.0 + self.relative[..., None]
         change = None if model.change is None else model.change * factor
         added = None if model.added is None else model.added * factor
-        return Inertia(model.matrix * factor, model.inverse / factor, change, added=added)
+        inverse, leaves = model.inverse / factor, model.leaves
+        return Inertia(model.matrix * factor, inverse, change, added=added, leaves=leaves)
 
 
 @dataclass(frozen=True)

@@ -432,9 +432,9 @@ def wheels_needed(experiment: Experiment, shown: Horizon) -> WheelsNeeded | None
     if loop.vehicle.wheels is None or not shown.finite.all():
         return None
     G, wheels, t, Q, V = loop.group, loop.vehicle.wheels[1], shown.times, shown.pose, shown.velocity
-    forces = _forces_along(loop, shown)
-    body = loop.inertia.at(t).momentum(V)
-    there = G.Ad_star(G.inverse(Q), forces)
+    forces, inertia = _forces_along(loop, shown), loop.inertia.at(t)
+    body = inertia.momentum(V)
+    there = G.Ad_star(G.inverse(Q), forces + inertia.leaving(V))
     gained = np.cumsum(np.diff(t)[:, None] * (there[1:] + there[:-1]) / 2, axis=0)
     start = wheels.matrix @ wheels.start
     total = G.Ad_star(G.inverse(Q), body + start)[:1]

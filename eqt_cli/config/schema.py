@@ -501,10 +501,13 @@ class FactoredInertiaSection(Section):
         𝕀_0, symmetric positive definite.
     factor
         S_t, m×m expressions in t with S(0) = I.
+    leaves
+        As below.
     """
 
     initial: Annotated[Matrix, Unit(INERTIA)]
     factor: list[list[Formula]]
+    leaves: bool | None = None
 
 
 class PrescribedInertiaSection(Section):
@@ -514,9 +517,13 @@ class PrescribedInertiaSection(Section):
     ----------
     matrix
         𝕀_t, m×m expressions in t, symmetric positive definite at all times.
+    leaves
+        Needed where a mass varies. true: mass leaves or joins at the velocity of the body, so that
+        m v̇ = F, as in a rocket. false: it joins from rest, so that d(m v)/dt = F.
     """
 
     matrix: list[list[Formula]]
+    leaves: bool | None = None
 
 
 class AddedInertiaSection(Section):

@@ -233,7 +233,7 @@ def inertia_from(
     """Return the inertia of a section, or None after noting its problems."""
     if isinstance(section, PrescribedInertiaSection):
         rows = _expressions(section.matrix, G, problems.at("matrix"))
-        law: InertiaLaw | None = PrescribedInertia(rows) if rows else None
+        law: InertiaLaw | None = PrescribedInertia(rows, section.leaves is True) if rows else None
     elif isinstance(section, FactoredInertiaSection):
         law = _factored(section, G, problems)
     elif isinstance(section, AddedInertiaSection):
@@ -251,6 +251,8 @@ def inertia_from(
     if law is not None:
         with problems.catching():
             _require_definite(law, np.linspace(0.0, horizon, INSTANTS))
+            if section.leaves is None:
+                _require_constant_mass(law, G, np.linspace(0.0, horizon, INSTANTS))
     return law
 
 
@@ -261,7 +263,7 @@ def _factored(
     rows = _expressions(section.factor, G, problems.at("factor"))
     if initial is None or not rows:
         return None
-    law = FactoredInertia(initial, rows)
+    law = FactoredInertia(initial, rows, section.leaves is True)
     with problems.catching("factor"):
         _require_identity(law)
         return law
@@ -321,6 +323,24 @@ def _require_definite(law: InertiaLaw, times: Array) -> None:
     if singular is not None:
         expected = "expected a positive definite matrix, got the eigenvalue 0"
         raise InputError(f"at t = {singular:.6g} s: {expected}")
+
+
+def _require_constant_mass(law: InertiaLaw, G: MatrixLieGroup, times: Array) -> None:
+    """Raise an `InputError` with both meanings of a mass that varies."""
+    matrices = matrices_at(law, times)
+    for masses in (matrices[:, part.axes, part.axes] for part in G.parts if not part.turns):
+        change = np.abs(masses - masses[0]).max(axis=(1, 2))
+        # Products such as those of a factor round.
+        if change.max() > IDENTITY_TOLERANCE * np.abs(masses[0]).max():
+            k = change.argmax()
+            i, j = np.unravel_index(np.abs(masses[k] - masses[0]).argmax(), masses[0].shape)
+            raise InputError(
+                f"expected a constant mass, got {masses[0, i, j]:g} at t = 0 s and "
+                f"{masses[k, i, j]:g} at t = {times[k]:g} s; add `leaves: true` if mass leaves or "
+                "joins at the velocity of the body, so that m dv/dt = F, as in a rocket, or "
+                "`leaves: false` if the momentum is kept, so that d(m v)/dt = F, as where mass "
+                "joins from rest"
+            )
 
 
 def _singular_between(law: InertiaLaw, times: Array) -> float | None:

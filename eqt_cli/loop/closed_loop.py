@@ -206,6 +206,10 @@ class ClosedLoop:
     def dissipation(self, s: Tracking) -> Array | None:
         """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
         dissipation = self.controller.dissipation(s)
+        if dissipation is not None and s.inertia.leaves:
+            y = self.controller.velocity_error(s)
+            # Mass takes the energy of its error along; L holds 𝕀 in ½⟨𝕀y, y⟩.
+            dissipation = dissipation - dot(s.inertia.leaving(y), y) / 2
         if dissipation is None or not self._holds_memory:
             return dissipation
         gradient = self.controller.memory_gradient(s)
@@ -236,12 +240,14 @@ class ClosedLoop:
     @property
     def departures(self) -> str:
         """The departures from the assumptions of the theorems, in words; empty if none."""
-        return ", ".join(filter(None, [self.controller.departs, self.vehicle.departures]))
+        mass = "mass that leaves" if self.inertia.at(0.0).leaves else ""
+        return ", ".join(filter(None, [self.controller.departs, mass, self.vehicle.departures]))
 
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None if nothing is claimed."""
-        return self.controller.claims(self.group, self.gains) if self.vehicle.is_ideal else None
+        covered = self.vehicle.is_ideal and not self.inertia.at(0.0).leaves
+        return self.controller.claims(self.group, self.gains) if covered else None
 
     def lyapunov(self, s: Tracking) -> Array:
         """Return the Lyapunov function L of the law, ``(...)``; laws may have different ones."""
@@ -405,7 +411,7 @@ class ClosedLoop:
         memory = dict.fromkeys(s.memory, 0.0) if self._holds_memory else self.law.memory_rate(s)
         rates = {
             "pose": self.group.pack(Q_dot),
-            "momentum": P_dot,
+            "momentum": P_dot + s.inertia.leaving(s.V),
             **self._desired_rates(s),
             "work": 0.0 if outflow is None else stack([outflow]),
             **_named(MEMORY, memory),
@@ -415,6 +421,7 @@ class ClosedLoop:
 
     def _desired_rates(self, s: Tracking) -> Mapping[str, Array]:
         Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
+        Pd_dot = Pd_dot + s.inertia.leaving(s.Vd)
         return dict(zip(DESIRED, (self.group.pack(Qd_dot), Pd_dot), strict=True))
 
     # The instants at which a sampled law is evaluated.

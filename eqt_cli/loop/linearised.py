@@ -643,7 +643,8 @@ class _About:
         states = self._flat(x)
         s, rates = loop.tracking(self.times, states), loop.vector_field(self.times, states)
         parts, r = loop.layout.split(rates), s.relative
-        V_dot = s.inertia.velocity(parts["momentum"] - s.inertia.rate_force(s.V))
+        changing = s.inertia.rate_force(s.V) + s.inertia.leaving(s.V)
+        V_dot = s.inertia.velocity(parts["momentum"] - changing)
         # The states of an estimator are held, also those that are poses.
         others = [0.0 * r.V_tilde if name in _POSES else parts[name] for name in self.others]
         return np.concatenate([r.V_tilde, V_dot - r.Vd_dot, *others, self.loop.command(s)], axis=-1)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_loops import expressions
+from scipy.integrate import solve_ivp
+from small_loops import closed_loop, expressions
 
 from eqt_cli.analysis.identities import tracking_control
 from eqt_cli.base.arrays import dot, inverse_spd, transpose
@@ -296,3 +297,75 @@ def test_the_cancelling_feedforward_is_that_with_the_weights_1_1_0_1():
     s = Tracking(G, inertia, Gains(np.eye(3), np.eye(3)), T, Q, P, Qd, Pd, torque)
     assert np.abs(s.inertia_force).max() > 0.01
     assert s.cancelling_feedforward == pytest.approx(s.feedforward(1, 1, 0, 1), abs=1e-14)
+
+
+# Mass that leaves ---------------------------------------------------------------------------------
+
+LIGHTER = expressions([["exp(-t)" if i == j else "0" for j in range(6)] for i in range(6)])
+ROCKET = """
+group: R1
+inertia: {{{inertia}, leaves: true}}
+gains: {{kp: 20, kd: 30}}
+reference: {{torque: ["200"]}} # N
+controllers: [gt]
+initial: {{velocity: {{kind: normal, std: 1}}}}
+ensemble: {{runs: 1, seed: 1}}
+time: {{duration: 50, samples: 51}}
+solver: {{engine: {engine}, rtol: 1.0e-10, atol: 1.0e-10}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("engine", "inertia"),
+    [
+        ("solve_ivp", "matrix: [['100 - t']]"),
+        pytest.param(
+            "native",
+            "initial: 100, factor: [['sqrt(1 - t/100)']]",
+            marks=pytest.mark.ci("compiles the law"),
+        ),
+    ],
+)
+def test_a_rocket_follows_its_equation_and_its_error_newtons(solved, engine, inertia):
+    """v = 200 ln(100/m); of the error, m ẍ = −30ẋ − 20x, and dL/dt = −30ẋ² + ½ṁẋ²."""
+    problem, solution = solved(ROCKET.format(engine=engine, inertia=inertia), "gt")
+    t = problem.times
+    s, work = problem.loop.tracking(t, solution.states), problem.loop.work(solution.states)[0]
+    reached, mass = 200 * np.log(100 / (100 - t)), 100 - t
+    flown = 200 * t - mass * reached
+    assert (reached[-1], flown[-1]) == pytest.approx((138.6294, 3068.528), rel=1e-6)
+    # Ten thousand times the engine's tolerance, for 50 s.
+    np.testing.assert_allclose(s.Vd[0, :, 0], reached, rtol=1e-6)
+    np.testing.assert_allclose(s.Qd[0, :, 0, 1], flown, rtol=1e-6)
+
+    def literal(t, y):
+        x, v, _ = y
+        return v, (-30 * v - 20 * x) / (100 - t), 30 * v**2 + v**2 / 2
+
+    start = 0.0, float(s.V[0, 0, 0]), 0.0
+    error = solve_ivp(literal, (0.0, 50.0), start, t_eval=t, rtol=1e-10, atol=1e-12).y
+    found = np.array([s.Q[0, :, 0, 1] - flown, s.V[0, :, 0] - reached, work])
+    np.testing.assert_allclose(found, error, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "name", ["eqt", "lee2010", "goodarzi2013", "maithripala2006", "slotine_li"]
+)
+def test_mass_that_leaves_takes_the_energy_of_its_error_along(name, derivative):
+    loop = closed_loop(
+        group_named("SE3"), controllers.get(name)(), inertia=PrescribedInertia(LIGHTER, leaves=True)
+    )
+    a, V, b, Vd = np.random.default_rng(0).standard_normal((4, 6))
+    state = loop.initial_state(loop.group.exp(a), V, loop.group.exp(b), Vd, T)
+    rate = loop.vector_field(T, state)
+
+    def L(h):
+        return loop.lyapunov(loop.tracking(T + h, state + h * rate))
+
+    work = rate[loop.layout.slices["work"]]
+    assert work == pytest.approx(-derivative(L), rel=1e-8)  # five-point differences
+
+
+def test_every_theorem_that_needs_a_momentum_is_not_claimed_of_mass_that_leaves(experiment_of):
+    loop = experiment_of(ROCKET.format(engine="solve_ivp", inertia="matrix: [['100 - t']]")).loop
+    assert (loop.departures, loop.claims_decrease) == ("mass that leaves", None)

@@ -208,10 +208,11 @@ def test_a_loop_that_a_force_moves_over_time_rests_nowhere(force):
 
 
 def test_the_rate_of_the_inertia_is_part_of_the_loop():
-    """(JV)˙ = −2V with J = 2 + t is V̇ = −(2 + J̇)V/J."""
-    inertia = PrescribedInertia(((parse("2 + t"),),))
-    _, found = about_reference(WHEEL, (1.0, 4.0), inertia=inertia, controller=Brake())
-    np.testing.assert_allclose(found.closed[:, 1, 1], [-1.0, -0.5], rtol=1e-9)
+    """(JV)˙ = −2V with J = 2 + t is V̇ = −(2 + J̇)V/J; where mass joins with V, JV̇ = −2V."""
+    for leaves, expected in ((False, [-1.0, -0.5]), (True, [-2 / 3, -1 / 3])):
+        inertia = PrescribedInertia(((parse("2 + t"),),), leaves)
+        _, found = about_reference(WHEEL, (1.0, 4.0), inertia=inertia, controller=Brake())
+        np.testing.assert_allclose(found.closed[:, 1, 1], expected, rtol=1e-9)
 
 
 def test_gains_are_multiplied_one_by_one():
