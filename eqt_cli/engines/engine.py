@@ -442,13 +442,17 @@ INDEFINITE = (
 )
 """Status and reason of a run whose covariance is no longer positive definite."""
 
-MOST_TURNS = 100.0
-"""Turns of a body within a control period beyond which no law can act on it."""
+MOST_TURNS = 0.5
+"""Turns within a control period beyond which two measurements do not say how a body has turned.
 
-AHEAD = 100.0
+Steps of an integrator need no such rule: at the loosest tolerance they turn by less, at 1e-9 by 0.3
+rad, of a body that spins freely.
+"""
+
+AHEAD = 20_000.0
 """How many times more it must turn after the first period, of which nothing was integrated yet."""
 
-GROWN = 100.0
+GROWN = 10.0
 """How many times as fast it must turn as it did at the start, and as the reference does."""
 
 SUSPECT = 200
@@ -456,10 +460,10 @@ SUSPECT = 200
 
 DIVERGED = (
     Status.DIVERGED,
-    f"the body turns more than {MOST_TURNS:g} times within a control period, so the loop diverges; "
-    "shorten control.period, or lower the gains",
+    "the body turns by more than half a turn within a control period, and no law can follow; "
+    "shorten control.period, lower the gains, or look for the force that turns it",
 )
-"""Status and reason of such a run, whose steps would become as many as its turns."""
+"""Status and reason of such a run."""
 
 REPORTED = 0.02
 """Smallest fraction of the horizon between two reports of progress."""
@@ -595,18 +599,36 @@ def _diverged(integrator: Integrator, span: Span, states: Array) -> Array:
     problem = integrator.problem.select(integrator.runs)
     loop = problem.batched_loop()
     now = loop.tracking(span.start, states)
+    V = now.V
+    if not span.tick:
+        change = loop.layout.split(loop.vector_field(span.start, states))["momentum"]
+        V = now.inertia.velocity(now.P + loop.period * change) / AHEAD
     start = loop.tracking(float(problem.times[0]), problem.states)
+    return _turns_too_fast(loop, V, start.V, now.Vd)
+
+
+def _turns_too_fast(loop: ClosedLoop, V: Array, *others: Array) -> Array:
+    """Return whether a velocity is too fast for a sampled law, and for one grown from others."""
     turning = np.zeros(loop.group.dimension)
     for part in loop.group.parts:
         turning[part.axes] = part.turns
-    assert loop.vehicle.control is not None
-    period, V = loop.vehicle.control.period, now.V
-    if not span.tick:
-        change = loop.layout.split(loop.vector_field(span.start, states))["momentum"]
-        V = now.inertia.velocity(now.P + period * change) / AHEAD
-    rate, first, desired = (norm(turning * V) for V in (V, start.V, now.Vd))
-    turns = period * rate / (2 * np.pi)
-    return (turns > MOST_TURNS) & (rate > GROWN * np.maximum(first, desired))
+    rate = norm(turning * V)
+    fast = loop.period * rate > MOST_TURNS * 2 * np.pi
+    return np.logical_and.reduce([fast, *(rate > GROWN * norm(turning * U) for U in others)])
+
+
+def _find_diverged(problem: Problem, solution: Solution) -> None:
+    """Note runs that turn too fast for their sampled law at a sample."""
+    loop, times = problem.batched_loop(extra_axes=1), problem.times
+    P = loop.layout.split(solution.states)["momentum"]
+    fast = _turns_too_fast(loop, loop.inertia.at(times).velocity(P)).any(axis=1)
+    for run in np.flatnonzero(fast):
+        loop = problem.select(np.array([run])).batched_loop(extra_axes=1)
+        s = loop.tracking(times, solution.states[[run]])
+        gone = np.flatnonzero(_turns_too_fast(loop, s.V, s.V[:, :1], s.Vd)[0])
+        if len(gone):
+            failure = Failure(*DIVERGED, times[gone[0]])
+            _note(solution, problem, int(run), problem.spans[-1], failure)
 
 
 def _advanced(integrator: Integrator, span: Span, states: Array, stored: Array) -> SpanResult:
@@ -739,7 +761,10 @@ class Engine(Component):
         """
         threads = workers if self.threads else 1
         groups = self.groups(problem, threads)
-        return walked(self.integrator(problem), groups, progress, threads)
+        solution = walked(self.integrator(problem), groups, progress, threads)
+        if problem.loop.vehicle.control is not None:
+            _find_diverged(problem, solution)
+        return solution
 
     def groups(self, problem: Problem, threads: int) -> list[Array]:
         """Return the groups of runs integrated at a time; they never change a result."""

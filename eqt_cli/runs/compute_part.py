@@ -561,7 +561,8 @@ def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
     for error in (NEAR, -NEAR):  # of a law that jumps, one of them is on the other side
         other = replace(problem, states=_moved(problem, error))
         solved = batch.engine.measured(difference, largest_difference, other, motion, (), threads)
-        apart = np.fmax(apart, solved.numbers[ERROR])
+        ends = solved.solution.status == Status.OK  # or the error has made it diverge
+        apart = np.fmax(apart, np.where(ends, solved.numbers[ERROR], np.inf))
     for run in near[apart > limit]:
         first.solution.status[run] = Status.BY_ROUNDING
         first.solution.messages[run] = (

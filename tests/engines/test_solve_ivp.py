@@ -496,12 +496,41 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
     )
     stored = eqt_cli.open_result(found).to_xarray()
     assert stored.status.values.tolist() == [[Status.DIVERGED, Status.BY_ROUNDING]]
-    first = np.flatnonzero(np.abs(stored.velocity.values[0, 0, :, 0]) > 2 * np.pi * 100)[0]
+    first = np.flatnonzero(np.abs(stored.velocity.values[0, 0, :, 0]) > np.pi)[0]
     assert stored.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
     assert np.isfinite(stored.velocity.values[0, 0]).all(axis=1).tolist() == [
         k <= first for k in range(21)
     ]
     assert stored.steps.values[0, 0] < 50_000  # of 1,000,000
+
+
+@pytest.mark.ci("stores results of whole runs")
+@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
+@pytest.mark.parametrize(("spin", "ends"), [(0.0, 0.32), (10.0, None)])
+def test_a_body_that_turns_half_a_turn_in_a_period_ends_its_run(tmp_path, engine, spin, ends):
+    """A torque of 100 N m turns it with 100 t rad/s, by π in 0.1 s from t = 0.314 s.
+
+    It fails at the first sample behind that; not if the speed is less than ten times the first.
+    """
+    found = eqt_cli.run(
+        mapping(
+            name="spun",
+            inertia=1.0,
+            gains={"kp": 1e-6, "kd": 1e-6},
+            reference={"kind": "constant"},
+            controllers=["eqt"],
+            control={"period": 0.1},
+            plant={"forces": [{"kind": "constant", "force": [0, 0, 100.0]}]},
+            initial={"velocity": {"kind": "fixed", "coordinates": [0, 0, spin]}},
+            ensemble={"runs": 1},
+            time={"duration": 0.8, "samples": 41},
+            solver={"rtol": 1e-6, "engine": engine, "cross_check": 0, "error_estimate": False},
+        ),
+        tmp_path / "r",
+    )
+    stored = eqt_cli.open_result(found).to_xarray()
+    message = "" if ends is None else f"t = {ends} s: {DIVERGED[1]}"
+    assert stored.message.values.tolist() == [[message]]
 
 
 @pytest.mark.filterwarnings("ignore:.*unstable where the reference begins")
