@@ -519,6 +519,16 @@ class Gust(PlacedForce):
         force[..., self.axes] = (sin(angle) @ self.sine + cos(angle) @ self.cosine)[..., 0, :]
         return force
 
+    def lever_torque(self, G: MatrixLieGroup, Q: Array) -> tuple[Array, float]:
+        """Return σ of the wrench in the body by the lever of a line alone, ``(..., m)``, and T."""
+        sigmas = np.zeros((*Q.shape[:-2], G.dimension, G.dimension))
+        if self.at == "line":
+            std = np.sqrt((self.sine**2 + self.cosine**2).sum(axis=0) / 2)
+            sigmas[..., self.axes, self.axes] = std
+            Q = Q[..., None, :, :]
+            sigmas = G.Ad_star(Q, sigmas) - G.Ad_star(at_origin(G, Q), sigmas)
+        return np.linalg.norm(sigmas, axis=-2), float(SHARES[0] / self.frequency[0])
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note negative deviations, a time constant that is not positive, and a wrong length."""
         vehicle_parts.check_count(

@@ -42,7 +42,7 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     """Return remarks on an experiment and its reference, to be shown before it is run."""
     placed = [
         *experiment.remarks(),
-        *_component_remarks(experiment),
+        *_component_remarks(experiment, shown),
         *_noise_remarks(experiment),
         *_numerical_remarks(experiment, shown),
         *limits_below_reference(experiment, shown),
@@ -61,7 +61,7 @@ Placed = Iterator[tuple[KeyPath, str]]
 """Remarks, each with the key that it is about."""
 
 
-def _component_remarks(experiment: Experiment) -> Placed:
+def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield the remarks of the reference, the actuators, the forces and the estimator."""
     loops, G = experiment.loops.values(), experiment.group
     loop = next(iter(loops))
@@ -81,6 +81,8 @@ def _component_remarks(experiment: Experiment) -> Placed:
         means = [force.of_run(G, None) for force in model]
         yield from _force_remarks(G, means, loop.inertia.at(0.0), "model")
     yield from _force_remarks(G, loop.vehicle.forces, now, section)
+    for key, text in _lever_remarks(experiment, now, shown):
+        yield (section, *key), text
     for index, force in enumerate(loop.vehicle.forces):
         if is_foreign(type(force).__module__) and (t := _jump(experiment, force)) is not None:
             yield (
@@ -135,6 +137,40 @@ def _noise_remarks(experiment: Experiment) -> Placed:
                 f"a noise of {most:g} rad leaves nothing of a measured rotation; "
                 f"if degrees or arc seconds were meant, write '{most:g} deg' or '{most:g} arcsec'",
             )
+
+
+MOST_TURNED = 1 / 3
+"""Largest deviation of an angle without a remark, rad: 3σ are 1 rad, where the torque of a law in
+sin θ has almost ceased to grow."""
+
+
+def _lever_remarks(experiment: Experiment, now: Inertia, shown: Horizon | None) -> Placed:
+    """Remark on random forces along a line of space whose lever turns the body too far.
+
+    About an axis, θ̈ + d θ̇ + ω² θ = n/J; with a torque n of the deviation σ and the correlation
+    exp(−|t|/T), θ has the variance (σ/J)² (1/T + d) / (ω² d (1/T² + d/T + ω²)).
+    """
+    turning, poses = experiment.group.moving_parts[0], along_reference(experiment, shown).poses
+    for index, force in enumerate(experiment.loop.vehicle.forces):
+        of_lever = getattr(force, "lever_torque", None)
+        if of_lever is None or turning is None:
+            continue
+        torque, T = of_lever(experiment.group, poses)
+        torque, J = torque[:, turning.axes].max(axis=0), np.diag(now.matrix)[turning.axes]
+        flown = gains_flown(experiment, shown) if torque.any() else {}
+        for label, small in flown.items():
+            both = np.array([small.stiffness, small.damping])
+            w2, d = np.diagonal(both, axis1=2, axis2=3)[..., turning.axes]
+            variance = (torque / J) ** 2 * (1 / T + d) / (w2 * d * (1 / T**2 + d / T + w2))
+            angle = np.sqrt(np.max(variance, where=(w2 > 0) & (d > 0), initial=0.0))
+            if angle > MOST_TURNED:
+                yield (
+                    ("forces", index, "at"),
+                    f"by its lever, it turns the body with a torque of σ = {torque.max():.3g} N m, "
+                    f"at the gains of {experiment.loops[label].controller.title} by {angle:.2g} "
+                    "rad (1σ); for wind, write `at: centre`",
+                )
+                break
 
 
 def _numerical_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:

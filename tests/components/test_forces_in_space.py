@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+import yaml
+from scipy.linalg import solve_continuous_lyapunov
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
 from eqt_cli.components.forces import ConstantForce, Gust
 from eqt_cli.components.groups import group_named
+from eqt_cli.config.remarks import remarks
 
 TURN = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
 PLACE = np.array([2.0, -1.0, 0.5])
@@ -74,3 +77,31 @@ def test_a_body_that_turns_falls_in_a_parabola(engine, tmp_path):
     expected = PLACE + FORCE / 3.0 * t[:, None] ** 2 / 2
     np.testing.assert_allclose(p, expected, atol=1e-8)
     np.testing.assert_allclose(V[:, :3], np.broadcast_to([1, 2, -1], (5, 3)), atol=1e-8)
+
+
+def remarked(experiment_of, std, at):
+    """Remarks on a gust along y, 2 m along x from the origin: its lever turns about z."""
+    place = {"reference": {"kind": "constant", "pose": {"position": [2, 0, 0]}}}
+    gust = {"kind": "gust", "std": [0, 0, 0, 0, std, 0], "time_constant": 0.4, "frame": "spatial"}
+    config = {
+        "group": "SE3",
+        "inertia": [0.01, 0.02, 0.025, 1, 1, 1],
+        "gains": {"kp": [0.1, 0.1, 0.1, 1.0], "kd": [0.06, 0.06, 0.06, 1, 1, 1]},
+        "plant": {"forces": [gust | {"at": at}]},
+        "controllers": ["lee2010"],
+        "initial": {"pose": {"kind": "exp_normal", "std": 0.1}},
+        "time": {"duration": 1.0, "samples": 11},
+    }
+    experiment = experiment_of(yaml.safe_dump(config | place))
+    return [str(each) for each in remarks(experiment) if "lever" in str(each)]
+
+
+def test_a_gust_along_a_line_is_remarked_where_its_lever_turns_the_body(experiment_of):
+    """J z̈ + 0.06 ż + 0.2 z = 2f with f' = −f/0.4 + white noise, by Lyapunov's equation."""
+    rates = np.array([[0, 1, 0], [-0.2 / 0.025, -0.06 / 0.025, 2 / 0.025], [0, 0, -1 / 0.4]])
+    noise = np.diag([0.0, 0.0, -2 / 0.4])  # of f, whose deviation is 1 N
+    angle = np.sqrt(solve_continuous_lyapunov(rates, noise)[0, 0])
+    [words] = remarked(experiment_of, 0.1, "line")
+    assert f"σ = 0.2 N m, at the gains of Lee 2010 by {0.1 * angle:.2g} rad" in words
+    assert 0.1 * angle > 1 / 3 > 0.03 * angle
+    assert remarked(experiment_of, 0.03, "line") == remarked(experiment_of, 9.0, "centre") == []
