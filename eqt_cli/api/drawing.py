@@ -18,7 +18,7 @@ from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.base.yaml_source import load
-from eqt_cli.components.laws import controllers
+from eqt_cli.components.laws import controllers, published
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
 
@@ -476,16 +476,7 @@ def write_report(
 # Cites a result as BibTeX: the paper, eqt, and the publications of its laws -----------------------
 
 
-PAPER = """\
-@misc{hampsey2025equivariant,
-  author = {Hampsey, Matthew and van Goor, Pieter and Banavar, Ravi and Mahony, Robert},
-  title  = {Equivariant Tracking Control for Fully Actuated Mechanical Systems on Matrix {Lie}
-            Groups},
-  year   = {2025},
-  doi    = {10.48550/arXiv.2511.18800},
-  eprint = {2511.18800},
-  archivePrefix = {arXiv}
-}"""
+PAPER = published("hampsey2025equivariant")
 
 PROGRAM = f"""\
 @software{{eqt,

@@ -13,7 +13,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller
+from eqt_cli.components.laws import Controller, published
 from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
 
 # Base class of laws that shape an energy of the body error and cancel all other forces ------------
@@ -75,15 +75,7 @@ class Logarithmic(CancellingLaw):
     name: ClassVar[str] = "logarithmic"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
     theorem: ClassVar[str] = "after Johnson, Beard (2021)"
-    bibtex: ClassVar[str] = """\
-@misc{johnson2021globally,
-  author = {Johnson, Jacob and Beard, Randal},
-  title  = {Globally-Attractive Logarithmic Geometric Control of a Quadrotor for Aggressive
-            Trajectory Tracking},
-  year   = {2021},
-  eprint = {2109.07025},
-  archivePrefix = {arXiv}
-}"""
+    bibtex: ClassVar[str] = published("johnson2021globally")
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a group without the derivative of its logarithm."""
@@ -121,16 +113,7 @@ class Quaternion(CancellingLaw):
     name: ClassVar[str] = "quaternion"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + 4h(1 − q₀)"
     theorem: ClassVar[str] = "after Wie, Weiss, Arapostathis (1989)"
-    bibtex: ClassVar[str] = """\
-@article{wie1989quaternion,
-  author  = {Wie, Bong and Weiss, H. and Arapostathis, Aristotle},
-  title   = {Quaternion Feedback Regulator for Spacecraft Eigenaxis Rotations},
-  journal = {Journal of Guidance, Control, and Dynamics},
-  volume  = {12},
-  number  = {3},
-  pages   = {375--380},
-  year    = {1989}
-}"""
+    bibtex: ClassVar[str] = published("wie1989quaternion")
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than the rotations of space."""
@@ -239,13 +222,7 @@ class Sliding(SlidingVariable):
     name: ClassVar[str] = "sliding"
     title: ClassVar[str] = "sliding mode"
     theorem: ClassVar[str] = "after Slotine, Li (1991), section 7.2"
-    bibtex: ClassVar[str] = """\
-@book{slotine1991applied,
-  author    = {Slotine, Jean-Jacques E. and Li, Weiping},
-  title     = {Applied Nonlinear Control},
-  publisher = {Prentice Hall},
-  year      = {1991}
-}"""
+    bibtex: ClassVar[str] = published("slotine1991applied")
 
     gain: Annotated[Positive, Unit(TORQUE)] = 0.5
     layer: Annotated[Positive, Unit(VELOCITY)] = 0.5
@@ -266,16 +243,7 @@ class SlotineLi(SlidingVariable):
     name: ClassVar[str] = "slotine_li"
     title: ClassVar[str] = "Slotine–Li"
     theorem: ClassVar[str] = "after Slotine, Li (1987)"
-    bibtex: ClassVar[str] = """\
-@article{slotine1987adaptive,
-  author  = {Slotine, Jean-Jacques E. and Li, Weiping},
-  title   = {On the Adaptive Control of Robot Manipulators},
-  journal = {The International Journal of Robotics Research},
-  volume  = {6},
-  number  = {3},
-  pages   = {49--59},
-  year    = {1987}
-}"""
+    bibtex: ClassVar[str] = published("slotine1987adaptive")
 
     def reaching(self, r: Tracking) -> Array:
         """K_d s."""
@@ -305,17 +273,7 @@ class Maithripala2006(Controller):
     name: ClassVar[str] = "maithripala2006"
     title: ClassVar[str] = "Maithripala 2006"
     theorem: ClassVar[str] = "after Maithripala, Berg, Dayawansa (2006)"
-    bibtex: ClassVar[str] = """\
-@article{maithripala2006almost,
-  author  = {Maithripala, D. H. S. and Berg, Jordan M. and Dayawansa, W. P.},
-  title   = {Almost-Global Tracking of Simple Mechanical Systems on a General Class of {Lie}
-             Groups},
-  journal = {{IEEE} Transactions on Automatic Control},
-  volume  = {51},
-  number  = {2},
-  pages   = {216--225},
-  year    = {2006}
-}"""
+    bibtex: ClassVar[str] = published("maithripala2006almost")
     matched: ClassVar[bool | None] = False
     claims_decrease: ClassVar[bool | None] = True
     weight = "spatial"
@@ -372,14 +330,7 @@ class Goodarzi2013(Controller):
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + ½k_I|e_I|²"
     matched: ClassVar[bool | None] = False
     theorem: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
-    bibtex: ClassVar[str] = """\
-@inproceedings{goodarzi2013geometric,
-  author    = {Goodarzi, Farhad and Lee, Daewon and Lee, Taeyoung},
-  title     = {Geometric Nonlinear {PID} Control of a Quadrotor {UAV} on {SE(3)}},
-  booktitle = {European Control Conference},
-  pages     = {3845--3850},
-  year      = {2013}
-}"""
+    bibtex: ClassVar[str] = published("goodarzi2013geometric")
 
     ki: Annotated[Positive, Unit(STIFFNESS)] = 0.2
     c2: Annotated[Real, Unit("1/s")] = 0.5

@@ -4,7 +4,8 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.resources import files
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
@@ -20,7 +21,14 @@ from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import structure, with_fields
 
-# Base class of control laws -----------------------------------------------------------------------
+# Base class of control laws, and what they are published in --------------------------------------
+
+
+@cache
+def published(key: str) -> str:
+    """Return the BibTeX entry of a publication in `sources.bib`."""
+    text = files("eqt_cli.components").joinpath("sources.bib").read_text(encoding="utf-8")
+    return next(entry for entry in text.strip().split("\n\n") if f"{{{key}," in entry)
 
 
 @dataclass(frozen=True)
@@ -600,13 +608,7 @@ class GT(Member):
 
     name: ClassVar[str] = "gt"
     title: ClassVar[str] = "GT"
-    bibtex: ClassVar[str] = """\
-@book{bullo2005geometric,
-  author    = {Bullo, Francesco and Lewis, Andrew D.},
-  title     = {Geometric Control of Mechanical Systems},
-  publisher = {Springer},
-  year      = {2005}
-}"""
+    bibtex: ClassVar[str] = published("bullo2005geometric")
     gyroscopic, transport, connection, quadratic = 0.5, 0.5, 0.5, 0.0
     error, damping = "spatial", "body"
 
@@ -641,15 +643,7 @@ class Lee2010(Member):
     name: ClassVar[str] = "lee2010"
     title: ClassVar[str] = "Lee 2010"
     theorem: ClassVar[str] = "Lee, Leok, McClamroch (2010), attitude part"
-    bibtex: ClassVar[str] = """\
-@inproceedings{lee2010geometric,
-  author    = {Lee, Taeyoung and Leok, Melvin and McClamroch, N. Harris},
-  title     = {Geometric Tracking Control of a Quadrotor {UAV} on {SE(3)}},
-  booktitle = {49th {IEEE} Conference on Decision and Control},
-  pages     = {5420--5425},
-  year      = {2010},
-  doi       = {10.1109/CDC.2010.5717652}
-}"""
+    bibtex: ClassVar[str] = published("lee2010geometric")
     gyroscopic, transport, connection, quadratic = 1.0, 1.0, 0.0, 1.0
     error, damping = "body", "body"
 
@@ -667,15 +661,7 @@ class Lee2012(Member):
     name: ClassVar[str] = "lee2012"
     title: ClassVar[str] = "Lee 2012"
     theorem: ClassVar[str] = "after Lee, Leok, McClamroch (2012), attitude part"
-    bibtex: ClassVar[str] = """\
-@inproceedings{lee2012nonlinear,
-  author    = {Lee, Taeyoung and Leok, Melvin and McClamroch, N. Harris},
-  title     = {Nonlinear Robust Tracking Control of a Quadrotor {UAV} on {SE(3)}},
-  booktitle = {American Control Conference},
-  year      = {2012},
-  eprint    = {1109.4457},
-  archivePrefix = {arXiv}
-}"""
+    bibtex: ClassVar[str] = published("lee2012nonlinear")
     gyroscopic, transport, connection, quadratic = 0.0, 0.0, 1.0, 0.0
     error, damping = "body", "body"
 
@@ -692,16 +678,7 @@ class BulloMurray(Member):
     name: ClassVar[str] = "bullo_murray"
     title: ClassVar[str] = "Bullo–Murray"
     theorem: ClassVar[str] = "after Bullo, Murray (1999)"
-    bibtex: ClassVar[str] = """\
-@article{bullo1999tracking,
-  author  = {Bullo, Francesco and Murray, Richard M.},
-  title   = {Tracking for Fully Actuated Mechanical Systems: A Geometric Framework},
-  journal = {Automatica},
-  volume  = {35},
-  number  = {1},
-  pages   = {17--34},
-  year    = {1999}
-}"""
+    bibtex: ClassVar[str] = published("bullo1999tracking")
     gyroscopic, transport, connection, quadratic = 0.5, 0.5, 0.5, 0.0
     error, damping = "body", "body"
 
