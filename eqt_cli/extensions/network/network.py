@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -278,44 +279,8 @@ class Emitted:
         ]
 
 
-CALL = """\
-static const double offset[] = {{{offset}}}, linear[] = {{{linear}}},
-    square[] = {{{square}}}, to_torque[] = {{{matrix}}};
-
-static void network(const double *x, double *h, double *y)
-{{
-    long i, j;
-    (void)h;
-    (void)j;
-{steps}
-    for (i = 0; i < {outputs}; i++) y[i] = {result}[i];
-}}
-
-/* Rows, one a run; states are those of the network, and its last outputs. */
-void eqt_code(long runs, int how, double period, const double *options, double *states,
-              const double *inputs, double *torques, unsigned char *outcomes, double *apart)
-{{
-    long run, i, k;
-    (void)how, (void)period, (void)options, (void)outcomes, (void)apart;
-    for (run = 0; run < runs; run++) {{
-        double x[{inputs}], y[{outputs}], u[{outputs}];
-        double *h = states + run * {memory}, *last = h + {hidden};
-        for (i = 0; i < {inputs}; i++) x[i] = inputs[run * {inputs} + i];
-        for (i = 0; i < {outputs} * {remembers}; i++) x[{last_at} + i] = {last_scale} * last[i];
-        network(x, h, y);
-        for (i = 0; i < {outputs}; i++) {{
-            y[i] = {limited};
-            if ({remembers}) last[i] = y[i];
-            u[i] = offset[i] + (linear[i] + square[i] * y[i]) * y[i];
-        }}
-        for (k = 0; k < {axes}; k++) {{
-            double sum = 0.0;
-            for (i = 0; i < {outputs}; i++) sum += to_torque[{outputs} * k + i] * u[i];
-            torques[run * {axes} + k] = sum;
-        }}
-    }}
-}}
-"""
+CALL = Path(__file__).with_name("call.h")
+"""How native calls a network for many runs."""
 
 
 @lru_cache(maxsize=16)
@@ -349,19 +314,28 @@ def source_of(
     outputs = network.outputs
     remembers, (last_at, last_scale) = int(last is not None), last or (0, 1.0)
     numbers = {"offset": curve[0], "linear": curve[1], "square": curve[2], "matrix": matrix.ravel()}
-    text = CALL.format(
-        steps="\n".join(f"    {line}" for line in made.lines),
-        result=network.steps[-1]["out"],
-        inputs=network.inputs,
-        outputs=outputs,
-        hidden=hidden,
-        memory=hidden + outputs * remembers,
-        remembers=remembers,
-        last_at=last_at,
-        last_scale=repr(float(last_scale)),
-        limited=f"y[i] < -{most} ? -{most} : y[i] > {most} ? {most} : y[i]" if most else "y[i]",
-        axes=len(matrix),
+    defined = {
+        "inputs": network.inputs,
+        "outputs": outputs,
+        "axes": len(matrix),
+        "hidden": hidden,
+        "memory": hidden + outputs * remembers,
+        "remembers": remembers,
+        "last_at": last_at,
+        "last_scale": repr(float(last_scale)),
+        "limited": f"y[i] < -{most} ? -{most} : y[i] > {most} ? {most} : y[i]" if most else "y[i]",
         **{name: ", ".join(map(repr, x.tolist())) or "0" for name, x in numbers.items()},
+    }
+    result = network.steps[-1]["out"]
+    text = "\n".join(
+        [
+            *(f"#define EQT_{name.upper()} {value}" for name, value in defined.items()),
+            "static void network(const double *x, double *h, double *y)\n{",
+            "    long i, j;\n    (void)h, (void)j;",
+            *(f"    {line}" for line in made.lines),
+            f"    for (i = 0; i < EQT_OUTPUTS; i++) y[i] = {result}[i];\n}}",
+            CALL.read_text(encoding="utf-8"),
+        ]
     )
     functions = needed(PRELUDE + text, headers("double"))
     return "\n".join([PRELUDE, functions, *made.constants, text])
