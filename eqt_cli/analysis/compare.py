@@ -21,6 +21,7 @@ from eqt_cli.analysis.intervals import (
     runs_without_exception,
     statistics,
 )
+from eqt_cli.analysis.search_record import TUNE, laws_of
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
 from eqt_cli.loop.small_errors import SmallErrors
@@ -271,7 +272,8 @@ def compare(
     """
     _check(result, how)
     chosen = _chosen(result, metrics, windows)
-    labels = [label for label in result.labels if not labels or label in labels]
+    tuned = TUNE.beside(result)
+    labels = [label for label in result.labels if label in (labels or laws_of(result, tuned))]
     kinds: dict[str, str] = {}  # the first law of each kind
     for label in labels:
         kinds.setdefault(result.kinds.get(label, label), label)
@@ -285,8 +287,9 @@ def compare(
     judgements = _judgements(result, tests, kinds, samples, pairs, how.confidence)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     of_all, small = result.lyapunov_functions, result.described.small_errors
-    gains = _gains(small, dict.fromkeys(labels, labels[0]), result.title_of)
-    declared = result.described.not_matched
+    # The gains of a tuning differ, since each law has those that suit it.
+    gains = {} if tuned else _gains(small, dict.fromkeys(labels, labels[0]), result.title_of)
+    declared = () if tuned else result.described.not_matched
     functions = {label: of_all[label] for label in labels if label in of_all}
     without = [label for label in labels if label in result.described.without_forces]
     between = []

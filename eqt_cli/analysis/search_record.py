@@ -181,6 +181,14 @@ class Kind:
         return record if record is not None and self.fits(record, result) else None
 
 
+def laws_of(result: Result, tuning: Mapping[str, Any] | None) -> list[str]:
+    """Return the labels of the laws, without those of single searches of a tuning."""
+    laws = tuning["laws"] if tuning else ()
+    winners = {winner["label"] for law in laws for winner in law["winners"]}
+    searched = {search["label"] for law in laws for search in law["searches"]} - winners
+    return [label for label in result.labels if label not in searched]
+
+
 TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
 WORST = Kind("worst", "search for the worst run", "worst.json", "worst", fits_worst, runs=True)
 

@@ -186,7 +186,8 @@ def _front_points(result: Result, record: Record) -> TextTable:
 
 def compared(result: Result, record: Record) -> Comparison:
     """Compare the laws by the objectives, the bounded metrics, and the errors of any comparison."""
-    return compare(result, metrics=list(dict.fromkeys([*sought(record), *result.compared_first])))
+    metrics = list(dict.fromkeys([*sought(record), *result.compared_first]))
+    return compare(result, metrics=metrics, labels=result.labels)
 
 
 def sought(record: Record) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
-from eqt_cli.analysis.search_record import TUNE
+from eqt_cli.analysis.search_record import TUNE, laws_of
 from eqt_cli.api.loading import (
     Configuration,
     ResultPath,
@@ -167,15 +167,13 @@ def chosen_labels(
     """
     require_list("controllers", controllers)
     wanted = [result.labels[result.position_of(name)] for name in controllers]
-    starts = []
+    starts, record = [], TUNE.beside(result)
     if without_start:
-        record = TUNE.beside(result)
         if record is None:
             raise result.error("is not the result of a tuning, so it has no starting gains")
         starts = [law["start"] for law in record["laws"]]
-    return [
-        label for label in result.labels if label not in starts and (not wanted or label in wanted)
-    ]
+    chosen = wanted or laws_of(result, record)
+    return [label for label in result.labels if label in chosen and label not in starts]
 
 
 def compare_sweep(

@@ -12,7 +12,9 @@ from eqt_cli import api
 from eqt_cli.analysis.fronts import Constraint, scores
 from eqt_cli.analysis.search_record import fits_tuning
 from eqt_cli.analysis.search_tables import _ranking, tuning_tables
+from eqt_cli.api.comparing import compare
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import write_record
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.config import shipped
 from eqt_cli.config.document import document_of
@@ -55,6 +57,27 @@ def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(searched):
         assert document_of(result).data["ensemble"]["seed"] == 9
     law = done.search.laws[0]
     assert law.values(law.start or ())["gains.kp"] == pytest.approx(1.0)
+
+
+def test_a_comparison_has_no_seeds_and_blames_no_gains(searched, tmp_path):
+    """A winner of one seed is a law only where somebody asks for it."""
+    _, folder = searched
+    record = read(folder)
+    record["laws"][0]["searches"][0]["label"] = "family, start"  # as if a seed's winner
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    (copy / "results.h5").write_bytes((folder / "results.h5").read_bytes())
+    alone = compare(copy)
+    assert alone.labels == ["eqt", "family", "eqt, start", "family, start"]
+    assert alone.gains and alone.not_matched
+    del record["checksum"]
+    write_record(copy / "tuning.json", record)
+    tuned = compare(copy)
+    assert tuned.labels == ["eqt", "family", "eqt, start"]
+    assert not tuned.gains and not tuned.not_matched
+    assert not any(line.startswith("gains are not") for line in tuned.lines)
+    some = compare(copy, controllers=["eqt", "family, start"])
+    assert some.labels == ["eqt", "family, start"]
 
 
 def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(searched):
