@@ -172,7 +172,7 @@ def _comparison(page):
 @NEEDS_COMPILER
 def test_numbers_of_the_first_pages(many):
     """Each has its interval, and comes from the command beside it."""
-    printed = _printed(many, "compare", "results/many", COLUMNS="80")
+    printed = _printed(many, "compare", "results/many", COLUMNS="90")
     pages = ["index.md", "../README.md", "explanation/paper.md"]
     for page in pages[:2]:
         assert docs_runner.matches(_comparison(page), printed)

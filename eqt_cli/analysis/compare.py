@@ -190,12 +190,13 @@ def _is_rotation(result: Result, quantity: Quantity) -> bool:
 def judge_less(source: str, says: str, pair: Pair) -> Judgement:
     """Judge a claim that the first of a pair has less than the second.
 
-    It is supported if the whole interval lies below 0, not supported if none of it does, and
-    undecided otherwise.
+    It is supported if the intervals of the mean and of the median lie below 0, not supported if
+    neither holds less, and undecided otherwise.
     """
-    if pair.high < 0:
+    _, low, high = pair.medians[0]
+    if pair.high < 0 and high < 0:
         verdict = ClaimVerdict.SUPPORTED
-    elif pair.low >= 0 and not pair.low == pair.high == 0:
+    elif pair.low >= 0 and low >= 0 and not pair.low == pair.high == 0:
         verdict = ClaimVerdict.NOT_SUPPORTED
     else:
         verdict = ClaimVerdict.UNDECIDED
@@ -320,6 +321,7 @@ def compare(
         gains=gains,
         between=between,
         resolution=_resolution(result),
+        points=max(result.out_of, 1),
         missing=[*_cut(result, chosen, windows), *_missing(result)],
         resamples=resamples,
         negligible=negligible,
@@ -449,6 +451,7 @@ def compare_two(
         negligible=negligible,
         not_matched=list(gains),
         resolution=max(map(_resolution, both)),
+        points=max(second.out_of, 1),
         gains=gains,
         bases=bases,
         between=between,

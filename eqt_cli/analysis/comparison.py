@@ -97,6 +97,8 @@ class Comparison(InNotebook):
         Settings of the bootstrap.
     negligible
         Relative difference within which there is none.
+    points
+        Number of points of the sweep of which this is one; tests are corrected for them, too.
     bases
         Of two results: the law of the first with which each law of the second is compared.
     between
@@ -106,7 +108,7 @@ class Comparison(InNotebook):
     rows
         A record per metric and pair of laws; per metric of a law that is alone. Of the pairs with
         the first law, ``answer`` is the word in `lines`, and ``adjusted_p`` its p-value after Holm;
-        ``word`` follows from the interval of its row alone.
+        ``word`` follows from its row alone.
     """
 
     title: str
@@ -130,6 +132,7 @@ class Comparison(InNotebook):
     not_matched: Sequence[str] = ()
     gains: Mapping[str, str] = field(default_factory=dict)
     resolution: float = 0.0
+    points: int = 1
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
     lines: Sequence[str] = ()

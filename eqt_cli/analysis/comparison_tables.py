@@ -68,10 +68,9 @@ def _level(level: Level) -> Record:
 def _pair(pair: Pair) -> Record:
     counts = "first second pairs failed undefined censored"
     numbers = "difference low high relative relative_low relative_high cohen_d first_better"
-    record = _record(pair.measured, pair, f"{counts} {numbers}")
-    if pair.p_value is not None:
-        record["p_value"] = pair.p_value
-    return record
+    record = _record(pair.measured, pair, f"{counts} {numbers} p_value")
+    names = ("median", "median_low", "median_high")
+    return record | dict(zip(names, pair.medians[0], strict=True))
 
 
 def _answer(answer: Answer) -> Record:
@@ -234,7 +233,7 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str], whole: 
     caption = "Paired differences from the same initial states"
     if comparison.between:
         caption = "Differences, run by run"
-    header = ["measure", "difference", "relative", "verdict", "better in", "runs to decide"]
+    header = ["measure", "difference", "median", "verdict", "better in", "runs to decide"]
     spare = ("runs to decide", "difference", "better in")
     if not any(math.isfinite(pair.low) for pair in shown):
         table = TextTable("pairs", caption, header, blocks, [too_few(comparison)], spare)
@@ -257,32 +256,33 @@ def _pair_row(comparison: Comparison, pair: Pair, write: Plain, whole: str) -> l
 
 def _better_in(pair: Pair, titles: Mapping[str, str]) -> str:
     """Return in how many runs the law that is better more often is: ``EqT 15 of 20``."""
-    if not pair.pairs or pair.measured.quantity.better == "neither":
+    if not pair.runs or pair.measured.quantity.better == "neither":
         return "-"
-    if pair.ties == pair.pairs:
+    if pair.ties == pair.runs:
         return f"equal in {pair.pairs}"
     first, second = pair.better_in
     if first == second:
-        return f"each {first} of {pair.pairs}"
+        return f"each {first} of {pair.runs}"
     label, most = (pair.first, first) if first > second else (pair.second, second)
-    return f"{titles[label]} {most} of {pair.pairs}"
+    return f"{titles[label]} {most} of {pair.runs}"
 
 
 def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     notes = [
-        f"runs to decide: the number of runs with which an interval excludes 0 with probability "
-        f"{POWER:g}, if mean and spread stay as measured.",
-        f"Words follow from the relative interval of each row alone, uncorrected; within "
-        f"±{100 * comparison.negligible:g} % is no difference.",
+        "difference: of the means; median: over runs, relative to the other law.",
+        f"runs to decide: the number of runs with which the interval of the mean excludes 0 with "
+        f"probability {POWER:g}, if mean and spread stay as measured.",
+        "Verdicts follow from the median of each row alone, uncorrected, and from the side of the "
+        f"mean; within ±{100 * comparison.negligible:g} % is no difference.",
     ]
     failed = max((pair.failed for pair in shown), default=0)
     if failed:
-        notes.append(f"Runs in which either controller failed are left out (at most {failed}).")
+        notes.append(f"Runs in which a controller failed are no part of means (at most {failed}).")
     fewest = min((pair.pairs for pair in shown if pair.pairs), default=FEW)
     if fewest < FEW:
         notes.append(
-            f"From fewer than {FEW} pairs (here {fewest}), an interval may hold less often than "
-            f"its confidence says; from fewer than {FEWEST}, there is none."
+            f"From fewer than {FEW} pairs (here {fewest}), the interval of a mean may hold less "
+            f"often than its confidence says; from fewer than {FEWEST}, there is none."
         )
     return notes
 
@@ -299,10 +299,10 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
     caption = f"{about}, at {runs_each(comparison)}"
     header = ["measured", "window", "found", "verdict", "runs to decide"]
     notes = [
-        "Differences below 0 support a claim: supported if the whole interval lies below 0, not "
-        "supported if it lies above, undecided if it contains 0. A claim about every run is "
-        "supported only if no run violates it and the runs are enough to speak for 95 % of all "
-        "initial states."
+        "Differences below 0 support a claim: supported if the intervals of the mean and of the "
+        "median lie below 0, not supported if they lie above, else undecided. A claim about every "
+        "run is supported only if no run violates it and the runs are enough to speak for 95 % of "
+        "all initial states."
     ]
     if comparison.departures:
         notes = [f"not covered: beyond the theorems of these claims are {comparison.departures}."]

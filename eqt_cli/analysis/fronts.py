@@ -607,7 +607,7 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
         f"{write.name(result.quantity(cost))}{f', {unit}' if unit else ''}"
     )
     note = (
-        f"A law is better where it is {RULE}, after Holm (1979) over the rows. Between two "
+        f"A law is better where it is {RULE}, with p times the number of rows. Between two "
         "neighbours on a front, costs and errors are interpolated. Each interval is "
         "that of a paired difference; it does not include how close the search came to the true "
         "front. Over searches: the same between the fronts of single searches, on the runs of the "

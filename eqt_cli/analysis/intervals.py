@@ -13,7 +13,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import fixed, reporter, step
-from eqt_cli.results.quantity import Plain
+from eqt_cli.results.quantity import Plain, Quantity
 from eqt_cli.results.result import PerRun
 
 # Intervals of means, ratios and shares, by bootstrap and in closed form, and the runs needed ------
@@ -220,7 +220,7 @@ def difference_of_shares(first: Array, second: Array, confidence: float) -> tupl
         return Interval(math.nan, math.nan, math.nan), math.nan
     outcomes = (x & y, x & ~y, ~x & y, ~x & ~y)
     a, b, c, d = (int(np.count_nonzero(outcome)) for outcome in outcomes)
-    value, p_value = (b - c) / n, sign_test(b, c)
+    value, p_value = (b - c) / n, float(sign_test(max(b, c), b + c))
     if n < FEWEST:
         return Interval(value, math.nan, math.nan), p_value
     product, excess = (a + b) * (c + d) * (a + c) * (b + d), a * d - b * c
@@ -277,12 +277,31 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
     return Interval(share, max(float((b - half) / a), least), float((b + half) / a))
 
 
-def sign_test(first: int, second: int) -> float:
-    """Return the exact two-sided p-value that a difference goes either way equally often."""
+def sign_test(ahead: Array | int, runs: Array | int) -> Array:
+    """Return the exact p-value that a law is ahead in half of all runs at most, for either law."""
     from scipy.special import bdtr  # unlike scipy.stats, quick to import
 
-    most = first + second
-    return min(1.0, 2 * float(bdtr(min(first, second), most, 0.5))) if most else 1.0
+    behind = np.asarray(runs) - ahead
+    return np.minimum(1.0, 2 * bdtr(behind, np.maximum(runs, 1), 0.5))
+
+
+def median_of_runs(values: Array, confidence: float) -> Interval:
+    """Return the median with the interval that `sign_test` inverts, for any distribution.
+
+    Its ends are the values of equal rank from below and from above that are so far from the median
+    as the test allows (Thompson 1936); NaN for fewer runs than that takes, such as 6 for 95 %.
+    """
+    ordered = np.sort(values)
+    n = len(ordered)
+    if not n:
+        return Interval(math.nan, math.nan, math.nan)
+    ranks = np.arange(1, n // 2 + 1)
+    allowed = np.count_nonzero(sign_test(n + 1 - ranks, n) <= 1 - confidence)
+    with np.errstate(invalid="ignore"):  # between −∞ and ∞
+        middle = float(np.median(ordered))
+    if not allowed:
+        return Interval(middle, math.nan, math.nan)
+    return Interval(middle, float(ordered[allowed - 1]), float(ordered[n - allowed]))
 
 
 def holm(p_values: Array) -> Array:
@@ -348,7 +367,7 @@ NEGLIGIBLE = 0.01
 
 
 class Word(StrEnum):
-    """What the interval of a relative difference says of a law against another one."""
+    """What most runs say of a law against another one."""
 
     BETTER = "better"
     WORSE = "worse"
@@ -407,6 +426,14 @@ class Pair:
         Mean difference and its interval; for shares of runs the interval of Newcombe.
     relative, relative_low, relative_high
         `relative_difference`; of shares, the difference itself.
+    medians
+        `median_of_runs` of the difference of a run relative to the second law, and of the reverse
+        relative to the first; a run that failed is worse than any. Of shares of time, of the
+        difference itself; of shares of runs, the difference with its interval.
+    better_in
+        In how many runs the first law is better, and the second; a run that failed is worse.
+    runs
+        Number of runs behind `better_in`, in which both have a value or only one failed.
     mean_first, mean_second
         Means over the pairs.
     cohen_d
@@ -419,7 +446,7 @@ class Pair:
         Number of runs that would decide the sign (`runs_to_decide`); None for fewer than `FEWEST`
         pairs, whose spread is too uncertain.
     p_value
-        P-value of McNemar's test for shares of runs; else None.
+        P-value of `sign_test` in these runs; of shares of runs, where the two differ (McNemar).
     """
 
     measured: PerRun
@@ -438,10 +465,13 @@ class Pair:
     mean_first: float
     mean_second: float
     cohen_d: float
+    medians: tuple[Interval, Interval]
+    better_in: tuple[int, int]
+    runs: int
     first_better: float
     ties: int
     runs_to_decide: int | None
-    p_value: float | None = None
+    p_value: float
 
     def __repr__(self) -> str:
         """The difference with its interval, in a line."""
@@ -451,32 +481,28 @@ class Pair:
         value = " ".join(filter(None, [interval, write.unit(self.measured.unit)]))
         return f"Pair({self.first} − {self.second}, {measured}: {value}, {self.pairs} pairs)"
 
-    @property
-    def better_in(self) -> tuple[int, int]:
-        """In how many runs the first law is better, and the second."""
-        first = round(self.first_better * self.pairs - self.ties / 2) if self.pairs else 0
-        return first, self.pairs - self.ties - first
-
     def word(self, negligible: float = NEGLIGIBLE) -> Word:
-        """Return the word for the first law against the second.
+        """Return the word for the first law against the second, by this number alone.
 
-        *No difference* if the interval of the relative difference lies within ±`negligible`, else
-        *better* or *worse* if it lies on one side of 0; of a mean of 0, that of the difference.
+        *No difference* if the interval of the median lies within ±`negligible`, else *better* or
+        *worse* if it lies on one side of 0, and the mean of these runs does, too.
         """
-        better, low, high = self.measured.quantity.better, self.relative_low, self.relative_high
-        known = math.isfinite(low)
-        if not known:
-            low, high = self.low, self.high
-        if max(abs(low), abs(high)) <= negligible * known:
+        better, (_, low, high) = self.measured.quantity.better, self.medians[0]
+        if max(abs(low), abs(high)) <= negligible:
             return Word.ALIKE
-        if better == "neither" or not (low > 0 or high < 0):
+        if better == "neither" or not (low > 0 or high < 0) or self.means_contradict:
             return Word.UNDECIDED
         return Word.BETTER if (high < 0) == (better == "lower") else Word.WORSE
 
     @property
+    def means_contradict(self) -> bool:
+        """Whether the mean of the differences has not the sign of their median."""
+        return self.difference * self.medians[0].value <= 0
+
+    @property
     def percent(self) -> str:
-        """The relative difference as ``−16 % [−19, −13]``; of shares in points of 100."""
-        values = [100 * x for x in (self.relative, self.relative_low, self.relative_high)]
+        """The median as ``−16 % [−19, −13]``; of shares in points of 100."""
+        values = [100 * x for x in self.medians[0]]
         if not math.isfinite(values[0]):
             return "-"
         half = (values[2] - values[1]) / 2
@@ -508,6 +534,8 @@ class Pair:
             mean_first=self.mean_second,
             mean_second=self.mean_first,
             cohen_d=-self.cohen_d,
+            medians=self.medians[::-1],
+            better_in=self.better_in[::-1],
             first_better=1 - self.first_better,
         )
 
@@ -535,14 +563,11 @@ def statistics(
             of_runs = shares(s.values[c], how.confidence) if s.quantity.counts else next(ends)
             levels.append(_level(s, c, label, good, Interval(*of_runs)))
         for a, b in couples:
-            p_value = None
             if s.quantity.counts:
-                both = s.values[a], s.values[b]
-                interval, p_value = difference_of_shares(*both, how.confidence)
+                interval, _ = difference_of_shares(s.values[a], s.values[b], how.confidence)
             else:
                 interval = next(ends)
-            pair = _pair(s, a, b, labels, good, how.confidence, interval)
-            pairs.append(replace(pair, p_value=p_value))
+            pairs.append(_pair(s, a, b, labels, good, how.confidence, interval))
     return levels, pairs, means.resamples
 
 
@@ -581,6 +606,11 @@ def _pair(
     relative = relative_difference(differences, second, confidence)
     better = -differences if s.quantity.better != "higher" else differences
     first_better = _mean((better > 0) + (better == 0) / 2)
+    values, failures = s.values[[a, b]], ~good[[a, b], : s.values.shape[1]]
+    alone = np.zeros(2, dtype=int) if s.quantity.counts else _alone(values, failures)
+    ahead = [x.item() for x in np.count_nonzero([better > 0, better < 0], axis=-1) + alone]
+    runs = len(differences) + int(alone.sum())
+    tested = sum(ahead) if s.quantity.counts else runs
     return Pair(
         s,
         labels[a],
@@ -594,10 +624,47 @@ def _pair(
         mean_first=_mean(s.values[a][both]),
         mean_second=_mean(second),
         cohen_d=cohen_d,
+        medians=(
+            median_difference(s.quantity, values, failures, confidence),
+            median_difference(s.quantity, values[::-1], failures[::-1], confidence),
+        ),
+        better_in=(ahead[0], ahead[1]),
+        runs=runs,
         first_better=first_better,
         ties=int(np.count_nonzero(differences == 0)),
         runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
+        p_value=float(sign_test(max(ahead), tested)) if runs else math.nan,
     )
+
+
+def median_difference(
+    quantity: Quantity, values: Array, failed: Array, confidence: float
+) -> Interval:
+    """Return the median over runs of the difference of two laws, relative to the second.
+
+    A run that failed is worse than any other; where both did, neither is better. Of shares of time,
+    it is the median of the difference itself; of shares of runs, the difference of the shares.
+
+    Parameters
+    ----------
+    values, failed : (2, runs)
+        Of the first law and of the second.
+    """
+    if quantity.counts:
+        return difference_of_shares(values[0], values[1], confidence)[0]
+    differences = resolved_differences(values[0], values[1])
+    if not quantity.name.endswith("_share"):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = differences / np.abs(values[1])
+        differences = np.where(differences == 0, 0.0, relative)  # not 0/0
+    ends = quantity.cost(np.array([-np.inf, np.inf]))
+    lost = np.repeat(ends, _alone(values, failed))
+    return median_of_runs(np.r_[differences[np.isfinite(values).all(axis=0)], lost], confidence)
+
+
+def _alone(values: Array, failed: Array) -> Array:
+    """Return the number of runs in which the other of two laws failed, for each law."""
+    return (np.isfinite(values) & failed[::-1]).sum(axis=-1)
 
 
 def resolved_differences(first: Array, second: Array) -> Array:

@@ -9,14 +9,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eqt_cli.analysis.intervals import (
+    NEGLIGIBLE,
     RESOLUTION,
     Interval,
     Resampling,
-    holm,
+    Word,
     intervals_of_means,
-    relative_difference,
+    median_difference,
     resolved_differences,
     shares,
+    sign_test,
 )
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
@@ -35,8 +37,8 @@ UNDECIDED, TOO_FEW_RUNS = "undecided", "too few runs"
 """Verdicts without a winner; the second where no law could win with so few runs."""
 
 RULE = (
-    "better in more than half of the runs, by sign tests on the same initial states, and in the "
-    "mean"
+    "better in more than half of all runs, by sign tests on the same initial states, and in the "
+    "mean of these runs"
 )
 """When a law wins, in words; `decide` tests it."""
 
@@ -71,7 +73,9 @@ class Cell:
     difference
         Paired difference best minus next, with an unadjusted interval.
     lead
-        The difference divided by the mean of the next law, with the interval of the ratio.
+        Median over runs of the difference relative to the next law, with its interval.
+    alike
+        Whether a law that would win differs from another one by no more than `NEGLIGIBLE`.
     failed, censored : tuple of int
         Numbers of runs of each law that failed, and whose value lies beyond the horizon.
     unranked
@@ -86,6 +90,7 @@ class Cell:
     p_value: float
     difference: Interval
     lead: Interval
+    alike: bool
     failed: tuple[int, ...]
     censored: tuple[int, ...]
     unranked: tuple[bool, ...]
@@ -138,6 +143,8 @@ class Map:
         """Return the winner of a point, or why there is none."""
         if cell.winner != NOBODY:
             return self.titles[cell.winner]
+        if cell.alike:
+            return str(Word.ALIKE)
         if cell.in_most_runs in (NOBODY, cell.best):
             return self.without_winner
         most, best = self.titles[cell.in_most_runs], self.titles[cell.best]
@@ -162,12 +169,12 @@ def compare_map(
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
     A law wins at a point if it is better than every other law in more than half of the runs there,
-    and in the mean. More than half is tested by the sign test, which is exact for any number of
-    runs and any distribution; runs without a difference are left out, and a run that failed is
-    worse than one that did not. The largest p-value over the other laws counts: a win is false if
-    it is false for any other law (intersection-union test, Berger 1982). The p-values of all points
-    are adjusted after Holm (1979), which is valid for dependent tests such as those on the same
-    runs. A law with more failed runs than another cannot win, because its other runs are a biased
+    and in the mean, and the median difference is not within `NEGLIGIBLE`: the rule of `compare`.
+    More than half is tested by the sign test, which is exact for any number of runs and any
+    distribution; a run that failed is worse than one that did not. The largest p-value over the
+    other laws counts: a win is false if it is false for any other law (intersection-union test,
+    Berger 1982). It is multiplied by the number of points (Bonferroni), as for one point alone. A
+    law with more failed runs than another cannot win, because its other runs are a biased
     sample. A law is not ranked where more than 1 − `settling` of its runs failed, or where fewer
     than that settled and another law settled in at least `settling` of them; then it counts as
     failed. What fails in fewer than 3/n of the runs is not in the data of n runs, so no test of
@@ -213,11 +220,20 @@ def compare_map(
     order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), lost), axis=-1)
     points = np.arange(len(values))
     counted = np.where(idle[..., None], np.nan, quantity.cost(values))
-    decision = decide(counted, lost, how.confidence)
+    decision = decide(counted, lost, how.confidence, counts=quantity.counts)
     # The law that is better in most runs is the best one, unless the means contradict.
     agrees = (decision.winner != NOBODY) & ~failing[points, decision.winner]
     order = np.where(agrees[:, None], _first(order, decision.winner), order)
     best, runner_up = order[:, 0], order[:, 1]
+    lacks = ~result.good[:, chosen]
+    leads = [
+        [
+            median_difference(quantity, values[pair], lacks[pair], how.confidence)
+            for pair in ((point, [best[point], other]) for other in order[point, 1:])
+        ]
+        for point in points
+    ]
+    alike = [any(max(-x.low, x.high) <= NEGLIGIBLE for x in of_point) for of_point in leads]
     differences = resolved_differences(values[points, best], values[points, runner_up])
     ends = _intervals(differences, how) if intervals else np.full((len(points), 3), np.nan)
     cells = [
@@ -225,13 +241,12 @@ def compare_map(
             point=point,
             best=int(best[point]),
             runner_up=int(runner_up[point]),
-            winner=int(best[point]) if agrees[point] else NOBODY,
+            winner=int(best[point]) if agrees[point] and not alike[point] else NOBODY,
             in_most_runs=int(decision.in_most_runs[point]),
             p_value=float(decision.p_values[point]),
             difference=Interval(*ends[point].tolist()),
-            lead=relative_difference(
-                differences[point], values[point, runner_up[point]], how.confidence
-            ),
+            lead=leads[point][0],
+            alike=alike[point],
             failed=tuple(map(int, failed[point])),
             censored=tuple(map(int, np.count_nonzero(censored[point], axis=-1))),
             unranked=tuple((failing | idle)[point].tolist()),
@@ -252,7 +267,7 @@ class Decision(NamedTuple):
         The law that wins, and the one that is better than all others in more than half of the runs;
         `NOBODY` where the runs decide neither.
     p_values : (points,)
-        Adjusted p-values of the sign tests; NaN if the runs are too few.
+        P-values of the sign tests, times the points; NaN if the runs are too few.
     fewest
         Number of runs with which a law could win.
     without_winner
@@ -266,7 +281,7 @@ class Decision(NamedTuple):
     without_winner: str
 
 
-def decide(costs: Array, failed: Array, confidence: float) -> Decision:
+def decide(costs: Array, failed: Array, confidence: float, *, counts: bool = False) -> Decision:
     """Return the winners among laws at several points, as `compare_map` defines them.
 
     Parameters
@@ -275,11 +290,13 @@ def decide(costs: Array, failed: Array, confidence: float) -> Decision:
         Less is better; NaN for a run that failed.
     failed : (points, laws)
         Numbers of failed runs.
+    counts
+        Whether a cost is 0 or 1, so that runs without a difference are left out (McNemar's test).
     """
     points, _, runs = costs.shape
     fewest = math.ceil(1 - math.log2((1 - confidence) / points))  # 2^(1-n) ≤ (1 - c)/points
-    ahead, raw = _better_in_most_runs(costs)
-    adjusted = holm(raw if runs >= fewest else np.full(points, np.nan))
+    ahead, raw = _better_in_most_runs(costs, counts=counts)
+    adjusted = np.minimum(1.0, points * raw) if runs >= fewest else np.full(points, np.nan)
     most = np.where(adjusted <= 1 - confidence, ahead, NOBODY)
     winner = np.where(_better_in_the_mean(costs, failed, most), most, NOBODY)
     return Decision(winner, most, adjusted, fewest, UNDECIDED if runs >= fewest else TOO_FEW_RUNS)
@@ -298,7 +315,7 @@ def _intervals(rows: Array, how: Resampling) -> Array:
     return np.concatenate(columns)
 
 
-def _better_in_most_runs(costs: Array) -> tuple[Array, Array]:
+def _better_in_most_runs(costs: Array, *, counts: bool) -> tuple[Array, Array]:
     """Return the law that is better than all others in most runs, and the p-value of sign tests.
 
     Without such a law at a point, it is `NOBODY`, and its p-value is 1.
@@ -308,8 +325,6 @@ def _better_in_most_runs(costs: Array) -> tuple[Array, Array]:
     costs : (points, laws, runs)
         Less is better; NaN for a run that failed.
     """
-    from scipy.special import bdtr
-
     points, laws, _ = costs.shape
     costs = np.where(np.isnan(costs), np.inf, costs)
     ahead, p_values = np.full(points, NOBODY), np.ones(points)
@@ -319,7 +334,8 @@ def _better_in_most_runs(costs: Array) -> tuple[Array, Array]:
             raw = costs[:, [law]] - others  # infinite where one of both failed, NaN where both did
         differences = np.where(np.isfinite(raw), resolved_differences(costs[:, [law]], others), raw)
         better, worse = ((differences * sign > 0).sum(axis=-1) for sign in (-1, 1))
-        p = np.minimum(1, 2 * bdtr(worse, better + worse, 0.5)).max(axis=-1)
+        compared = better + worse if counts else (~np.isnan(raw)).sum(axis=-1)
+        p = sign_test(better, compared).max(axis=-1)
         leads = (better > worse).all(axis=-1)
         ahead[leads], p_values[leads] = law, p[leads]
     return ahead, p_values
@@ -368,7 +384,7 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     summary = TextTable(
         "winners",
         f"Which law has the better {name}, at {points} points of {count_of(wins.runs, 'run')} each",
-        ["law", "points won", f"largest difference, {write.text('%')}", "at"],
+        ["law", "points won", f"largest median difference, {write.text('%')}", "at"],
         [Block("", counted)],
         [write.text(note) for note in _notes(wins)],
     )
@@ -383,7 +399,7 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         p_value = "-" if math.isnan(cell.p_value) else f"{cell.p_value:.2g}"
         winner = write.text(wins.verdict(cell))
         rows.append([*place, *means, winner, _difference(cell, write), p_value])
-    difference = f"difference, {write.text('%')}"
+    difference = f"median difference, {write.text('%')}"
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
     header = ["point", "at", *map(write.text, wins.titles), "winner", difference, "adjusted p"]
     table = TextTable(
@@ -401,8 +417,9 @@ def _notes(wins: Map) -> list[str]:
     share = f"{100 * (1 - wins.confidence):g} %"
     notes = [
         f"A law wins at a point where, against every other one, it is {RULE}. The largest p-value "
-        "over the other laws counts, and those of the points are adjusted after Holm (1979): "
-        f"with probability {share} at most, any win is false. Failures rarer than 3/n of the runs, "
+        "over the other laws counts, times the number of points: with probability "
+        f"{share} at most, any law wins that is not better in more than half of all runs. A median "
+        f"within ±{100 * NEGLIGIBLE:g} % is no difference. Failures rarer than 3/n of the runs, "
         f"here {300 / wins.runs:.2g} %, are not excluded."
     ]
     if wins.has_too_few_runs:
@@ -455,7 +472,7 @@ def _mean(mean: float, failed: int, censored: int) -> str:
 
 
 def _difference(cell: Cell, write: Plain) -> str:
-    """Format the difference of the best law from the next one, in percent of that one's mean."""
+    """Format the median difference of the best law from the next one, in percent of that one."""
     if not cell.difference.value or not all(map(isfinite, cell.lead)):
         return "-"
     mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
@@ -480,9 +497,9 @@ def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
             "difference": cell.difference.value,
             "low": cell.difference.low,
             "high": cell.difference.high,
-            "relative": cell.lead.value,
-            "relative_low": cell.lead.low,
-            "relative_high": cell.lead.high,
+            "median": cell.lead.value,
+            "median_low": cell.lead.low,
+            "median_high": cell.lead.high,
             "p_adjusted": cell.p_value,
             **{
                 f"{name} of {label}": value

@@ -87,7 +87,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
 
         return (
             0 < len(wanted) <= 2
-            and len(record["cases"]) == (result.points if result.is_sweep else 0)
+            and len(record["cases"]) == (result.points if result.is_sweep else result.out_of)
             and all(isinstance(case, str) for case in record["cases"])
             and record["over_cases"] in ("mean", "worst")
             and bool(labels)

@@ -135,7 +135,7 @@ def _ranking(result: Result, name: str, tuned: Collection[str]) -> str:
         verdicts.setdefault(verdict, []).append(" – ".join(both))
     said = "; ".join(f"{verdict} {listed(laws)}" for verdict, laws in verdicts.items())
     measure = result.quantity(name).described
-    return f"By {measure}, a law is better where it is {RULE}, after Holm (1979). {said}."
+    return f"By {measure}, a law is better where it is {RULE}, with p times the pairs. {said}."
 
 
 def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:

@@ -12,8 +12,8 @@ from typing import Literal
 import numpy as np
 
 from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
-from eqt_cli.analysis.intervals import FEWEST, SHARE, Pair, Word, holm, sign_test
-from eqt_cli.base.reporting import count_of, listed, percent, significant
+from eqt_cli.analysis.intervals import FEWEST, SHARE, Pair, Word, holm
+from eqt_cli.base.reporting import count_of, fixed, listed, percent, significant
 from eqt_cli.results.quantity import LAST_RESORT, Plain
 
 MOST_NAMES = 6
@@ -31,26 +31,26 @@ class Answer:
     word
         The word for the first law, by the interval of this number alone.
     p_value
-        Of the test that each law is better in half of the runs (sign test; McNemar's for shares of
-        runs), adjusted after Holm (1979) for all answers.
+        Of the test that neither law is better in more than half of the runs (sign test; McNemar's
+        for shares of runs), adjusted after Holm (1979) for all answers.
+    contradicted
+        Why the word does not stand although a law is better in most runs.
     decided
-        Whether the word may stand without the others: for *better* and *worse*, most runs and the
-        adjusted test must say so, too.
+        Whether the word may stand beside the others: for *better* and *worse*, the adjusted test
+        must say so, too.
     """
 
     pair: Pair
     word: Word
     p_value: float
     decided: bool
+    contradicted: str = ""
 
 
 def answers(comparison: Comparison, against: str = "") -> list[Answer]:
     """Return what is known of all other laws against one, by default the first.
 
     Of two results, each law of the second is compared with its base in the first.
-
-    With probability `confidence`, none of the decided *better* and *worse* is false, if each run
-    may as well have gone the other way.
     """
     base = against or comparison.labels[0]
     bases = comparison.bases or dict.fromkeys(comparison.labels, base)
@@ -59,21 +59,26 @@ def answers(comparison: Comparison, against: str = "") -> list[Answer]:
         for pair in comparison.against(base)
         if pair.second == bases.get(pair.first) and pair.measured.quantity.better != "neither"
     ]
-    p_values = np.full(len(pairs), math.nan)
-    for k, pair in enumerate(pairs):
-        if pair.p_value is not None:
-            p_values[k] = pair.p_value
-        elif pair.pairs:
-            p_values[k] = sign_test(*pair.better_in)
-    conclusions = []
-    for pair, p_value in zip(pairs, holm(p_values).tolist(), strict=True):
-        word, (first, second) = pair.word(comparison.negligible), pair.better_in
-        decided = word is Word.ALIKE
-        if word in (Word.BETTER, Word.WORSE) and p_value <= 1 - comparison.confidence:
-            decided = first > second if word is Word.BETTER else second > first
+    conclusions, p_values = [], np.array([pair.p_value for pair in pairs])
+    adjusted = np.minimum(1.0, comparison.points * holm(p_values))
+    for pair, p_value in zip(pairs, adjusted.tolist(), strict=True):
+        word, against, decided = pair.word(comparison.negligible), "", False
+        if word is Word.ALIKE:
+            decided = True
+        elif p_value <= 1 - comparison.confidence:
+            against = _contradicted(pair, comparison.failed)
+            decided = word is not Word.UNDECIDED and not against
         decided &= not unresolved(pair, comparison.resolution)
-        conclusions.append(Answer(pair, word, p_value, decided))
+        conclusions.append(Answer(pair, word, p_value, decided, against))
     return conclusions
+
+
+def _contradicted(pair: Pair, failed: Mapping[str, int]) -> str:
+    """Say what speaks against the law that is better in most runs; as on maps."""
+    first, second = failed[pair.first], failed[pair.second]
+    if (first > second) if np.subtract(*pair.better_in) > 0 else (second > first):
+        return "with more failed runs"
+    return "not in the mean" if pair.means_contradict else ""
 
 
 STATE_UNITS = ("1", "rad", "deg", "m", "rad/s", "m/s")
@@ -117,7 +122,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
             decided = [answer for answer in others if answer.decided and answer.word is word]
             if decided:
                 sentences.append(f"  also {word}: {', '.join(_names(decided, comparison))}")
-        if runs >= FEWEST and (names := _undecided(others, comparison)):
+        if names := _undecided(others, comparison):
             undecided.append(f"{titles[label]}: {names}")
     untold = (label for label in comparison.not_matched if label not in comparison.gains)
     if alone := ", ".join(titles[label] for label in untold):
@@ -128,7 +133,7 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
     sentences += _within(conclusions, comparison)
     failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
     if failed:
-        sentences.append(f"failed runs, left out: {', '.join(failed)}")
+        sentences.append(f"failed runs, no part of means: {', '.join(failed)}")
     sentences += unsettled(comparison)
     if claims and comparison.judgements and not comparison.departures:
         counts = Counter(finding.verdict for finding in findings(comparison))
@@ -169,7 +174,9 @@ def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> 
 
 def _undecided(conclusions: Sequence[Answer], comparison: Comparison) -> str:
     """Return the names of the undecided numbers, the first `MOST_NAMES` of them."""
-    undecided = [x for x in conclusions if not x.decided and x.pair.ties < x.pair.pairs]
+    if comparison.runs < FEWEST:
+        return ""
+    undecided = [x for x in conclusions if not x.decided and x.pair.ties < x.pair.runs]
     if undecided and len(undecided) == len(conclusions):
         return "all else"
     names = _names(undecided, comparison)
@@ -179,22 +186,34 @@ def _undecided(conclusions: Sequence[Answer], comparison: Comparison) -> str:
 
 
 def _in_full(answer: Answer, comparison: Comparison) -> str:
-    """``better: mean attitude error −16 % [−19, −13], in 167 of 200 (p<1e-20)``.
+    """``better in 167 of 200 (p<1e-20): mean attitude error, median −16 % [−19, −13]``.
 
     Without an interval, ``mean attitude error +38 % (4.437 against 3.216 deg)``.
     """
     pair, word = answer.pair, answer.word if answer.decided else Word.UNDECIDED
-    what = f"{pair.measured.quantity.plain} {pair.percent}"
+    name, middle = pair.measured.quantity.plain, "" if pair.measured.quantity.counts else ", median"
     if not math.isfinite(pair.low):
         means = {x.controller: x.mean for x in comparison.levels if x.measured is pair.measured}
         both = " against ".join(significant(means[law]) for law in (pair.first, pair.second))
-        return f"{what} ({both} {Plain().unit(pair.measured.unit)}".rstrip() + ")"
+        return f"{name}{_times(pair)} ({both} {Plain().unit(pair.measured.unit)}".rstrip() + ")"
+    what = f"{name}{middle} {pair.percent}"
     if word is Word.ALIKE:
         return f"{word}: {what}"
     first, second = pair.better_in
-    ahead = {Word.BETTER: first, Word.WORSE: second}.get(word, max(first, second))
-    p_value = "p<1e-20" if answer.p_value < 1e-20 else f"p={answer.p_value:.1g}"
-    return f"{word}: {what}, in {ahead} of {pair.pairs} ({p_value})"
+    side, ahead = ("worse", second) if second > first else ("better", first)
+    digits = 2 if answer.p_value > 0.01 else 1  # 0.052 is not 0.05
+    p_value = "p<1e-20" if answer.p_value < 1e-20 else f"p={answer.p_value:.{digits}g}"
+    most = f"{side} in {ahead} of {pair.runs} ({p_value})"
+    if word is Word.UNDECIDED:
+        most = f"{word}, {most}" + f", but {answer.contradicted}" * bool(answer.contradicted)
+    return f"{most}: {what}"
+
+
+def _times(pair: Pair) -> str:
+    """Return the relative difference of the means."""
+    if pair.measured.is_share or not math.isfinite(pair.relative):
+        return ""
+    return f" {fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
 
 
 def _names(conclusions: Sequence[Answer], comparison: Comparison) -> list[str]:
@@ -213,7 +232,8 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
         yield too_few(comparison)
         return
     # Each of n runs the same way has p = 2/2^n, of which Holm's smallest is `count` times as much.
-    enough = math.ceil(math.log2(2 * count / (1 - comparison.confidence)))
+    tests = count * comparison.points
+    enough = math.ceil(math.log2(2 * tests / (1 - comparison.confidence)))
     if comparison.runs < enough:
         yield (
             f"{comparison.runs} runs are too few to call any of {count} numbers better or worse: "
@@ -222,8 +242,9 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     yield (
-        f"{runs_each(comparison)}{starts}; p: sign test, corrected for {count} numbers (Holm); "
-        f"better or worse where it and the {sure} interval agree; within {none} is no difference"
+        f"{runs_each(comparison)}{starts}; better or worse: in most runs, by a sign test (p, "
+        f"corrected for {count_of(tests, 'test')}); no difference: the median is within {none}; "
+        f"brackets: {sure} intervals of the median"
     )
 
 

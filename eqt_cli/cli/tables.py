@@ -321,7 +321,7 @@ def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
 
 def in_colour(line: str) -> Text:
     """Return a line of an answer: its heading is bold, its verdict in colour, a note dim."""
-    said = re.match(r"  (also )?(\w+( difference)?):", line)
+    said = re.match(r"  (also )?(better|worse|no difference|undecided)", line)
     if said is None:
         is_heading = " against " in line.partition("\n")[0] and not line.startswith(" ")
         return Text(line, "bold" if is_heading else "" if line.startswith(" ") else "dim")

@@ -13,13 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import PercentFormatter
 
 from eqt_cli.analysis.fronts import side_by_side
-from eqt_cli.analysis.intervals import (
-    FEWEST,
-    NEGLIGIBLE,
-    relative_difference,
-    resolved_differences,
-    shares,
-)
+from eqt_cli.analysis.intervals import NEGLIGIBLE, median_difference, shares
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import even, scale_log, spans_decade
@@ -281,10 +275,9 @@ _SMALL = 3.5
 class Forest(OfDifferences):
     """A row for each point of a sweep: the paired difference of two laws, and who settles.
 
-    The difference of the means over all runs, in per cent of the second law's mean, with its
-    interval (Fieller); filled where the first law is better, worse or, within 1 %, no different,
-    and hollow where that is undecided. Beside it, the share of runs of both laws that settle, with
-    Wilson intervals.
+    The median over runs of the difference in per cent of the second law, with its interval; filled
+    where the first law is better, worse or, within 1 %, no different, and hollow where that is
+    undecided. Beside it, the share of runs of both laws that settle, with Wilson intervals.
     """
 
     name: ClassVar[str] = "forest"
@@ -315,12 +308,16 @@ class Forest(OfDifferences):
         drawing = Drawing(figsize=size)
         left, right = drawing.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         first, second = swept.titles
-        compared = [(resolved_differences(*of_laws), of_laws[1]) for of_laws in values]
-        differences = np.array([relative_difference(*pair, self.confidence) for pair in compared])
+        quantity = swept.results.quantity(self.metric_of(swept))
+        failed = ~swept.results.good[:, swept.controllers]
+        of_points = zip(values, failed, strict=True)
+        differences = np.array(
+            [median_difference(quantity, *of_laws, self.confidence) for of_laws in of_points]
+        )
         _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
-        words = free_text(swept.results.quantity(self.metric_of(swept)).plain, 40)
+        words = free_text(quantity.plain, 40)
         name = free_text(f"{first} − {second}, % of {second}", 40)
-        left.set_xlabel(f"difference of {words}\n{name}")
+        left.set_xlabel(f"median difference of {words}\n{name}")
         for k, look in enumerate(swept.looks):
             share = shares(settled[:, k].astype(float), self.confidence)
             _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])
@@ -343,11 +340,11 @@ class Forest(OfDifferences):
         notes = [
             f"{swept.count} per row.{better} "
             f"Intervals of {100 * self.confidence:g} %, each by itself; filled: better, worse, or "
-            f"no difference within {100 * NEGLIGIBLE:g} %; hollow: undecided. Failed runs are no "
-            "part of the differences."
+            f"no difference within {100 * NEGLIGIBLE:g} %; hollow: undecided. A failed run is "
+            "worse than any other."
         ]
         if not np.isfinite(differences).all():
-            notes.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")
+            notes.append("No interval where the runs are too few for it, or failed in most pairs.")
         return notes
 
 

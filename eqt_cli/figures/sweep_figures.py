@@ -241,8 +241,8 @@ _LEAST, _MOST = 1.2, 3.6
 """Least and largest height of the map, in."""
 _TINT = 0.55
 """Share of a law's colour in its cells, which keeps the numbers readable."""
-_PALE_TINT = 0.2
-"""The same where the runs are too few for a win."""
+_GREY = 0.55
+"""Share of ink in the text of an undecided cell."""
 WITH_FAILED = "////"
 
 
@@ -251,8 +251,8 @@ class Winners(OfDifferences):
     """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
 
     A law wins where it is better than every other one in most runs and in the mean, with all tests
-    of the map counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
-    With too few runs for a win, the colours are paler, and those of the better mean.
+    of the map counted (`eqt compare` on the sweep). White: undecided, and in grey the law with the
+    better mean. Hatched: some runs failed.
     """
 
     name: ClassVar[str] = "winners"
@@ -273,12 +273,8 @@ class Winners(OfDifferences):
             ink(0),
             *(mixed(c, ink(0), 0.5 ** laws[:k].count(c)) for k, c in enumerate(laws)),
         ]
-        nobody = not any(cell.winner != NOBODY for cell in wins.cells)
-        too_few = wins.has_too_few_runs or nobody
-        ahead = [cell.best if too_few else cell.winner for cell in wins.cells]
-        winners = np.array([law - NOBODY for law in ahead], dtype=float)
-        tint = _PALE_TINT if too_few else _TINT
-        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": tint, "label": "winner"}
+        winners = np.array([cell.winner - NOBODY for cell in wins.cells], dtype=float)
+        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
         panel.grid(False)
         panel.tick_params(length=0)
@@ -287,58 +283,45 @@ class Winners(OfDifferences):
         cells.hatch(panel, failed, WITH_FAILED)
         room = (WIDTHS[width] - _SCALE) / columns
         if room >= _NUMBER and height / rows >= _CELL * 0.6:
-            _number_leads(panel, cells, wins, int(room / _LETTER), pale=too_few)
+            _number_leads(panel, cells, wins, int(room / _LETTER))
         below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
         drawing.set_figheight(drawing.get_figheight() + below)
         add_title(panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}")
-        _explain_winners(drawing, colours, wins, bool(failed), pale=too_few)
-        share = f"{100 * (1 - self.confidence):g} %"
+        _explain_winners(drawing, colours, wins, bool(failed))
         points = len(wins.cells)
         if wins.has_too_few_runs:
             swept.remarks.append(
-                f"Colours: the better mean of {wins.runs} runs, too few for a win at one of "
-                f"{points} points, which takes {wins.fewest}."
+                f"{wins.runs} runs are too few for a win at one of {points} points, which takes "
+                f"{wins.fewest}."
             )
-        elif nobody:
-            remark = f"No law wins at any of {points} points, with {wins.runs} runs each."
-            swept.remarks.append(f"{remark} Colours: the better mean.")
-        else:
-            swept.remarks += [
-                "Numbers: difference from the next law in per cent of its mean.",
-                f"{points} points, {wins.runs} runs each; probability of any false win ≤ {share}; "
-                f"failures of less than {3 / wins.runs:.2g} of all runs are not excluded.",
-            ]
+        swept.remarks += [
+            "Law and number: the better mean, and the median difference from the next law in per "
+            "cent; grey: undecided.",
+            f"{points} points, {wins.runs} runs each; failures of less than {3 / wins.runs:.2g} of "
+            "all runs are not excluded.",
+        ]
         return drawing
 
 
-def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int, *, pale: bool) -> None:
-    """Write each lead, and the law if its name fits in a line of `characters`.
-
-    Where no law wins, the pale colours of the better means have the law alone.
-    """
+def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
+    """Write each lead, and the law if its name fits in a line of `characters`."""
     for cell in wins.cells:
-        law, value = (cell.best, 0.0) if pale else (cell.winner, cell.lead.value)
-        if law != NOBODY and np.isfinite(value):
+        if np.isfinite(cell.lead.value):
             place = cells.columns[cell.point], cells.rows[cell.point]
-            lead, title = "" if pale else f"{100 * abs(value):.2g}", wins.titles[law]
+            lead, title = f"{100 * abs(cell.lead.value):.2g}", wins.titles[cell.best]
             text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
-            panel.annotate(text.strip(), place, ha="center", va="center", fontsize="small")
+            colour = ink(_GREY if cell.winner == NOBODY else 1.0)
+            panel.annotate(text, place, ha="center", va="center", fontsize="small", color=colour)
 
 
-def _explain_winners(
-    drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool, *, pale: bool
-) -> None:
-    """Add a legend of the laws; unless the colours are pale, with the number of their wins."""
+def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
+    """Add a legend of the laws with the number of their wins."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    patches = {}
-    if not pale:
-        patches[f"{wins.without_winner}: {wins.wins(NOBODY)}"] = Patch(
-            facecolor=colours[0], **frame
-        )
+    none = f"{wins.without_winner}: {wins.wins(NOBODY)}"
+    patches = {none: Patch(facecolor=colours[0], **frame)}
     for law, title in enumerate(wins.titles):
-        name = title if pale else f"{title}: {wins.wins(law)}"
-        tint = _PALE_TINT if pale else _TINT
-        patches[name] = Patch(facecolor=(colours[law + 1], tint), **frame)
+        patch = Patch(facecolor=(colours[law + 1], _TINT), **frame)
+        patches[f"{title}: {wins.wins(law)}"] = patch
     if failed:
         hatched = Patch(fill=False, hatch=WITH_FAILED, edgecolor=ink(0.35), linewidth=0)
         patches["with failed runs"] = hatched

@@ -123,7 +123,10 @@ class Result(KnownResult):
     _wished: tuple[tuple[str, str], ...] = ()
     """Units of a user, each with the quantity that has it, or with "" for all."""
 
-    of_all_points = (*KnownResult.of_all_points, "_wished")
+    out_of: int = 0
+    """Number of points of the sweep of which this is one; 0 of no sweep."""
+
+    of_all_points = (*KnownResult.of_all_points, "_wished", "out_of")
 
     # Runs.
 
@@ -247,7 +250,9 @@ class Result(KnownResult):
             If there is no such point.
         """
         title = f"{self.at(point).attributes['title']}, {self.point_name(point)}"
-        return self.at(point, {"title": title, **(attributes or {})})
+        view = self.at(point, {"title": title, **(attributes or {})})
+        view.out_of = self.points
+        return view
 
     def point_name(self, point: int) -> str:
         """Describe a point of a sweep: ``kp 2, kd 0.5``; a case by its name only."""

@@ -17,6 +17,7 @@ from eqt_cli.analysis.intervals import (
     POWER,
     Resampling,
     intervals_of_means,
+    median_of_runs,
     relative_difference,
     runs_to_decide,
     runs_without_exception,
@@ -213,6 +214,15 @@ def test_what_is_drawn_at_once_does_not_matter(monkeypatch):
         parts = intervals(columns, resamples=1000)
         assert parts.low == pytest.approx(whole.low, rel=1e-12)
         assert parts.high == pytest.approx(whole.high, rel=1e-12)
+
+
+@pytest.mark.parametrize(("runs", "ranks"), [(5, None), (6, (1, 6)), (10, (2, 9)), (20, (6, 15))])
+def test_the_interval_of_a_median_has_the_ranks_of_the_tables(runs, ranks):
+    """Those of the 95 % interval in Conover, Practical Nonparametric Statistics (1999), 3.2."""
+    found = median_of_runs(np.random.default_rng(1).permutation(np.arange(1.0, runs + 1)), 0.95)
+    assert found.value == (runs + 1) / 2
+    assert ranks is None or (found.low, found.high) == ranks
+    assert ranks is not None or np.isnan([found.low, found.high]).all()
 
 
 # A mean difference as a share of a mean -----------------------------------------------------------

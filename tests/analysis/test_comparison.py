@@ -10,7 +10,8 @@ from scipy.stats import binomtest
 
 from eqt_cli.analysis.compare import AtMost, compare, judge_at_most, judge_less
 from eqt_cli.analysis.comparison_tables import records, text_tables
-from eqt_cli.analysis.intervals import Resampling, Word, resolved_differences
+from eqt_cli.analysis.intervals import Interval, Resampling, Word, resolved_differences
+from eqt_cli.analysis.maps import NOBODY, compare_map
 from eqt_cli.analysis.verdict import answers, unsettled
 from eqt_cli.base.errors import EqtError
 from eqt_cli.numbers.running import SampledRuns
@@ -181,9 +182,9 @@ def test_shares_are_compared_on_the_runs_that_neither_law_has_failed(make_result
     assert (pair.pairs, pair.ties, pair.difference, pair.p_value) == (5, 4, 0.2, 1.0)
     assert [level.mean for level in comparison.levels] == [3 / 6, 1 / 6]
     assert pair.low < 0.2 < pair.high
-    # Beside a mean, which has no such test.
+    # Beside a number whose ties speak for neither law: of seven runs, two are worse.
     beside = compare(make_result(["a", "b"], metrics={"effort": settled}), metrics=["effort"])
-    assert only(beside.pairs).p_value is None
+    assert only(beside.pairs).p_value == 1.0
 
 
 def test_runs_that_never_settle_count_as_the_horizon(make_result):
@@ -457,8 +458,13 @@ def test_windows_without_metrics_are_taken_of_the_usual_ones_that_they_fit(make_
 )
 def test_less_is_an_interval_below_0(torques, ends, verdict):
     pair = only(compare(torques, metrics=["mean_torque"]).pairs)
-    judged = judge_less("source", "words", replace(pair, low=ends[0], high=ends[1]))
+    middle = (Interval(math.nan, *ends),) * 2
+    judged = judge_less("source", "words", replace(pair, low=ends[0], high=ends[1], medians=middle))
     assert judged.verdict == verdict
+    if verdict != "undecided":  # the median must be on the same side
+        middle = (Interval(math.nan, -1.0, 1.0),) * 2
+        mixed = replace(pair, low=ends[0], high=ends[1], medians=middle)
+        assert judge_less("source", "words", mixed).verdict == "undecided"
     assert (judged.runs_to_decide, judged.held, judged.runs) == (pair.runs_to_decide, 0, 0)
 
 
@@ -575,12 +581,62 @@ def test_shares_are_compared_in_points(make_result):
     assert (pair.percent, pair.word()) == ("+5 points [+5, +5]", "worse")
 
 
-def test_an_unbounded_ratio_has_no_interval(make_result):
-    """Fieller's, where the mean of the second law may be 0."""
-    results = make_result(["a", "b"], metrics={"effort": [LEVELS, LEVELS + 1]})
+def test_a_median_is_of_the_differences_of_runs_relative_to_either_law(make_result):
+    """Of the ratios 2, 1.9, …, 1.3 the interval of eight runs spans all; no base of 0 matters."""
+    ratios = np.linspace(1.3, 2.0, 8)
+    first = np.r_[LEVELS[:-1], 0.0]
+    results = make_result(["a", "b"], metrics={"effort": [first, np.r_[(ratios * first)[:-1], 1]]})
     [pair] = compare(results, metrics=["effort"]).against()
-    unbounded = replace(pair, relative=0.4, relative_low=-1.0, relative_high=math.inf)
-    assert (unbounded.percent, unbounded.word()) == ("+40 %", "undecided")
+    assert pair.medians[0] == pytest.approx((0.65, 0.3, math.inf))
+    assert pair.medians[1] == pytest.approx((1 / 2 * (1 / 1.6 + 1 / 1.7) - 1, -1.0, 1 / 1.3 - 1))
+    assert (pair.percent, pair.word(), pair.swapped().word()) == ("+65 %", "worse", "better")
+
+
+def test_a_run_that_failed_is_worse_and_a_law_that_fails_more_is_not_better(make_result):
+    """The same on a map: of ten runs, b is better in eight, and fails in the two others."""
+    effort = np.tile([[2.0], [1.0]], 20) * np.linspace(1, 2, 20)
+    status = np.zeros((2, 20))
+    status[1, :2] = 1
+    effort[1, :2] = np.nan
+    results = make_result(["a", "b"], metrics={"effort": effort}, status=status)
+    compared = compare(results, metrics=["effort"])
+    [answer] = answers(compared)
+    assert (answer.pair.better_in, answer.pair.runs) == ((18, 2), 20)
+    p = 2 * binomtest(18, 20, alternative="greater").pvalue
+    assert compared.lines[2] == (
+        f"  undecided, better in 18 of 20 (p={p:.1g}), but with more failed runs: effort, median "
+        "−50 % [−50, −50]"
+    )
+
+
+@pytest.mark.parametrize("metric", ["effort", "settled"])
+def test_a_point_of_a_sweep_has_the_word_of_its_map(make_result, metric):
+    """Of laws that differ by much, by a little, in the mean only, in failures, and in few runs."""
+    random = np.random.default_rng(4)
+    base, runs = random.lognormal(0, 0.3, (40, 30)), np.arange(30)
+    factors = np.linspace(0.6, 1.2, 40)[:, None] * random.lognormal(0, 0.1, base.shape)
+    factors[:5] = 1.001
+    factors[5:10] = np.where(runs < 3, 30.0, 0.9)
+    factors[10:15] = np.where(runs < 16, 1.0, 0.5)
+    factors[20:25] = 3.0
+    values, status = np.stack([base, factors * base], axis=1), np.zeros((40, 2, 30))
+    status[15:20, 1, :2] = 1
+    if metric == "settled":
+        values = (values < 1.0).astype(float)  # and fewer of b than of a from 20 on
+    values = np.where(status == 0, values, np.nan)
+    results = make_result(["a", "b"], metrics={metric: values}, status=status, points=40)
+    on_map, seen = compare_map(results, metric, Resampling(resamples=9), settling=0), set()
+    for cell in on_map.cells:
+        view = results.at(cell.point)
+        view.out_of = results.points
+        [answer] = answers(compare(view, metrics=[metric], how=Resampling(resamples=9)))
+        word = answer.word if answer.decided else Word.UNDECIDED
+        winner = {NOBODY: word, 0: Word.WORSE, 1: Word.BETTER}[cell.winner]
+        assert winner is word
+        alike = on_map.verdict(cell) == Word.ALIKE
+        assert alike == (word is Word.ALIKE)
+        seen.add(word)
+    assert seen >= {Word.WORSE, Word.UNDECIDED}
 
 
 def test_the_closing_window_is_named_as_it_is(make_result):

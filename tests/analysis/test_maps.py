@@ -55,17 +55,13 @@ def random() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
-def test_the_p_values_are_those_of_sign_tests_adjusted_after_holm(
-    random: np.random.Generator,
-) -> None:
+def test_the_p_values_are_those_of_sign_tests_times_the_points(random: np.random.Generator) -> None:
     values = random.normal(10, 1, (7, 2, RUNS)) + np.array([[0], [0.5]])
-    values[3, :, :4] = 1.0  # ties are left out
-    raw = [binomtest(np.sum(a < b), np.sum(a != b)).pvalue for a, b in values]
-    expected, largest = np.empty(7), 0.0
-    for rank, point in enumerate(np.argsort(raw)):
-        largest = expected[point] = min(1, max(largest, (7 - rank) * raw[point]))
+    values[3, :, :4] = 1.0  # ties speak for neither law
+    most = [max(np.sum(a < b), np.sum(a > b)) for a, b in values]
+    one_sided = [binomtest(each, RUNS, alternative="greater").pvalue for each in most]
     found = [cell.p_value for cell in compared(Stored(values)).cells]
-    assert found == pytest.approx(expected)
+    assert found == pytest.approx(np.minimum(1, 7 * 2 * np.array(one_sided)))
 
 
 NULLS = {
@@ -137,7 +133,7 @@ def test_a_law_that_is_better_in_most_runs_but_fails_does_not_win() -> None:
 
 @pytest.mark.parametrize(("points", "fewest"), [(1, 6), (25, 10), (100, 12)])
 def test_too_few_runs_are_said(points: int, fewest: int) -> None:
-    """All runs alike give p = 2^(1-n), which Holm multiplies with the number of points."""
+    """All runs alike give p = 2^(1-n), which is multiplied by the number of points."""
     for runs, wins in ((fewest - 1, 0), (fewest, points)):
         values = np.tile([[1.0], [2.0]], (points, 1, runs))
         found = compared(Stored(values), resamples=9)
@@ -156,6 +152,13 @@ def test_a_law_wins_only_where_it_is_better_than_every_other(random: np.random.G
     assert cell.difference.low < cell.difference.value < cell.difference.high < -0.9
     assert cell.lead.value == pytest.approx(-1 / 11, rel=0.1)
     assert cell.lead.low < cell.lead.value < cell.lead.high < 0
+
+
+def test_a_median_within_one_per_cent_is_no_difference(random: np.random.Generator) -> None:
+    start = random.normal(10, 1, (2, 1, RUNS))
+    values = start * np.array([[[1.0], [1.001]], [[1.0], [1.1]]])
+    found = compared(Stored(values))
+    assert [found.verdict(cell) for cell in found.cells] == ["no difference", "law 0"]
 
 
 def test_more_is_better_where_the_metric_says_so(random: np.random.Generator) -> None:

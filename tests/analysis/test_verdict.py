@@ -2,13 +2,19 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
+from statistics import NormalDist
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.intervals import Resampling, Word
+from eqt_cli.analysis.intervals import Interval, Resampling, Word, _pair
 from eqt_cli.analysis.verdict import answers, lines
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantity import WHOLE
+from eqt_cli.results.result import PerRun
 
 RUNS = 30
 
@@ -53,11 +59,12 @@ def spread(mean, runs=RUNS, width=0.2):
     ],
 )
 def test_a_pair_is_called_by_one_of_four_words(compared, low, high, better, expected):
-    """Of a mean of 1, so that a difference is relative; within 1 % there is none."""
+    """By the interval of the median; within 1 % there is no difference."""
     (pair, *_) = compared([spread(1.0), spread(1.0)], [spread(1.0), spread(1.0)]).pairs
     quantity = replace(pair.measured.quantity, better=better)
     pair = replace(pair, measured=replace(pair.measured, quantity=quantity))
-    pair = replace(pair, low=low, high=high, relative_low=low, relative_high=high)
+    middle = (low + high) / 2
+    pair = replace(pair, medians=(Interval(middle, low, high),) * 2, difference=middle)
     assert pair.word() is expected
 
 
@@ -65,21 +72,102 @@ def test_the_lines_of_the_answer(compared):
     torque, pose = [spread(2.0), spread(2.5)], [spread(1.0), spread(0.8, width=0.1)]
     found = lines(compared(torque, pose))
     assert found[0] == "B against A"
-    assert found[1].startswith("  better: mean ‖I − Q_E‖ −19.2 % [−20.8")
-    assert found[2].startswith("  worse: effort +5")
+    # 30 runs one way have p = 2/2³⁰ = 1.9e-9, of which Holm takes one for each number.
+    assert found[1] == "  better in 30 of 30 (p=2e-08): mean ‖I − Q_E‖, median −18 % [−21, −16]"
+    assert found[2].startswith("  worse in 30 of 30 (p=2e-08): effort, median +5")
     assert found[-1].startswith("30 runs per law from the same starts; ")
 
 
 def test_better_in_the_mean_only_is_not_decided(compared):
-    """One run in ten is much worse: the mean decides against the law, most runs do not."""
+    """One run in four is much worse: most runs are for the law, and their mean against it."""
     first = spread(1.0, 40, 0.01)
     second = np.where(np.arange(40) % 4 == 3, 3.0, 0.97 * first)
-    of_error = [
-        each
-        for each in answers(compared([first, first], [first, second]))
-        if each.pair.measured.quantity.name == "mean_pose_error"
-    ]
-    assert [(each.word, each.decided) for each in of_error] == [(Word.WORSE, False)]
+    comparison = compared([first, first], [first, second])
+    # Two-sided, of 40 fair coins at least 30 alike, times the tests (Holm).
+    tests = sum(each.p_value >= 0 for each in answers(comparison))
+    p = tests * 2 * sum(math.comb(40, k) for k in range(11)) / 2**40
+    assert lines(comparison)[1] == (
+        f"  undecided, better in 30 of 40 (p={p:.1g}), but not in the mean: mean ‖I − Q_E‖, median "
+        "−3 % [−3, −3]"
+    )
+
+
+def test_more_runs_than_those_of_the_other_law_are_not_most_runs(compared):
+    """Of 100 runs 60 are equal: 32 of the 40 others are no majority, though p = 2e-4 among them."""
+    first = spread(1.0, 100, 0.01)
+    second = first * np.repeat([1.0, 0.9, 1.1], [60, 32, 8])  # the median is 0
+    said = answers(compared([first, first], [first, second]))
+    assert {each.word for each in said} == {Word.ALIKE}
+
+
+FALSE = {
+    "normal": (lambda random, size: random.normal(size=size), 0.0),
+    "Student's t, 3": (lambda random, size: random.standard_t(3, size), 0.0),
+    "lognormal, σ = 1": (lambda random, size: random.lognormal(0, 1, size), 1.0),
+    "lognormal, σ = 2": (lambda random, size: random.lognormal(0, 2, size), 1.0),
+    "exponential": (lambda random, size: random.exponential(size=size), math.log(2)),
+    "one run in 20 is bad": (
+        lambda random, size: np.where(
+            random.random(size) < 0.05, 20.0, 0.2 * random.normal(size=size)
+        ),
+        0.2 * NormalDist().inv_cdf(0.5 / 0.95),
+    ),
+    "two values": (
+        lambda random, size: random.choice([-1, 1], size) + 0.2 * random.normal(size=size),
+        0.0,
+    ),
+    "uniform": (lambda random, size: random.uniform(-1, 1, size), 0.0),
+    "30 % ties": (
+        lambda random, size: np.where(random.random(size) < 0.3, 0.0, random.normal(size=size)),
+        0.0,
+    ),
+    "Cauchy": (lambda random, size: random.standard_cauchy(size), 0.0),
+}
+"""Ten distributions of the difference of two laws, with their medians."""
+
+
+def words_of(quantity, first, second):
+    """The word for each row of runs, as in an answer about this number alone."""
+    good, labels = np.ones((2, first.shape[1]), dtype=bool), ["a", "b"]
+    for one, other in zip(first, second, strict=True):
+        values = np.array([one, other])
+        measured = PerRun(quantity, WHOLE, "1", values, np.zeros_like(good), good.shape[1])
+        mean = Interval(float((one - other).mean()), 0.0, 0.0)
+        pair = _pair(measured, 0, 1, labels, good, 0.95, mean)
+        shown = SimpleNamespace(
+            labels=["b", "a"],
+            bases={},
+            against=lambda base, pair=pair: [pair],
+            negligible=0.01,
+            confidence=0.95,
+            points=1,
+            resolution=0.0,
+            failed={"a": 0, "b": 0},
+        )
+        [answer] = answers(shown)
+        yield answer.word if answer.decided else Word.UNDECIDED
+
+
+@pytest.mark.ci("8,000 comparisons")
+@pytest.mark.parametrize("column", [0, 2])
+@pytest.mark.parametrize("name", FALSE)
+def test_the_documentation_says_how_often_words_are_false(name, column):
+    """Of two laws of which neither is better in most runs; and that differ by 1.01 % in them.
+
+    The other columns are of the same lines, and take as long.
+    """
+    (draw, median), runs = FALSE[name], [8, 12, 20, 60, 200][column]
+    [effort] = (quantity for quantity in METRICS if quantity.name == "effort")
+    random = np.random.default_rng(runs)
+    base = 1 + 0.01 * random.normal(size=(4000, runs))
+    drawn = draw(random, base.shape) - median
+    even = [*words_of(effort, base * (1 + 0.05 * drawn), base)]
+    apart = [*words_of(effort, base * (1.0101 + 0.0025 * drawn), base)]
+    false = sum(word in (Word.BETTER, Word.WORSE) for word in even)
+    page = Path(__file__).parents[2] / "docs/explanation/statistics.md"
+    [row] = [x for x in page.read_text("utf-8").splitlines() if x.startswith(f"| {name} |")]
+    cell = row.split("|")[2 + column].strip()
+    assert cell == f"{false / 40:.1f}, {apart.count(Word.ALIKE) / 40:.1f}"
 
 
 def test_a_table_of_pairs_has_the_answer_and_the_word_of_the_row_alone(compared):
@@ -88,7 +176,8 @@ def test_a_table_of_pairs_has_the_answer_and_the_word_of_the_row_alone(compared)
     second = np.where(np.arange(40) % 4 == 3, 3.0, 0.97 * first)
     rows = compared([first, first], [first, second]).records()
     [row] = [each for each in rows if each["metric"] == "mean_pose_error"]
-    assert (row["word"], row["answer"]) == ("worse", "undecided")
+    assert (row["word"], row["answer"]) == ("undecided", "undecided")
+    assert [row["median_low"], row["median_high"]] == pytest.approx([-0.03, -0.03])
     # Two-sided, of 40 fair coins at least 30 alike; Holm makes it larger, at most by the tests.
     one = 2 * sum(math.comb(40, k) for k in range(11)) / 2**40
     assert one <= row["adjusted_p"] <= len(rows) * one

@@ -82,9 +82,11 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert len(lines) <= 25 and max(map(len, lines)) <= 80
     heads = ["GT against EqT", "nog against EqT", "asym against EqT"]
     assert [line for line in lines if " against " in line] == heads
-    first = r"  better: mean attitude error −\d+ % \[−\d+, −\d+\], in \d+ of 60 \(p=.+\)"
+    first = r"  better in \d+ of 60 \(p=.+\): mean attitude error, median −\d+ % \[−\d+, −\d+\]"
     assert re.fullmatch(first, lines[1])
-    assert re.fullmatch(r"  (worse|undecided): effort \+\d+ % \[.+", lines[2])
+    assert re.fullmatch(
+        r"  (undecided, )?worse in \d+ of 60 .+: effort, median \+\d+ % .+", lines[2]
+    )
     said = done.stdout.replace("\n    ", " ")
     assert "claims of Hampsey et al. (2025), section 7: 3 supported; " in said
     assert (
@@ -97,9 +99,8 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
     assert f"{asked}, at 60 runs per" in whole.replace("\n", " ")
     against = invoke("compare", paper_result, *few, "--against", "GT").stdout.splitlines()
-    assert against[0] == "EqT against GT" and against[1].startswith(
-        "  worse: mean attitude error +"
-    )
+    assert against[0] == "EqT against GT"
+    assert re.match(r"  worse in \d+ of 60 \(p=.+\): mean attitude error, median \+", against[1])
 
 
 SMALL = ["--engine", "native", "--set", "ensemble.runs=20", "--set", "time.samples=51", "-q"]
@@ -217,7 +218,7 @@ def test_latex_is_a_booktabs_table(invoke, paper_result):
     assert out.splitlines()[1:4] == [
         r"\begin{tabular}{@{}lllllr@{}}",
         r"\toprule",
-        r"measure & difference & relative & verdict & better in & runs to decide \\",
+        r"measure & difference & median & verdict & better in & runs to decide \\",
     ]
     assert out.count(r"\midrule") == 6
     assert "−" not in out.partition(r"\bottomrule")[0]
@@ -349,7 +350,7 @@ def test_a_sweep_is_compared_point_by_point(eqt, folder):
     done = eqt("compare", "s", "--metric", "effort")
     assert done.code == 0
     assert "at 2 points of 6 runs each" in done.out
-    assert "those of the points are adjusted after Holm (1979)" in " ".join(done.out.split())
+    assert "counts, times the number of points: with probability" in " ".join(done.out.split())
     found = json.loads(eqt("compare", "s", "--metric", "effort", "--json").out)["points"]
     assert [(row["point"], row["gains.kp"]) for row in found] == [(0, 1), (1, 2)]
     assert "at 2 points" not in eqt("compare", "s", "--table", "points").out

@@ -116,12 +116,12 @@ def test_verdicts_are_coloured_and_say_the_same_in_words():
 def test_answers_have_a_heading_verdicts_and_notes():
     lines = [
         "GT against EqT",
-        "  better: effort\n    −3 %",
+        "  better in 9 of 9: effort\n    −3 %",
         "  also worse: work",
         "undecided: GT: power",
     ]
     spans = [[(s.start, s.end, str(s.style)) for s in in_colour(line).spans] for line in lines]
-    assert spans[1:3] == [[(0, 9, "green")], [(0, 13, "red")]]
+    assert spans[1:3] == [[(0, 8, "green")], [(0, 12, "red")]]
     assert [in_colour(line).style for line in lines] == ["bold", "", "", "dim"]
     assert [in_colour(line).plain for line in lines] == lines
 

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from said import error_of
 
 from eqt_cli.analysis import certified
 from eqt_cli.analysis.fronts import front
-from eqt_cli.analysis.intervals import Resampling, relative_difference, share
+from eqt_cli.analysis.intervals import Interval, Resampling, share
 from eqt_cli.analysis.maps import NOBODY, compare_map
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import sweep_figures
@@ -15,7 +16,7 @@ from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.figures.layout import hide_crowded
 from eqt_cli.figures.shown import ShownSweep
-from eqt_cli.figures.sweep_figures import _PALE_TINT, Pareto, Rates, Settled, SweepFigure, Winners
+from eqt_cli.figures.sweep_figures import _GREY, Pareto, Rates, Settled, SweepFigure, Winners
 from eqt_cli.results.quantity import briefly
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -295,14 +296,9 @@ def test_winners_are_those_of_the_comparison(swept, altered, picture):
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
 
 
-def test_with_too_few_runs_winners_show_the_better_means_in_paler_colours(swept, picture):
-    results = swept(TWO)
-    found = compare_map(results, "effort", Resampling())
-    drawing = picture(Winners(metric="effort"), results)
-    image = drawing.axes[0].collections[0]
-    drawn = np.asarray(image.get_array()).reshape(2, 3)
-    assert drawn.T.ravel().tolist() == [cell.best + 1 for cell in found.cells]
-    assert image.get_alpha() == _PALE_TINT
+def test_with_too_few_runs_no_cell_has_the_colour_of_a_law(swept, picture):
+    drawing = picture(Winners(metric="effort"), swept(TWO))
+    assert not np.asarray(drawing.axes[0].collections[0].get_array()).any()
     assert "too few for a win at one of 6 points, which takes 8." in " ".join(
         drawing.get_supxlabel().split()
     )
@@ -330,7 +326,9 @@ def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swe
     assert [text.get_text() for text in left.get_yticklabels()] == ["ideal", "soft", "stiff"]
     assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case is on top
     effort = results["effort"]
-    expected = [relative_difference(one - other, other, 0.5) for one, other in effort]
+    # Of eight runs, ranks 3 and 6 have 1 − 2 · (1 + 8 + 28)/2⁸ = 71 %, and 4 and 5 less than 50 %.
+    shares = np.sort((effort[:, 0] - effort[:, 1]) / effort[:, 1])
+    expected = [Interval(float(np.median(row)), row[2], row[5]) for row in shares]
     drawn = {
         y: x
         for line in left.lines
@@ -362,20 +360,22 @@ def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
     status[0, 0, 0] = 1
     drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
     first, *_ = drawing.get_supxlabel().split("\n")
-    assert first == "No law wins at any of 6 points, with 8 runs each. Colours: the better mean."
+    assert first.startswith("Law and number: the better mean, and the median difference")
     assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
 
 
-def test_without_any_win_the_better_means_have_pale_colours(swept, picture):
+def test_undecided_points_are_white_with_grey_text(swept, picture):
+    """The text names the law with the better mean."""
     results = swept(TWO, **MORE_RUNS)
     drawing = picture(Winners(metric="effort"), results)
-    cells = np.asarray(drawing.axes[0].collections[0].get_array()).ravel()
-    means = results["effort"].mean(axis=-1).reshape(3, 2, 2).transpose(1, 0, 2)
-    assert cells.tolist() == (1 + means.argmin(axis=-1)).ravel().tolist()
-    assert drawing.axes[0].collections[0].get_alpha() == _PALE_TINT
-    assert [text.get_text() for text in drawing.legends[0].get_texts()] == ["EqT", "GT"]
-    named = ["EqT" if law == 0 else "GT" for law in results["effort"].mean(axis=-1).argmin(axis=1)]
-    assert [text.get_text() for text in drawing.axes[0].texts] == named
+    assert not np.asarray(drawing.axes[0].collections[0].get_array()).any()
+    legend = [text.get_text() for text in drawing.legends[0].get_texts()]
+    assert legend == ["undecided: 6", "EqT: 0", "GT: 0"]
+    texts = drawing.axes[0].texts
+    best = ["EqT" if law == 0 else "GT" for law in results["effort"].mean(axis=-1).argmin(axis=1)]
+    assert [text.get_text().split()[0] for text in texts] == best
+    red, green, blue = to_rgb(texts[0].get_color())
+    assert red == green == blue == pytest.approx(1 - _GREY, abs=0.01)
 
 
 def test_cases_are_not_joined_by_lines(swept, picture):
