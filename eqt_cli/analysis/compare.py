@@ -284,6 +284,8 @@ def compare(
         key = measure.name, window.within(result.times)
         if key not in samples:
             samples[key] = result.per_run(measure, window)
+    if result.repeats:
+        samples = {key: _first_run(numbers) for key, numbers in samples.items()}
     levels, pairs, resamples = statistics([*samples.values()], result.labels, result.good, how)
     judgements = _judgements(result, tests, kinds, samples, pairs, how.confidence)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
@@ -322,6 +324,7 @@ def compare(
         between=between,
         resolution=_resolution(result),
         points=max(result.out_of, 1),
+        identical=result.repeats,
         missing=[*_cut(result, chosen, windows), *_missing(result)],
         resamples=resamples,
         negligible=negligible,
@@ -427,6 +430,8 @@ def compare_two(
         two = second.per_run(other, window.within(second.times))
         if one.unit == two.unit:
             measured.append(_beside(one, two, runs))
+    if identical := first.repeats and second.repeats:
+        measured = [_first_run(numbers) for numbers in measured]
     levels, pairs, resamples = statistics(measured, list(laws), good, how)
     same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
     bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
@@ -452,6 +457,7 @@ def compare_two(
         not_matched=list(gains),
         resolution=max(map(_resolution, both)),
         points=max(second.out_of, 1),
+        identical=identical,
         gains=gains,
         bases=bases,
         between=between,
@@ -465,6 +471,12 @@ def _beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
     shared = min(runs, first.runs, second.runs)
     values[:, shared:] = np.nan
     return replace(first, values=values, censored=censored, runs=shared)
+
+
+def _first_run(numbers: PerRun) -> PerRun:
+    """Return the numbers of the first run, where all others are the same."""
+    values, censored = numbers.values[:, :1], numbers.censored[:, :1]
+    return replace(numbers, values=values, censored=censored, runs=1)
 
 
 def _same_measure(result: Result, pair: Pair) -> bool:

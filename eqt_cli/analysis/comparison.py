@@ -99,6 +99,8 @@ class Comparison(InNotebook):
         Relative difference within which there is none.
     points
         Number of points of the sweep of which this is one; tests are corrected for them, too.
+    identical
+        Whether all runs of every law are identical; then there are no statistics.
     bases
         Of two results: the law of the first with which each law of the second is compared.
     between
@@ -133,6 +135,7 @@ class Comparison(InNotebook):
     gains: Mapping[str, str] = field(default_factory=dict)
     resolution: float = 0.0
     points: int = 1
+    identical: bool = False
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
     lines: Sequence[str] = ()

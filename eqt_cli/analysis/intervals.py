@@ -574,6 +574,8 @@ def statistics(
 def _level(s: PerRun, c: int, label: str, good: Array, interval: Interval) -> Level:
     values = s.values[c][np.isfinite(s.values[c])]
     failed = int(np.count_nonzero(~good[c, : s.runs]))
+    if s.runs == 1:
+        interval = Interval(interval.value, math.nan, math.nan)
     return Level(
         s,
         label,

@@ -33,8 +33,8 @@ from eqt_cli.results.result import Result, mean_over_runs
 
 NOBODY = -1
 
-UNDECIDED, TOO_FEW_RUNS = "undecided", "too few runs"
-"""Verdicts without a winner; the second where no law could win with so few runs."""
+UNDECIDED, TOO_FEW_RUNS, IDENTICAL = "undecided", "too few runs", "identical runs"
+"""Verdicts without a winner; the others where no law could win with such runs."""
 
 RULE = (
     "better in more than half of all runs, by sign tests on the same initial states, and in the "
@@ -208,6 +208,8 @@ def compare_map(
         raise EqtError(f"{metric}: is neither better low nor better high, so no law can win")
     censored = result.censored(metric)[:, chosen]
     values = result.counted(metric)[:, chosen]
+    if result.repeats:
+        values = values[..., :1]
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
     means = mean_over_runs(values)
     costs = quantity.cost(means)
@@ -225,7 +227,7 @@ def compare_map(
     agrees = (decision.winner != NOBODY) & ~failing[points, decision.winner]
     order = np.where(agrees[:, None], _first(order, decision.winner), order)
     best, runner_up = order[:, 0], order[:, 1]
-    lacks = ~result.good[:, chosen]
+    lacks = ~result.good[:, chosen, : values.shape[-1]]
     leads = [
         [
             median_difference(quantity, values[pair], lacks[pair], how.confidence)
@@ -255,6 +257,8 @@ def compare_map(
     ]
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
     about, kind = (result.units(metric), labels, titles, result.runs, means, cells), decision[-2:]
+    if result.repeats:
+        kind = decision.fewest, IDENTICAL
     return Map(quantity, *about, *kind, how.confidence, settling)
 
 
@@ -422,7 +426,9 @@ def _notes(wins: Map) -> list[str]:
         f"within ±{100 * NEGLIGIBLE:g} % is no difference. Failures rarer than 3/n of the runs, "
         f"here {300 / wins.runs:.2g} %, are not excluded."
     ]
-    if wins.has_too_few_runs:
+    if wins.without_winner == IDENTICAL:
+        notes.append(f"All {wins.runs} runs of a law are identical, so no test can decide.")
+    elif wins.has_too_few_runs:
         notes.append(
             f"Too few to show a win at one of {len(wins.cells)} points: "
             f"{count_of(wins.runs, 'run')}; use {wins.fewest} or more (ensemble.runs)."

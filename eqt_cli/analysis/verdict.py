@@ -109,7 +109,8 @@ def lines(comparison: Comparison, against: str = "", *, claims: bool = False) ->
         Whether to say how the claims of papers come out.
     """
     conclusions, titles, runs = answers(comparison, against), comparison.titles, comparison.runs
-    sentences, undecided = [*comparison.between, *_gains(comparison)], list[str]()
+    alike = [too_few(comparison)] * comparison.identical
+    sentences, undecided = [*comparison.between, *alike, *_gains(comparison)], list[str]()
     for label in comparison.labels:
         of_law = [answer for answer in conclusions if answer.pair.first == label]
         if not of_law:
@@ -174,7 +175,7 @@ def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> 
 
 def _undecided(conclusions: Sequence[Answer], comparison: Comparison) -> str:
     """Return the names of the undecided numbers, the first `MOST_NAMES` of them."""
-    if comparison.runs < FEWEST:
+    if comparison.identical or comparison.runs < FEWEST:
         return ""
     undecided = [x for x in conclusions if not x.decided and x.pair.ties < x.pair.runs]
     if undecided and len(undecided) == len(conclusions):
@@ -210,9 +211,11 @@ def _in_full(answer: Answer, comparison: Comparison) -> str:
 
 
 def _times(pair: Pair) -> str:
-    """Return the relative difference of the means."""
+    """Return the relative difference of the means; in times where it is more than double."""
     if pair.measured.is_share or not math.isfinite(pair.relative):
         return ""
+    if pair.relative > 1:
+        return f" {1 + pair.relative:.3g} times"
     return f" {fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
 
 
@@ -228,6 +231,8 @@ def _names(conclusions: Sequence[Answer], comparison: Comparison) -> list[str]:
 
 def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     """Say of how many runs, and what the words mean."""
+    if comparison.identical:
+        return
     if comparison.runs < FEWEST:
         yield too_few(comparison)
         return
@@ -255,15 +260,19 @@ def runs_each(comparison: Comparison) -> str:
 
 def too_few(comparison: Comparison) -> str:
     """Say that there are no statistics."""
+    if comparison.identical:
+        runs = f"all {comparison.runs} runs of each law are identical"
+        return f"{runs}, so there is nothing to estimate: no intervals and no p"
     return f"{runs_each(comparison)}: too few for statistics; `ensemble.runs` sets how many"
 
 
 def unsettled(comparison: Comparison) -> Iterator[str]:
     """Say which laws did not settle, in how many runs, if any."""
+    titles, alike = comparison.titles, comparison.runs if comparison.identical else 1
     late = [
-        f"{comparison.titles[each.controller]} {round((1 - each.mean) * each.runs)} of {each.runs}"
-        for each in comparison.levels
-        if each.measured.quantity.name == "settled" and each.mean < 1
+        f"{titles[x.controller]} {round((1 - x.mean) * x.runs * alike)} of {x.runs * alike}"
+        for x in comparison.levels
+        if x.measured.quantity.name == "settled" and x.mean < 1
     ]
     if late:
         yield f"runs that did not settle, by law: {', '.join(late)}"

@@ -113,6 +113,10 @@ class PerRun:
         return f"PerRun({self.quantity.name}, {self.window}, {self.runs} runs)"
 
 
+ROUNDING = 1e-6
+"""Relative difference of one and the same run, whose sums may be added in another order."""
+
+
 class Result(KnownResult):
     """An open result of one experiment, of a point of a sweep, or of a whole sweep.
 
@@ -273,6 +277,17 @@ class Result(KnownResult):
             return {}
         names = self.read(LAW, controller=controller)
         return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
+
+    @property
+    def repeats(self) -> bool:
+        """Whether all runs of every law are the first one again, up to rounding."""
+        if self.runs < 2 or not self.has("initial_pose"):
+            return False
+        if self.is_sweep:
+            return all(self.at(point).repeats for point in range(self.points))
+        names = filter(self.has, ("initial_pose", "initial_velocity", *self.metrics))
+        of_runs = (np.moveaxis(self.read(name), self.dims(name).index("run"), 0) for name in names)
+        return all(np.allclose(x, x[:1], rtol=ROUNDING, equal_nan=True) for x in of_runs)
 
     # Trajectories.
 

@@ -411,6 +411,26 @@ def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path)
         assert pair["high"] == pytest.approx(interval.high, abs=0.3 * half)
 
 
+def test_identical_runs_have_no_statistics(eqt):
+    """The ratio is that of the numbers in the file."""
+    start = "--set", "initial={pose: {kind: fixed, coordinates: [2, 0, 0]}}"
+    fixed = *start, "--set", "ensemble.runs=10", "--set", "time.duration=1", "-q"
+    eqt("run", "c.yaml", *fixed, "--out", "r")
+    lines = eqt("compare", "r").out.splitlines()
+    with h5py.File("r/results.h5") as file:
+        first, second = file["effort"][:, 0]
+    assert lines[0] == (
+        "all 10 runs of each law are identical, so there is nothing to estimate: no intervals and "
+        "no p"
+    )
+    assert f"  effort {100 * (second / first - 1):+.0f} % (".replace("-", "−") in "\n".join(lines)
+    assert not any("p=" in line or "[" in line for line in lines)
+    eqt("sweep", "c.yaml", *fixed, "--grid", "gains.kp=1,2", "--out", "s")
+    whole = eqt("compare", "s").out
+    assert re.search(r"identical runs +2\n", whole)
+    assert "All 10 runs of a law are identical, so no test can decide." in whole
+
+
 def test_laws_with_other_gains_are_named_first_and_claims_not_judged(invoke, tmp_path):
     """The paper's EqT, and GT with twice its stiffness, which tracks better for that alone."""
     text = (Path(__file__).parents[2] / "configs" / "paper.yaml").read_text()
