@@ -132,10 +132,10 @@ def _between(first: Result, second: Result) -> list[str]:
     from eqt_cli.analysis.differences import changed_keys
 
     runs = slice(min(first.runs, second.runs))
-    paired = all(
-        np.array_equal(first.read(name, run=runs), second.read(name, run=runs))
-        for name in ("initial_pose", "initial_velocity")
-    )
+    paired = True
+    for name in ("initial_pose", "initial_velocity"):
+        one, other = (result.read(name, run=runs) for result in (first, second))
+        paired &= one.shape == other.shape and np.allclose(one, other, ROUNDED, ROUNDED)
     changes = [
         f"{each['key']} {each.get('first', '-')} → {each.get('second', '-')}"
         for each in changed_keys(first, second)
@@ -150,6 +150,10 @@ def _between(first: Result, second: Result) -> list[str]:
         "runs are paired by their equal starts" if paired else "runs are not paired: other starts",
     ]
 
+
+ROUNDED = 1e-12
+"""Relative, and in the units of poses and velocities: starts of one draw differ by less where two
+engines or two processors round them, and those of two draws by far more."""
 
 MOST_CHANGES = 4
 """Maximum number of changed keys that a comparison of two results names."""

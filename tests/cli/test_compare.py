@@ -146,6 +146,16 @@ def test_two_results_are_compared_law_by_law(invoke, changed):
     assert not [row for row in rows if "lyapunov" in row["metric"]]
 
 
+@pytest.mark.ci("compiles the laws")
+def test_two_engines_fly_pairs(invoke, tmp_path):
+    """They round the same starts each in its way."""
+    few = ["--set", "ensemble.runs=4", "--set", "time.duration=1", "-q"]
+    for engine in ("native", "solve_ivp"):
+        invoke("run", "paper", *few, "--engine", engine, "--out", tmp_path / engine)
+    lines = invoke("compare", tmp_path / "native", tmp_path / "solve_ivp").stdout.splitlines()
+    assert "runs are paired by their equal starts" in lines
+
+
 def test_two_results_with_other_starts_are_no_pairs(invoke, changed):
     lines = invoke("compare", changed / "soft", changed / "other").stdout.splitlines()
     assert "runs are not paired: other starts" in lines
