@@ -66,7 +66,7 @@ def verify(
             (extra `certify`).
         --code FILE[:FUNCTION]  Judge the control law in this C, C++ or Python file instead of the
             laws of a CONFIG. Python needs the function, as in lee.py:Lee(2.0).compute.
-        --as NAME  The control law that the code claims to be.
+        --as NAME  The control law that the code claims to be. Default: eqt names the nearest one.
         --adapter FILE  YAML with the conventions of the code's inputs and outputs. Default:
             NAME.adapter.yaml in its folder, if it is there.
         --fail-on FINDING  Exit 4 only where the code lacks terms of the law or differs otherwise

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.reporting import fixed
+from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, Family, Frame
 from eqt_cli.components.mechanics import Gains, LawInput
@@ -208,7 +211,7 @@ class OutcomeSearch:
             if not 0 < rare.rows < RARE:
                 break
             again = rare.of(self.random.integers(rare.rows, size=4 * RARE))
-            near = self._moved(again, self._any_steps(again))
+            near = self.moved(again, self._any_steps(again))
             is_there = self.watch(near).outcomes[:, decision] & outcome
             rare = States.joined([rare, near.of(np.flatnonzero(is_there))])
         return rare.of(slice(RARE))
@@ -221,8 +224,8 @@ class OutcomeSearch:
         x = states.of(np.unique([*nearest[:STARTS], *others[:STARTS]]))
         for _ in range(STEPS):
             here = self.watch(x).apart[:, decision]
-            k = self._axes(x)
-            around = self._moved(_repeated(x, k), np.tile(SHORT * np.eye(k), (x.rows, 1)))
+            k = self.axes(x)
+            around = self.moved(_repeated(x, k), np.tile(SHORT * np.eye(k), (x.rows, 1)))
             seen = self.watch(around)
             beside = np.where(seen.outcomes[:, decision] > 0, seen.apart[:, decision], np.nan)
             slope = np.nan_to_num((beside.reshape(-1, k) - here[:, None]) / SHORT)
@@ -231,7 +234,7 @@ class OutcomeSearch:
             straight = [length * newton for length in LENGTHS]
             steps = np.stack([*straight, *(self._any_steps(x) for _ in range(3))], axis=1)
             count = steps.shape[1]
-            tried = self._moved(_repeated(x, count), steps.reshape(-1, k))
+            tried = self.moved(_repeated(x, count), steps.reshape(-1, k))
             seen = self.watch(tried)
             outcomes = seen.outcomes[:, decision]
             if (outcomes & outcome).any():
@@ -242,18 +245,18 @@ class OutcomeSearch:
             x = States.joined([x.of(~better), tried.of(best[better])])
         return x.of(slice(0))
 
-    def _axes(self, states: States) -> int:
+    def axes(self, states: States) -> int:
         return 1 + 5 * self.loop.group.dimension + sum(part[0].size for part in states.parts[6:])
 
     def _any_steps(self, states: States) -> Array:
         """Return steps of any size in any direction, some along one axis."""
-        shape = states.rows, self._axes(states)
+        shape = states.rows, self.axes(states)
         steps = self.random.standard_normal(shape)
         steps *= 10.0 ** self.random.uniform(-9, 0, (shape[0], 1))
         one = self.random.integers(shape[1], size=(shape[0], 1)) == np.arange(shape[1])
         return np.where((self.random.random((shape[0], 1)) < 0.5) & ~one, 0.0, steps)
 
-    def _moved(self, states: States, by: Array) -> States:
+    def moved(self, states: States, by: Array) -> States:
         """Return states moved by steps of t, Q, V, Q_d, V_d, V̇_d and the memory."""
         G, (t, Q, V, Qd, Vd, Vd_dot, *more) = self.loop.group, states.parts
         lengths = [1, *[G.dimension] * 5, *(part[0].size for part in more)]
@@ -284,11 +287,18 @@ def _short(steps: Array) -> Array:
 # Ω̇_c.
 
 
-EXPLAINED = {"double": 1e-9, "float": 1e-4}
-"""Largest unexplained share of the torque in a complete explanation."""
+class Tolerance(NamedTuple):
+    """Largest unexplained share of a torque, and least difference of a coefficient that counts."""
 
-CHANGED = {"double": 1e-7, "float": 1e-3}
-"""Least difference of a coefficient that counts as changed."""
+    left: float
+    changed: float
+
+
+COARSE = {"double": Tolerance(1e-9, 1e-7), "float": Tolerance(1e-4, 1e-3)}
+"""Of a complete explanation, with many roundings, as of the inverse of a sine."""
+
+FINE = {"double": Tolerance(1e-13, 1e-12), "float": Tolerance(5e-5, 5e-5)}
+"""Of a small difference: some 500 roundings, whose unit is 2²⁹ times as large in float."""
 
 ENOUGH = 60
 """Number of states used; each gives an equation per torque entry, for about a dozen unknowns."""
@@ -436,26 +446,115 @@ def _fitted(torque: Array, basic: dict[str, Array], moving: dict[str, Array]) ->
     }
     expected = dict.fromkeys(basic.keys() & columns.keys(), 1.0)
     rest = torque - sum((columns[name] for name in basic if name in columns), 0 * torque)
-    fitted = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
+    fitted = least_squares({name: columns[name] for name in moving if name in columns}, rest)
     for name, value in fitted.items():
         nearest = round(value * 2) / 2  # a multiple of one half, or a weight that the user set
-        expected[name] = nearest if abs(value - nearest) < CHANGED["double"] else value
+        expected[name] = nearest if abs(value - nearest) < COARSE["double"].changed else value
         if expected[name] < 0:  # reported as "1.00 of 1"
             columns[name], expected[name] = -columns[name], -expected[name]
     left = rest - sum((expected[n] * columns[n] for n in fitted), 0 * torque)
-    if np.abs(left).max() > EXPLAINED["double"] * scale:
+    if np.abs(left).max() > COARSE["double"].left * scale:
         columns[OTHERS], expected[OTHERS] = left, 1.0
     return columns, expected
 
 
-def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
+def least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
     """Return the least-squares coefficients of the columns with the smallest norm."""
     if not columns:
         return {}
     matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
     sizes = np.linalg.norm(matrix, axis=0)
+    sizes[sizes == 0] = 1.0
     shares = np.linalg.lstsq(matrix / sizes, torque.ravel(), rcond=1e-10)[0] / sizes
     return dict(zip(columns, shares.tolist(), strict=True))
+
+
+# Limits that follow a law -------------------------------------------------------------------------
+
+
+SAME, REPEATED = 1e-9, 8
+"""Share by which rounding moves a limit, and number of states that have it; no torque else has."""
+
+
+class Limit(NamedTuple):
+    """What may follow a law.
+
+    Attributes
+    ----------
+    words
+        The limit in words, which may ask for the width of a dead zone.
+    passes : (states, m)
+        Whether the torque of the law passes it.
+    of
+        Returns what becomes of a torque; its second argument is what the code has.
+    before : (states, m)
+        The last torque, from which that of a limited rate is counted; else 0.
+    """
+
+    words: str
+    passes: Array
+    of: Callable[[Array, Array], Array]
+    before: Array
+
+    def after(self, law: Array, torque: Array) -> Array:
+        """Return what becomes of the torque of a law, where the code has `torque`."""
+        return self.before + self.of(law - self.before, torque - self.before)
+
+
+def limits(
+    G: MatrixLieGroup, torque: Array, last: Iterable[Array] = (), period: float = 1.0
+) -> list[Limit]:
+    """Return the limits of which a torque has signs, and no limit.
+
+    `last` is what the memory has that may be the last torque.
+    """
+    nothing, signs, zero = 0 * torque, list[Limit](), torque == 0
+
+    def held(sizes: Array) -> Array:
+        least, most = np.nanmin(sizes, axis=0), np.nanmax(sizes, axis=0)
+        at = np.abs(sizes - most) <= SAME * np.abs(most)
+        return at & (at.sum(axis=0) >= REPEATED) & (least < most)
+
+    for before in (nothing, *last):
+        y, per = (torque, 1.0) if before is nothing else (torque - before, period)
+        words = "is clipped to {}" if before is nothing else "is limited in rate to {}/s"
+        above, below = held(y), held(-y)
+        high = np.where(above.any(axis=0), np.nanmax(y, axis=0), np.inf)
+        low = np.where(below.any(axis=0), np.nanmin(y, axis=0), -np.inf)
+        clip, words = partial(_clip, low, high), words.format(_spans(G, low / per, high / per))
+        signs.append(Limit(words, ~(above | below), clip, before))
+    if (zero.sum(axis=0) >= REPEATED).any():
+        least = np.where(zero, np.inf, np.abs(torque) * (1 - SAME)).min(axis=0)
+        least = np.where(zero.any(axis=0) & torque.any(axis=0), least, 0.0)
+        words = f"has a dead zone of at most {_spans(G, -least, least)}"
+        signs.append(Limit(words, ~zero, partial(_zone, least), nothing))
+        words = "has a dead zone of ±{:.4g}, beyond which the torque begins at 0"
+        signs.append(Limit(words, ~zero, _shifted, nothing))
+    signs = [x for x in signs if ENOUGH <= x.passes.sum() < x.passes.size]
+    return [*signs, Limit("", np.ones_like(zero), lambda x, _: x, nothing)]
+
+
+def _clip(low: Array, high: Array, x: Array, _: Array) -> Array:
+    return np.clip(x, low, high)
+
+
+def _zone(width: Array, x: Array, _: Array) -> Array:
+    return np.where(np.abs(x) < width, 0.0, x)
+
+
+def _shifted(x: Array, y: Array) -> Array:
+    width = np.median(np.abs(x - y)[y != 0])
+    return x - np.clip(x, -width, width)
+
+
+def _spans(G: MatrixLieGroup, low: Array, high: Array) -> str:
+    """Describe intervals of the entries of a torque."""
+    units = [part.force_unit for part in G.parts for _ in range(G.dimension)[part.axes]]
+    spans = [f"{a:.3g} to {b:.3g} {unit}" for a, b, unit in zip(low, high, units, strict=True)]
+    spans = [re.sub(r"-(\S+) to \1 ", r"±\1 ", span) for span in spans]
+    free = [bool(re.match("±(inf|0) ", span)) for span in spans]
+    axes = [f"{span} on axis {k + 1}" for k, span in enumerate(spans) if not free[k]]
+    return ", ".join(axes) if len({*spans}) > 1 else spans[0]
 
 
 # Explanation of code ------------------------------------------------------------------------------
@@ -473,19 +572,22 @@ class TorqueExplanation:
         Coefficient of each part in the code, and in the law.
     left
         Unexplained share of the torque.
-    real
-        ``double`` or ``float``.
+    tolerance
+        What counts of both.
+    limit
+        The limit that follows, in words; "" if none does.
     """
 
     assumed: str
     coefficients: dict[str, tuple[float, float]]
     left: float
-    real: str
+    tolerance: Tolerance
+    limit: str = ""
 
     @property
     def is_complete(self) -> bool:
         """Whether only rounding is left unexplained."""
-        return self.left <= EXPLAINED[self.real]
+        return self.left <= self.tolerance.left
 
     @property
     def changed(self) -> dict[str, tuple[float, float]]:
@@ -493,7 +595,7 @@ class TorqueExplanation:
         return {
             name: (fitted, expected)
             for name, (fitted, expected) in self.coefficients.items()
-            if abs(fitted - expected) > CHANGED[self.real] * max(1.0, abs(expected))
+            if abs(fitted - expected) > self.tolerance.changed * max(1.0, abs(expected))
         }
 
     @property
@@ -509,11 +611,12 @@ class TorqueExplanation:
             return f"no sum of the law's parts in any frame: {share} is none of them"
         lacking, others = [], []
         for name, (fitted, expected) in self.changed.items():
-            close = abs(fitted - expected) < 0.005
-            shown = f"{fitted:.6g}" if close else fixed(fitted, 2)
+            # As many decimal places as tell it from 0 and from what is expected.
+            apart = min(abs(fitted) or 1.0, abs(fitted - expected))
+            shown = fixed(fitted, max(2, -math.floor(math.log10(apart) + 1e-9)))
             words = f"{name}: coefficient {shown} of {expected:g}"
-            if abs(fitted) <= 10 * CHANGED[self.real]:
-                lacking.append(words)
+            if abs(fitted) <= 10 * self.tolerance.changed:
+                lacking.append(f"{name}: coefficient 0.00 of {expected:g}")
             elif name == SYMMETRIC:
                 others.append(f"has {words}{NOT_SKEW}")
             elif expected and abs(fitted + expected) < 0.005 * abs(expected):
@@ -523,53 +626,80 @@ class TorqueExplanation:
         sentences = [self.assumed] if self.assumed else []
         if lacking:
             sentences.append(f"lacks {', '.join(lacking)}")
-        sentences += others
+        sentences += [*others, self.limit] if self.limit else others
         same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
         if same and self.changed:
             sentences.append(f"the same as in the law: {', '.join(same)}")
         return "; ".join(sentences)
 
 
-def explained(question: Question, torque: Array, real: str) -> TorqueExplanation:
+def explained(
+    question: Question, torque: Array, real: str, signs: Sequence[Limit] = ()
+) -> TorqueExplanation:
     """Return the complete explanation of a torque in C with the smallest cost.
 
-    If none is complete, return the one that leaves the smallest share unexplained.
+    If none is complete, return the one that leaves the smallest share unexplained. One that says
+    nothing is made again, finely.
+
+    Parameters
+    ----------
+    signs
+        What `limits` returns of the torque.
     """
-    finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
-    usable = np.flatnonzero(finite)[:ENOUGH]
-    torque = torque[usable]
     explanations: list[TorqueExplanation] = []
     cheapest = None
-    for assumed, changed, pose, rest in assumptions(question.of(usable)):
-        symmetric = _symmetric(changed)
-        is_large = np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max()
-        for columns, expected in parts_of(changed, pose, rest):
-            if is_large:
-                columns, expected = columns | {SYMMETRIC: symmetric}, expected | {SYMMETRIC: 0.0}
-            explanations.append(in_parts((columns, expected), torque, real, assumed))
-        complete = (x for x in explanations if x.is_complete)
-        cheapest = min(complete, key=lambda x: x.cost, default=None)
-        if cheapest and cheapest.cost <= ASSUMED:  # any other explanation assumes more
-            break
-    if cheapest:
-        return cheapest
+    for limit in signs or limits(question.loop.group, torque)[-1:]:
+        few, y, here = _few(question, torque, limit)
+        for assumed, changed, pose, rest in assumptions(few):
+            symmetric = _symmetric(changed)
+            is_large = np.abs(symmetric).max() > COARSE["double"].left * np.abs(y).max()
+            for columns, expected in parts_of(changed, pose, rest):
+                if is_large:
+                    columns[SYMMETRIC], expected[SYMMETRIC] = symmetric, 0.0
+                explanations.append(in_parts((columns, expected), y, COARSE[real], assumed, here))
+            complete = (x for x in explanations if x.is_complete)
+            cheapest = min(complete, key=lambda x: x.cost, default=None)
+            if cheapest and cheapest.cost <= ASSUMED:  # any other explanation assumes more
+                break
+        if cheapest:
+            return cheapest if cheapest.words else explained_finely(question, torque, real)
     # An assumed mistake must at least halve what is left.
     return min(explanations, key=lambda x: x.left * (2.0 if x.assumed else 1.0))
 
 
-def in_parts(parts: LawParts, torque: Array, real: str, assumed: str = "") -> TorqueExplanation:
-    """Return a torque in C as a sum of parts, by least squares."""
+def explained_finely(question: Question, torque: Array, real: str) -> TorqueExplanation:
+    """Return the explanation of a small difference, in the parts of the law alone."""
+    few, y, limit = _few(question, torque, limits(question.loop.group, torque)[-1])
+    parts = parts_of(few, few.inputs, few.inputs)
+    return min((in_parts(x, y, FINE[real], "", limit) for x in parts), key=lambda x: x.left)
+
+
+def _few(question: Question, torque: Array, limit: Limit) -> tuple[Question, Array, Limit]:
+    """Return some states: those where a limit passes most, and others where it does not."""
+    usable = np.flatnonzero(np.isfinite(torque + question.torque()).all(axis=1))
+    rows = usable[np.argsort(-limit.passes[usable].sum(axis=1), kind="stable")]
+    rows = np.r_[rows[:ENOUGH], usable[~limit.passes[usable].all(axis=1)][:ENOUGH]]
+    here = limit._replace(passes=limit.passes[rows], before=limit.before[rows])
+    return question.of(rows), torque[rows], here
+
+
+def in_parts(
+    parts: LawParts, torque: Array, tolerance: Tolerance, assumed: str = "", limit: Any = None
+) -> TorqueExplanation:
+    """Return a torque in C as a sum of parts, by least squares where a limit passes it."""
     columns, expected = parts
+    passes, words = (limit.passes, limit.words) if limit else (1.0, "")
     law = sum((expected[n] * column for n, column in columns.items()), 0 * torque)
-    difference = torque - law
-    more = _least_squares(columns, difference)
-    left = difference - sum((more[n] * column for n, column in columns.items()), 0 * torque)
+    zone = {"": np.sign(torque)} if "{" in words else {}
+    passed = {name: passes * column for name, column in (columns | zone).items()}
+    more = least_squares(passed, passes * (torque - law))
+    words = words.format(-more.pop("", 0.0))
+    law = law + sum((more[n] * column for n, column in columns.items()), 0 * torque)
+    left = torque - (limit.after(law, torque) if limit else law)
     scale = np.sqrt((torque**2).mean()) or 1.0
+    coefficients = {name: (expected[name] + more[name], expected[name]) for name in columns}
     return TorqueExplanation(
-        assumed,
-        {name: (expected[name] + more[name], expected[name]) for name in columns},
-        float(np.sqrt((left**2).mean()) / scale),
-        real,
+        assumed, coefficients, float(np.sqrt((left**2).mean()) / scale), tolerance, words
     )
 
 
@@ -586,16 +716,6 @@ def _symmetric(question: Question) -> Array:
     entries = np.einsum("kij,nij->nk", np.abs(basis), even) / 2 * rotates
     stiffness = inputs.tracking(G, question.loop.inertia, question.loop.gains, {}).stiffness
     return -apply_matrix(stiffness, entries)
-
-
-def sum_of(columns: Mapping[str, Array], torque: Array, bound: float) -> str:
-    """Describe a vector as a sum of columns with coefficients."""
-    shares = _least_squares(columns, torque)
-    left = torque - sum((shares[name] * column for name, column in columns.items()), 0 * torque)
-    if np.abs(left).max() > bound:
-        return "otherwise than by any sum of its parts"
-    coefficients = (f"{name}: coefficient {fixed(x, 2)} of 1" for name, x in shares.items())
-    return f"by {', '.join(coefficients)}"
 
 
 # Typical mistakes: frames, transposes, axes, units, options ---------------------------------------
@@ -625,15 +745,21 @@ def _of_frames(question: Question) -> Iterator[Assumption]:
     if question.frame == "body":
         exchanged, named = inputs._replace(pose=Qd @ Q @ G.inverse(Qd)), "Q Q_d⁻¹ for Q_d⁻¹Q"
         carrying = {
-            "V_d is not carried to the body frame": Q_L,
-            "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d": Q_L @ Q_L,
+            "is not carried to the body frame": Q_L,
+            "is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d": Q_L @ Q_L,
         }
     else:
         exchanged, named = inputs._replace(pose=G.inverse(Qd) @ Q @ Qd), "Q_d⁻¹Q for Q Q_d⁻¹"
-        carrying = {"V_d is carried to the body frame": G.inverse(Q_L)}
+        carrying = {"is carried to the body frame": G.inverse(Q_L)}
     frames = f"the frames are exchanged: the pose error is in the other frame, {named}"
-    variants = {"": inputs} | {w: _carried(question, inputs, by) for w, by in carrying.items()}
     yield f"{frames}, wherever it occurs", question, exchanged, exchanged
+    variants = {"": inputs}
+    for words, by in carrying.items():
+        both = _carried(question, inputs, by)
+        variants[f"V_d {words}"] = both
+        for name, alone in {"velocity": "V_d (not V̇_d)", "acceleration": "V̇_d (not V_d)"}.items():
+            one = {f"desired_{name}": getattr(both, f"desired_{name}")}
+            variants[f"{alone} {words}"] = inputs._replace(**one)
     for words, rest in variants.items():
         yield f"{frames}; {words}" if words else frames, question, exchanged, rest
         if words:
@@ -646,7 +772,7 @@ def _of_frames(question: Question) -> Iterator[Assumption]:
         alone = f"V_d is read on axis {axis + 1} only"
         yield alone, question, inputs, read
         for words, by in carrying.items():
-            yield f"{alone}; {words}", question, inputs, _carried(question, read, by)
+            yield f"{alone}; V_d {words}", question, inputs, _carried(question, read, by)
 
 
 def _carried(question: Question, inputs: LawInput, by: Array) -> LawInput:
@@ -726,7 +852,7 @@ def explained_cascade(question: Question, wrench: Array, real: str) -> str:
     few, wrench = question.of(usable), wrench[usable]
     push = _of_push(few, wrench, real)
     shares = {name: share for name, (share, _) in push.coefficients.items()}
-    said, near = push.words, CHANGED[real]
+    said, near = push.words, COARSE[real].changed
     others = [share for name, share in shares.items() if name != KNOWN]
     if said and push.is_complete and np.ptp(others) < near < abs(others[0] - 1.0):
         said = f"mass: coefficient {others[0]:.2f} of 1"
@@ -779,7 +905,7 @@ def _of_push(question: Question, wrench: Array, real: str) -> TorqueExplanation:
     columns["desired acceleration"] = whole - sum(columns.values())
     least = VANISHES * np.abs(whole).max()
     columns = {name: column for name, column in columns.items() if np.abs(column).max() > least}
-    return in_parts((columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], real)
+    return in_parts((columns, dict.fromkeys(columns, 1.0)), wrench[:, moves], COARSE[real])
 
 
 def _with_force(question: Question, shares: dict[str, float], near: float) -> Question | None:

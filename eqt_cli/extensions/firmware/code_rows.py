@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,18 +13,25 @@ import numpy as np
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.exact import UNIT, lifted, value_of
 from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import Problems
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extensions.firmware.code_evidence import (
+    COARSE,
+    ENOUGH,
     RARE,
+    Limit,
     OutcomeSearch,
     Question,
     States,
+    Tolerance,
     Watched,
     drawn_states,
     explained,
     explained_cascade,
-    sum_of,
+    explained_finely,
+    in_parts,
+    limits,
 )
 from eqt_cli.extensions.firmware.user_code import described
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -196,17 +203,34 @@ def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
     of_code = [row for row in rows if row.kind == "code"]
     for label in dict.fromkeys(row.controller for row in of_code):
         law, said = experiment.loops[label].controller, dict[bool, list[str]]({True: [], False: []})
+        name = law.formula.name if law.formula else ""
         for row in of_code:
-            if row.controller == label and row.remark and row.verdict is not Verdict.HOLDS:
-                said[row.verdict is Verdict.FAILS].append(row.remark)
-        words = "; ".join(said[True] or said[False])
-        words = re.sub(r": coefficient -?0\.00 of [^,;]+|; the same as in [^;]+", "", words)
-        lacks = all(re.match("(push: |torque: )?lacks ", each) for each in words.split("; "))
-        finding = "lacks" if lacks else "differs" if said[True] else "undecided" if words else "is"
-        says = {"is": "is {}", "lacks": "is {} but {}", "differs": "differs from {}: {}"}
-        answer = says.get(finding, "may be {}: {}").format(law.formula and law.formula.name, words)
+            if row.controller == label and row.verdict is not Verdict.HOLDS:
+                said[row.verdict is Verdict.FAILS] += filter(None, [row.remark])
+                name = name or row.name.partition(NEAREST)[2]
+        others = [] if law.formula and said[True] else said[False]
+        words = "; ".join(said[True] + others)
+        # A coefficient of 0.00 is that of a term that is lacking.
+        words = re.sub(r": coefficient 0\.00 of [^,;]+|; the same as in [^;]+", "", words)
+        pieces = [each for each in words.split("; ") if each]
+        finding, answer = "differs", f"differs from {name}: {words}"
+        if not name or "undecided: " in words:
+            finding = "undecided"
+            answer = f"{f'may be {name}' if name else 'claims no law'}: {words}"
+        elif all(re.match(f"{LACKS}|{BESIDES}", each) for each in pieces):
+            answer = " but ".join(filter(None, [f"is {name}", " and ".join(pieces)]))
+            if all(re.match(LACKS, each) for each in pieces):
+                finding = "lacks" if pieces else "is"
+        elif law.formula is None:
+            answer = f"claims no law; the nearest is {name}: {words}"
         named = f"{law.code.function} in {law.file}"
         yield {"label": label, "finding": finding, "answer": f"{named} {answer}"}
+
+
+LACKS, BESIDES = r"(push: |torque: |its \w+ )?lacks ", "is (clipped|limited)|has (a|an) [dim]"
+"""What code has less than a law and what it has besides, and is this law otherwise."""
+
+NEAREST = "torque of the nearest law, "
 
 
 # Finite torques that depend only on the inputs ----------------------------------------------------
@@ -282,8 +306,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
     """Compare the torque and the memory with those of the law that the code claims to be."""
     loop, law = judged.loop, judged.loop.controller.formula
     if law is None:
-        words = ["name the law that it claims to be with `as`"]
-        yield _row(judged, "torque of the law", Verdict.UNCLAIMED, words)
+        yield _unclaimed(judged)
         return
     formula, code = replace(loop, controller=law), judged.law.code
     known = False
@@ -295,7 +318,8 @@ def _compared(judged: Judged) -> Iterator[Row]:
             x = x._replace(pose=G.exp(G.log(x.pose)), desired_pose=G.exp(G.log(x.desired_pose)))
             states = states._replace(inputs=x)
         torque, memory = loop.answer(*states, loop.period)
-        question = Question(formula, *states, bool(judged.law.adapter))
+        memories = {name: states.memory[name] for name in law.memory(loop.group)}
+        question = Question(formula, states.inputs, memories, bool(judged.law.adapter))
         differences = _differences(question, torque, code.real)
         words, verdict = [], Verdict.HOLDS
         if differences.wrong.any():
@@ -308,8 +332,51 @@ def _compared(judged: Judged) -> Iterator[Row]:
             verdict = Verdict.UNDECIDED if undecided else Verdict.HOLDS
         name = f"torque of {law.title}, {code.real}, {place}"
         yield _row(judged, name, verdict, words, differences.measured, differences.bound)
-        if states.memory and place == "at random states" and loop.vehicle.control is not None:
+        if memories and place == "at random states" and loop.vehicle.control is not None:
             yield from _memory_rows(judged, question, memory, code.real)
+
+
+def _unclaimed(judged: Judged) -> Row:
+    """Compare code that claims nothing with the shipped law that is nearest."""
+    loop, states, real = judged.loop, judged.states, judged.law.code.real
+    torque, _ = loop.answer(*states, loop.period)
+    if loop.controller.reads_flat_output or not np.isfinite(torque).all(axis=1).any():
+        words = ["name the law that it claims to be with `as`"]
+        return _row(judged, "torque of the law", Verdict.UNCLAIMED, words)
+    still = states._replace(memory={name: 0 * z for name, z in states.memory.items()})
+    without, signs = loop.answer(*still, loop.period)[0], limits(loop.group, torque)
+
+    def apart(law: Question) -> tuple[bool, float]:
+        one = explained_finely(law, without, real)
+        return not one.is_complete, one.cost if one.is_complete else one.left
+
+    shipped = (each for each in _shipped(loop, states) if _is(each, torque, real, signs))
+    law = next(shipped, None) or min(_shipped(loop, states), key=apart)
+    differences = _differences(law, torque, real)
+    words = [f"undecided: {'; '.join(judged.never)}"] if judged.never else []
+    if differences.wrong.any():
+        words = _description(judged, states, law, torque, differences)
+    return _row(judged, f"{NEAREST}{law.loop.controller.name}", Verdict.UNCLAIMED, words)
+
+
+def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
+    """Yield the shipped laws that need no options; one with memory has that of the code."""
+    G, memory = loop.group, np.hstack([states.inputs.velocity[:, :0], *states.memory.values()])
+    for kind in controllers.all():
+        if kind.tasks and kind().fits(G) and not kind().pieces:
+            law: Any = kind().with_defaults(G, loop.gains, None).loaded(None, G, Problems())[0]
+            lengths = law.memory(G)
+            if [*lengths.values()] in ([], [memory.shape[1]]):
+                named = dict.fromkeys(lengths, memory)
+                yield Question(replace(loop, controller=law), states.inputs, named)
+
+
+def _is(law: Question, torque: Array, real: str, signs: Sequence[Limit]) -> bool:
+    """Return whether a torque is that of a law, or of it behind a limit."""
+    expected = law.torque()
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    near = COARSE[real].left / 10 * (size + np.median(size))
+    return any((np.abs(x.after(expected, torque) - torque) <= near).all() for x in signs)
 
 
 def _reach(judged: Judged) -> list[str]:
@@ -412,34 +479,85 @@ def _description(
     judged: Judged, states: States, question: Question, torque: Array, wrong: _TorqueDifferences
 ) -> list[str]:
     """Describe the difference in words."""
-    code = judged.law.code
-    if not (np.isfinite(torque) & np.isfinite(question.torque())).all(axis=1).any():
+    loop, real, law = judged.loop, judged.law.code.real, question.torque()
+    if not (np.isfinite(torque) & np.isfinite(law)).all(axis=1).any():
         return [NO_NUMBER]
-    if wrong.by_float and code.real == "double":
-        return ["within the bound of float: constants or operations are float; make them double"]
-    if where := judged.where(states, wrong.wrong):
+    more = {} if question.memory else {n: z for n, z in states.memory.items() if z.any()}
+    last = [z for z in more.values() if z.shape == torque.shape]
+    signs = limits(loop.group, torque, last, loop.period)
+    is_cascade = question.loop.controller.commands_attitude
+    is_claimed = is_cascade or _is(question, torque, real, signs)
+    for other in () if is_claimed else _shipped(loop, states):
+        if all(z.any() for z in other.memory.values()) and _is(other, torque, real, signs):
+            behind, apart = (explained(x, torque, real, signs) for x in (other, question))
+            said = behind.words or (apart.words if apart.is_complete else "")
+            return [f"it is {other.loop.controller.title}", *filter(None, [said])]
+    if more:
+        one = explained(question, torque, real, signs)
+        if one.is_complete and one.words:
+            return [one.words]
+        return _of_memory(judged, states, question, real)
+    if wrong.by_float and real == "double":
+        return [_of_small(judged, states, question, torque, wrong.wrong)]
+    where = judged.where(states, wrong.wrong)
+    if is_cascade:
+        limited = [x.words for x in signs if _is(question, torque, real, [x])]
+        return limited[:1] or [where or explained_cascade(question, torque, real)]
+    if where and len(signs) == 1:
         return [where]
-    if question.loop.controller.commands_attitude:
-        return [explained_cascade(question, torque, code.real)]
-    other = _other_law(question, torque, code.real)
-    words = explained(question, torque, code.real).words
-    return [f"it is {other}", words] if other else [words]
+    explanation = explained(question, torque, real, signs)
+    if not explanation.words or (where and not explanation.is_complete):
+        return [where or f"at {np.count_nonzero(wrong.wrong)} of {len(law)} states"]
+    return [explanation.words]
 
 
-def _other_law(question: Question, torque: Array, real: str) -> str:
-    """Return the title of the registered law with these torques; "" if there is none."""
-    scale = np.abs(torque).max() or 1.0
-    limit, G = (1e-10 if real == "double" else 1e-5) * scale, question.loop.group
-    for kind in controllers.all():
-        if kind.name == question.loop.controller.name or not kind.tasks:
-            continue
-        law = kind()
-        other_memory = set(question.memory) != set(law.memory(G))
-        if not law.fits(G) or other_memory or law == question.loop.controller:
-            continue
-        if np.abs(question.torque(law=law) - torque).max() <= limit:
-            return str(law.title)
-    return ""
+def _of_small(judged: Judged, states: States, question: Question, torque: Array, wrong: Any) -> str:
+    """Describe a difference that float's rounding could make, by evidence of its cause."""
+    few, at = states.of(slice(ENOUGH)), question.of(np.arange(ENOUGH))
+    law, size = at.torque(), np.linalg.norm
+    difference = torque[:ENOUGH] - law
+    every = leaves(at.loop)
+    for paths in (every, *({path: value} for path, value in every.items())):
+        rounded = {path: value.astype(np.float32).astype(float) for path, value in paths.items()}
+        left = torque[:ENOUGH] - replace(at, loop=with_leaves(at.loop, rounded)).torque()
+        if size(left) < 1e-3 * size(difference):  # which has some 7 digits
+            return f"within the bound of float: constants are float ({', '.join(paths)})"
+    explanation = explained_finely(question, torque, "double")
+    if explanation.is_complete and explanation.words:
+        return explanation.words
+    if where := judged.where(states, wrong):
+        return where
+    # By a step of 100 roundings of float, the error of a formula changes little; rounding jumps.
+    search = OutcomeSearch(judged.loop, judged.watched, judged.random)
+    near = search.moved(few, 1e-5 * judged.random.standard_normal((few.rows, search.axes(few))))
+    moved = Question(question.loop, near.inputs, {name: near.memory[name] for name in at.memory})
+    change = judged.loop.answer(*near, judged.loop.period)[0] - moved.torque() - difference
+    if size(change) > size(difference) / 10:
+        return "within the bound of float: operations are float; make them double"
+    share = 100 * size(difference) / size(law)
+    return f"no sum of the law's parts in any frame: {share:.2g} % of the torque is none of them"
+
+
+def _of_memory(judged: Judged, states: States, question: Question, real: str) -> list[str]:
+    """Describe the code without its memory, and this, which the law has not."""
+    loop, words = judged.loop, list[str]()
+    still = states._replace(memory={name: 0 * z for name, z in states.memory.items()})
+    torque, later = loop.answer(*still, loop.period)
+    differences = _differences(question, torque, real)
+    if differences.wrong.any():
+        words = _description(judged, still, question, torque, differences)
+    for name, advances in later.items():
+        rows = np.flatnonzero(advances.any(axis=1))[:ENOUGH]
+        few, advance = question.of(rows), advances[rows]
+        errors = few.torque() - few.torque(K=0.0), few.torque() - few.torque(K_d=0.0)
+        factors = np.linalg.lstsq(np.hstack(errors), advance, rcond=1e-10)[0]
+        sums = [x @ by for x, by in zip(errors, np.split(factors, 2), strict=True)]
+        near = COARSE[real].left * np.abs(advance).max(initial=0.0)
+        names = zip(("pose error", "velocity error"), sums, strict=True)
+        of = " and ".join(each for each, x in names if (np.abs(x) > near).any())
+        is_sum = of and np.abs(sum(sums) - advance).max() <= near
+        words.append(f"has an integral of {of}" if is_sum else f"has a memory of its own, {name}")
+    return words
 
 
 def _memory_rows(
@@ -477,8 +595,12 @@ def _memory_rows(
                 words.append(f"{name} does not advance: it is stale")
             else:
                 of_pose = period * (at_rest[name] + 0.0 * question.memory[name])
-                columns = {"velocity error": expected - of_pose, "pose error": of_pose}
-                words.append(f"{name} advances {sum_of(columns, value, bound)}")
+                columns = {"pose error": of_pose, "velocity error": expected - of_pose}
+                few = {part: column[:ENOUGH] for part, column in columns.items()}
+                near = bounds.max() / np.abs(value[:ENOUGH]).max()
+                advance = (few, dict.fromkeys(few, 1.0)), value[:ENOUGH]
+                said = in_parts(*advance, Tolerance(near, 10 * near)).words
+                words += [f"its {name} {x}" for x in said.split("; ") if not x.startswith("the")]
         verdict = Verdict.FAILS if words else Verdict.HOLDS
         yield _row(judged, f"memory of {loop.controller.title} {when}", verdict, words, *worst)
 

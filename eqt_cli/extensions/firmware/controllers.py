@@ -359,12 +359,12 @@ class Code(_Numbers):
             If its memory has another size than that of the law that it claims to be.
         """
         length, claimed = sum(function.lengths.values()), self.claimed
-        expected = sum(claimed.memory(G).values()) if claimed else length
-        if length != expected:
+        expected = sum(claimed.memory(G).values()) if claimed else 0
+        if length != expected and expected:  # code with memory may claim to be a law without
             raise InputError(
                 f"{self.prefix}_memory in {self.file} has {length} numbers that are named in "
                 f"`memory`, and {claimed.name} keeps {expected}: "
-                f"{', '.join(f'{name} ({n})' for name, n in claimed.memory(G).items()) or 'none'}"
+                f"{', '.join(f'{name} ({n})' for name, n in claimed.memory(G).items())}"
             )
         # The function's name must not depend on the file's name, which a result changes.
         return with_fields(self, function=self.code.function, called=function)

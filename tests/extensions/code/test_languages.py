@@ -131,21 +131,32 @@ def test_one_in_cplusplus(cplusplus, judged):
 # Memory: what the object keeps ------------------------------------------------------------------
 
 INTEGRAL = {"function": "Lee(kR, kW, J, kI).update", "memory": ["integral"]}
+NUMBERS = {"kR": 2.0, "kW": 0.5, "J": [1.0, 2.0, 3.0], "kI": 0.3}
+UPDATE = {"adapter": {"inputs": {name: {"signal": name} for name in LawInput._fields[:6]},
+                      "output": {"torque": "result['torque']"}}, "numbers": NUMBERS}  # fmt: skip
 GOODARZI = {"as": {"kind": "goodarzi2013", "ki": 0.3, "c2": 1.0}}
 
 
 @pytest.mark.parametrize(
-    "stale", [pytest.param(False, marks=pytest.mark.ci("a stale one is fast")), True]
+    ("changes", "said"),
+    [
+        pytest.param([], [], marks=pytest.mark.ci("a stale one is fast")),
+        (
+            [("integral + period", "integral + 0 * period")],
+            ["integral does not advance: it is stale"],
+        ),
+        (
+            [("velocity - E.T @ desired_velocity + ", "2 * ")],
+            [
+                "its integral lacks velocity error: coefficient 0.00 of 1; "
+                "its integral has pose error: coefficient 2.00 of 1"
+            ],
+        ),
+    ],
 )
-def test_what_the_object_keeps_is_memory(stale, python, judged):
-    numbers = {"kR": 2.0, "kW": 0.5, "J": [1.0, 2.0, 3.0], "kI": 0.3}
-    adapter = {"inputs": {name: {"signal": name} for name in LawInput._fields[:6]}}
-    adapter["output"] = {"torque": "result['torque']"}
-    changes = [("integral + period", "integral + 0 * period")] if stale else []
-    options = {"numbers": numbers, "adapter": adapter, **INTEGRAL, **GOODARZI}
-    rows = judged(python(*changes, **options))
-    said = [remark for name, remark in rows.items() if "memory" in name]
-    assert said == (["integral does not advance: it is stale"] if stale else [])
+def test_what_the_object_keeps_is_memory(changes, said, python, judged):
+    rows = judged(python(*changes, **UPDATE, **INTEGRAL, **GOODARZI))
+    assert [remark for name, remark in rows.items() if "memory" in name] == said
 
 
 def test_a_state_that_is_not_named(python, judged):
@@ -351,20 +362,69 @@ def test_no_cplusplus_compiler(cplusplus, told, monkeypatch):
     assert "lee.cpp cannot be compiled: error: no cc1plus" in told(data)
 
 
+SLOW = """
+class Slow:
+    def __init__(self):
+        self.last = np.zeros(3)
+
+    def update(self, pose, velocity, desired_pose, desired_velocity, desired_acceleration, period):
+        torque = compute(pose, velocity, desired_pose, desired_velocity, desired_acceleration,
+                         2.0, 0.5, np.array([1.0, 2.0, 3.0]))
+        self.last = self.last + np.clip(torque - self.last, -20 * period, 20 * period)
+        return self.last
+"""
+ANSWERS = {
+    "is lee2010": {"as": None},
+    "is lee2010 but lacks desired acceleration, transport": {"changes": [(LAST, "")]},
+    "is lee2010 but lacks damping, damping of the desired velocity": {
+        "changes": [("- kW * (velocity - W)", "")], "as": None},
+    "is lee2010 but is limited in rate to ±20 N m/s": {
+        "more": SLOW, "function": "Slow().update", "memory": ["last"]},
+    "is lee2010 but has an integral of pose error and velocity error": INTEGRAL | UPDATE,
+    "is lee2012 but has an integral of pose error": {"as": None, **INTEGRAL, **UPDATE, "changes": [
+        ("velocity - E.T @ desired_velocity + ", ""),
+        ("np.cross(velocity, J * velocity)", "np.cross(W, J * W)"), (LAST, " + J * A")]},
+    "differs from lee2010: has gyroscopic: coefficient -1.00 of 1 (the sign is wrong)": {
+        "changes": [("+ gyro", "- gyro")]},
+    "differs from lee2010: has stiffness: coefficient 0.9999999995 of 1": {
+        "changes": [("-kR * eR", "-(kR - 1e-9) * eR")]},
+    "differs from eqt: it is Lee 2010; is clipped to ±4 N m": {
+        "as": "eqt", "changes": [("return -kR", "return np.clip(-kR"), (LAST, f"{LAST}, -4, 4)")]},
+    "claims no law; the nearest is lee2010: has stiffness: coefficient -1.00 of 1 (the sign is "
+    "wrong)": {"as": None, "changes": [("-kR", "kR")]},
+}  # fmt: skip
+
+
+FAST = "is lee2010", "is lee2010 but has an integral of pose error and velocity error"
+
+
 @pytest.mark.parametrize(
-    ("changes", "answer"),
-    [
-        ([(LAST, "")], ("lacks", "is lee2010 but lacks desired acceleration, transport")),
-        ([("+ gyro", "- gyro")], ("differs", "differs from lee2010: has gyroscopic: coefficient "
-         "-1.00 of 1 (the sign is wrong)")),
-    ],
-)  # fmt: skip
-def test_the_answer_is_a_sentence(changes, answer, python):
-    experiment = eqt_cli.load_experiment(python(*changes)).base
+    "answer",
+    [x if x in FAST else pytest.param(x, marks=pytest.mark.ci("others are fast")) for x in ANSWERS],
+)
+def test_the_answer_is_a_sentence(answer, python):
+    options = dict(ANSWERS[answer])
+    experiment = eqt_cli.load_experiment(python(*options.pop("changes", []), **options)).base
     loop = experiment.loops["ours"]
     rows = code_rows.code_rows("ours", loop, 5.0, np.random.default_rng(0), None)
     [found] = code_rows.answers(rows, experiment)
-    assert (found["finding"], found["answer"]) == (answer[0], f"compute in lee.py {answer[1]}")
+    assert found["answer"].partition(" in lee.py ")[2] == answer
+    is_right = "lacks" if " lacks " in answer else "is" if answer == "is lee2010" else "differs"
+    assert found["finding"] == is_right
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1e-9 * velocity**2", "no sum of the law's parts in any frame: .* of the torque"),
+        ("(np.float64(np.float32(eR)) - eR)", "within the bound of float: operations are float"),
+        ("(kR - np.float64(np.float32(kR))) * eR", "within the bound of float: constants are"),
+    ],
+)
+def test_a_small_error_is_that_of_float_only_where_it_is(text, said, python, judged):
+    """One in kR is that of a constant: 0.3 is no number in float."""
+    data = python(("return -kR", f"return {text} - kR"), numbers=NUMBERS | {"kR": 0.6, "kI": 0.0})
+    assert re.match(said, judged(data | {"gains": {"kp": 0.3, "kd": 0.5}})[DOUBLE])
 
 
 @pytest.mark.ci("flies the law four times")

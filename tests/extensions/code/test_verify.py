@@ -54,6 +54,17 @@ def test_a_branch_that_few_states_take(condition, outcome, written, config, judg
     assert re.fullmatch(rf"at \d+ of \d+ states{place}", said)
 
 
+def test_a_dead_zone_is_at_most_as_wide_as_the_least_torque(written, config, judged):
+    """On the axis that has one."""
+    zone = "if (i == 1 && torque[i] < 0.3 && torque[i] > -0.3) torque[i] = 0;"
+    written(
+        ("i++)\n            torque[i] =", "i++) { torque[i] ="), ("- A[i]);", f"- A[i]); {zone} }}")
+    )
+    said = judged(config())[DOUBLE]
+    width = re.fullmatch(r"has a dead zone of at most ±(0.3\d*) N m on axis 2", said)
+    assert width and float(width[1]) < 0.31
+
+
 def test_a_line_that_was_never_run(written, config, judged):
     written(("cross(in->velocity, Jw", "if (n->kR < 0) Jw[0] = 0;\n    cross(in->velocity, Jw"))
     said = judged(config())[DOUBLE]
@@ -101,9 +112,7 @@ def test_a_function_in_a_table_that_no_state_calls(written, config, judged):
 
 def test_code_that_claims_nothing(written, config, judged):
     written()
-    assert judged(config(**{"as": None})) == {
-        "torque of the law": "name the law that it claims to be with `as`"
-    }
+    assert judged(config(**{"as": None})) == {"torque of the nearest law, lee2010": ""}
 
 
 # The command ------------------------------------------------------------------------------------
