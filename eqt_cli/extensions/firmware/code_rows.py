@@ -107,6 +107,12 @@ class Judged:
         return bool(calls.outcomes.any()) and np.array_equal(torque, calls.torque, equal_nan=True)
 
     @cached_property
+    def of_pointers(self) -> Array:
+        """Whether a decision is a test of a pointer, which no state changes."""
+        seen = self.watched(self.drawn)
+        return ((seen.outcomes == 0) | np.isnan(seen.apart)).all(axis=0) & seen.outcomes.any(axis=0)
+
+    @cached_property
     def states(self) -> States:
         """The drawn states, and those that were searched for outcomes that are rare."""
         states = self.drawn
@@ -120,6 +126,7 @@ class Judged:
                 for place, decision in enumerate(self.law.decisions)
                 for side in (OUTCOMES if not decision.is_label else (1,))
                 if outcomes[:, place].any() and np.count_nonzero(outcomes[:, place] & side) < RARE
+                if not self.of_pointers[place]
             ]
             states = States.joined([states, *rare])
             if states.rows == count:
@@ -134,7 +141,8 @@ class Judged:
         decisions, unseen = self.law.decisions, []
         both = States.joined([self.states, self.states.of(slice(1)).not_finite()])
         outcomes = self.watched(both).outcomes
-        had = list(zip(decisions, np.bitwise_or.reduce(outcomes).tolist(), strict=True))
+        reached = np.bitwise_or.reduce(outcomes) | 3 * self.of_pointers
+        had = list(zip(decisions, reached.tolist(), strict=True))
         entered = {each.function for each, outcome in had if outcome}
         for decision, outcome in had:
             where = f"{decision.place}: {decision.text}"
@@ -396,7 +404,11 @@ def _reach(judged: Judged) -> list[str]:
         words = [f"undecided: {'; '.join(judged.never)}", *words]
     else:
         decided = sum(not each.is_label for each in judged.law.decisions)
-        words.append(f"all {decided} comparisons and conditions were both true and false")
+        constant = np.count_nonzero(judged.of_pointers)
+        words.append(
+            f"all {decided - constant} comparisons and conditions were both true and false"
+        )
+        words += [f"{constant} tests of pointers had one outcome"] if constant else []
     return words
 
 

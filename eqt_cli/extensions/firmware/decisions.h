@@ -16,13 +16,18 @@ static int eqt_decided(long place, double apart, int holds)
 }
 
 static double eqt_as_number(double x) { return x; }
-static double eqt_no_number(const void *x) { return x ? 1.0 : 0.0; }
+static double eqt_no_number(const void *x) { (void)x; return __builtin_nan(""); }
 
 #ifdef __cplusplus
 #define __auto_type auto
 #define EQT_NUMBER(x) eqt_number(x)
 template <typename T> static double eqt_number(T x) { return (double)x; }
-template <typename T> static double eqt_number(T *x) { return x ? 1.0 : 0.0; }
+template <typename T> static double eqt_number(T *x) { return eqt_no_number(x); }
+template <typename T> struct eqt_tested { static double apart() { return 0.0; } };
+template <typename T> struct eqt_tested<T *> { static double apart() { return eqt_no_number(0); } };
+template <typename T> struct eqt_tested<T &> : eqt_tested<T> {};
+template <typename T> struct eqt_tested<T *const> : eqt_tested<T *> {};
+#define EQT_TESTED(...) eqt_tested<decltype((__VA_ARGS__))>::apart()
 #else
 #define EQT_NUMBER(x)                                                                             \
     _Generic((x), float: eqt_as_number, double: eqt_as_number, long double: eqt_as_number,        \
@@ -31,6 +36,12 @@ template <typename T> static double eqt_number(T *x) { return x ? 1.0 : 0.0; }
              int: eqt_as_number, unsigned: eqt_as_number, long: eqt_as_number,                    \
              unsigned long: eqt_as_number, long long: eqt_as_number,                              \
              unsigned long long: eqt_as_number, default: eqt_no_number)(x)
+/* Of a condition, whose text is not evaluated here: NaN for a pointer. The type is that of ?:, in
+   which a bit-field is a number. */
+#define EQT_TESTED(...)                                                                           \
+    _Generic(1 ? (__VA_ARGS__) : (__VA_ARGS__), float: 0.0, double: 0.0, long double: 0.0,        \
+             int: 0.0, unsigned: 0.0, long: 0.0, unsigned long: 0.0, long long: 0.0,              \
+             unsigned long long: 0.0, _Bool: 0.0, default: eqt_no_number(0))
 #endif
 #define EQT_WATCH(call, decisions)                                                                \
     eqt_outcomes = outcomes + (call) * (decisions), eqt_apart = apart + (call) * (decisions)

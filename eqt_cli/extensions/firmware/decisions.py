@@ -185,8 +185,11 @@ class _Text:
         is_constant = all(self.tokens[k].kind == "number" for k in range(begin, end + 1))
         if is_one or is_constant or "sizeof" in words:
             return
-        number = self._decision(begin, self._shown(begin, end), function)
-        self._around(begin, end, f"eqt_decided({number},0.0,(", ")?1:0)")
+        shown = self._shown(begin, end)
+        number = self._decision(begin, shown, function)
+        self._around(
+            begin, end, f"eqt_decided({number},EQT_TESTED({shown.lstrip('! ')}),(", ")?1:0)"
+        )
 
     def _label(self, place: int, function: int, text: str, is_function: bool = False) -> None:
         number = self._decision(place, text, function, True, is_function)

@@ -72,6 +72,20 @@ def test_a_line_that_was_never_run(written, config, judged):
     assert re.search(r"; \d+ states; a fault at more than 0.\d+ % of states like these", said)
 
 
+def test_a_test_of_a_pointer_counts_as_constant(written, config, judged):
+    """As CasADi writes one of every argument; one of a bit-field does not."""
+    table = "const real *arg[1] = {in->velocity}; struct { unsigned set : 1; } is = {n->kR > 0};"
+    written(("int i, j, k;", f"int i, j, k; {table}"), ("+ gyro[i]", "+ (arg[0] ? gyro[i] : 0)"))
+    assert re.match(
+        "undecided: lee.c, line 1[0-9]: n->kR > 0 was never false; ", judged(config())[DOUBLE]
+    )
+    written(
+        ("int i, j, k;", "int i, j, k; const real *arg[1] = {in->velocity};"),
+        ("+ gyro[i]", "+ (!arg[0] ? 0 : arg[0] != 0 ? gyro[i] : 0)"),
+    )
+    assert judged(config()) == {}
+
+
 @pytest.mark.parametrize(
     "name",
     [
