@@ -521,25 +521,21 @@ def limits(
         above, below = held(y), held(-y)
         high = np.where(above.any(axis=0), np.nanmax(y, axis=0), np.inf)
         low = np.where(below.any(axis=0), np.nanmin(y, axis=0), -np.inf)
-        clip, words = partial(_clip, low, high), words.format(_spans(G, low / per, high / per))
+        clip, words = partial(_clipped, low, high), words.format(_spans(G, low / per, high / per))
         signs.append(Limit(words, ~(above | below), clip, before))
-    if (zero.sum(axis=0) >= REPEATED).any():
+    if zero.sum() >= REPEATED:
         least = np.where(zero, np.inf, np.abs(torque) * (1 - SAME)).min(axis=0)
         least = np.where(zero.any(axis=0) & torque.any(axis=0), least, 0.0)
         words = f"has a dead zone of at most {_spans(G, -least, least)}"
-        signs.append(Limit(words, ~zero, partial(_zone, least), nothing))
+        zone = Limit(words, ~zero, lambda x, _: np.where(np.abs(x) < least, 0.0, x), nothing)
         words = "has a dead zone of ±{:.4g}, beyond which the torque begins at 0"
-        signs.append(Limit(words, ~zero, _shifted, nothing))
+        signs += [zone, Limit(words, ~zero, _shifted, nothing)]
     signs = [x for x in signs if ENOUGH <= x.passes.sum() < x.passes.size]
     return [*signs, Limit("", np.ones_like(zero), lambda x, _: x, nothing)]
 
 
-def _clip(low: Array, high: Array, x: Array, _: Array) -> Array:
+def _clipped(low: Array, high: Array, x: Array, _: Array) -> Array:
     return np.clip(x, low, high)
-
-
-def _zone(width: Array, x: Array, _: Array) -> Array:
-    return np.where(np.abs(x) < width, 0.0, x)
 
 
 def _shifted(x: Array, y: Array) -> Array:
@@ -552,8 +548,8 @@ def _spans(G: MatrixLieGroup, low: Array, high: Array) -> str:
     units = [part.force_unit for part in G.parts for _ in range(G.dimension)[part.axes]]
     spans = [f"{a:.3g} to {b:.3g} {unit}" for a, b, unit in zip(low, high, units, strict=True)]
     spans = [re.sub(r"-(\S+) to \1 ", r"±\1 ", span) for span in spans]
-    free = [bool(re.match("±(inf|0) ", span)) for span in spans]
-    axes = [f"{span} on axis {k + 1}" for k, span in enumerate(spans) if not free[k]]
+    free = ("±inf ", "±0 ")
+    axes = [f"{x} on axis {k}" for k, x in enumerate(spans, 1) if not x.startswith(free)]
     return ", ".join(axes) if len({*spans}) > 1 else spans[0]
 
 

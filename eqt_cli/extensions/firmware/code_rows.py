@@ -383,8 +383,9 @@ def _is(law: Question, torque: Array, real: str, signs: Sequence[Limit]) -> bool
     """Return whether a torque is that of a law, or of it behind a limit."""
     expected = law.torque()
     size = np.abs(expected).max(axis=1, keepdims=True)
-    near = COARSE[real].left / 10 * (size + np.median(size))
-    return any((np.abs(x.after(expected, torque) - torque) <= near).all() for x in signs)
+    near = COARSE[real].left / 10 * (size + np.nanmedian(size))
+    apart = (np.abs(x.after(expected, torque) - torque) for x in signs)
+    return any(((each <= near) | ~np.isfinite(expected + torque)).all() for each in apart)
 
 
 def _reach(judged: Judged) -> list[str]:
