@@ -417,8 +417,14 @@ def test_the_answer_is_a_sentence(answer, python):
     ("text", "said"),
     [
         ("1e-9 * velocity**2", "no sum of the law's parts in any frame: .* of the torque"),
-        ("(np.float64(np.float32(eR)) - eR)", "within the bound of float: operations are float"),
-        ("(kR - np.float64(np.float32(kR))) * eR", "within the bound of float: constants are"),
+        pytest.param(
+            *("(np.float64(np.float32(eR)) - eR)", "within the bound of float: operations are"),
+            marks=pytest.mark.ci("one that is not is fast"),
+        ),
+        pytest.param(
+            *("(kR - np.float64(np.float32(kR))) * eR", "within the bound of float: constants are"),
+            marks=pytest.mark.ci("one that is not is fast"),
+        ),
     ],
 )
 def test_a_small_error_is_that_of_float_only_where_it_is(text, said, python, judged):
