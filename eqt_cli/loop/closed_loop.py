@@ -378,7 +378,7 @@ class ClosedLoop:
             memory=_of(MEMORY, parts),
             vehicle=_of(VEHICLE, parts),
             flat=flat,
-            known_force=_known_force(self, t, Q),
+            known_force=known_force(self, t, Q),
         )
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
@@ -465,8 +465,8 @@ class ClosedLoop:
         self, inputs: LawInput, memory: Mapping[str, Array], period: Any
     ) -> tuple[Array, dict[str, Array]]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
-        known_force = _known_force(self, inputs.t, inputs.pose)
-        s = inputs.tracking(self.group, self.inertia, self.gains, memory, known_force)
+        force = known_force(self, inputs.t, inputs.pose)
+        s = inputs.tracking(self.group, self.inertia, self.gains, memory, force)
         torque, later = self.law.answer(s, period)
         return s.command(torque) + 0.0 * inputs.velocity, dict(later)
 
@@ -536,7 +536,7 @@ class ClosedLoop:
         return _of(MEMORY, self.layout.split(state))
 
 
-def _known_force(loop: ClosedLoop, t: Any, Q: Array) -> Array | None:
+def known_force(loop: ClosedLoop, t: Any, Q: Array) -> Array | None:
     """Return Σ f, the known forces on a body at rest at Q, ``(..., m)``; None without any."""
     still, total = np.zeros(loop.group.dimension), None
     for force in loop.known_forces:

@@ -17,7 +17,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.laws import Controller, Family, Frame
 from eqt_cli.components.mechanics import Gains, LawInput
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.closed_loop import ClosedLoop, known_force
 from eqt_cli.numbers.leaves import with_fields
 
 # The states at which code is judged: drawn from strata, and searched for where code decides -------
@@ -343,10 +343,11 @@ class Question:
         gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
         memory, names = self.memory if memory is None else memory, law.memory(loop.group)
         states = {name: z for name, z in memory.items() if name in names}
-        s = inputs.tracking(loop.group, loop.inertia, gains, states)
         with np.errstate(all="ignore"):
+            force = known_force(loop, inputs.t, inputs.pose)
+            s = inputs.tracking(loop.group, loop.inertia, gains, states, force)
             torque, _ = law.answer(s, loop.period)
-        return torque + 0.0 * inputs.velocity
+        return s.command(torque) + 0.0 * inputs.velocity
 
     def of(self, where: Array) -> Question:
         """Return the question at some of the states."""
@@ -395,6 +396,9 @@ def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawPart
         "damping of the desired velocity": damping - of_velocity,
         "desired acceleration": ask(inputs=rest) - ask(inputs=unpushed),
     }
+    if question.loop.known_forces:
+        blind = replace(question, loop=replace(question.loop, known_forces=()))
+        basic[KNOWN] = ask(inputs=rest) - blind.torque(inputs=rest)
     for name in question.memory:
         without = dict(question.memory) | {name: 0 * question.memory[name]}
         basic[name] = ask(inputs=rest) - ask(inputs=rest, memory=without)

@@ -258,7 +258,7 @@ def _finite(judged: Judged) -> Iterator[Row]:
     law = loop.controller.formula
     known: Any = np.ones_like(bad)
     if law is not None:
-        formula = Question(replace(loop, controller=law), inputs, memory)
+        formula = Question(judged.law.formula_of(loop, law), inputs, memory)
         known = np.isfinite(formula.torque()).all(axis=1)
     places = [*(f"half turn about axis {k + 1}" for k in range(m)), "no error"]
     words = [f"{places[k]}: {torque[k].tolist()}" for k in np.flatnonzero(bad)]
@@ -316,7 +316,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
     if law is None:
         yield _unclaimed(judged)
         return
-    formula, code = replace(loop, controller=law), judged.law.code
+    formula, code = judged.law.formula_of(loop, law), judged.law.code
     known = False
     for place, states in (("at random states", judged.states), ("along runs", judged.along)):
         if states is None:
@@ -370,13 +370,14 @@ def _unclaimed(judged: Judged) -> Row:
 def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
     """Yield the shipped laws that need no options; one with memory has that of the code."""
     G, memory = loop.group, np.hstack([states.inputs.velocity[:, :0], *states.memory.values()])
+    code: Any = loop.controller
     for kind in controllers.all():
         if kind.tasks and kind().fits(G) and not kind().pieces:
             law: Any = kind().with_defaults(G, loop.gains, None).loaded(None, G, Problems())[0]
             lengths = law.memory(G)
             if [*lengths.values()] in ([], [memory.shape[1]]):
                 named = dict.fromkeys(lengths, memory)
-                yield Question(replace(loop, controller=law), states.inputs, named)
+                yield Question(code.formula_of(loop, law), states.inputs, named)
 
 
 def _is(law: Question, torque: Array, real: str, signs: Sequence[Limit]) -> bool:

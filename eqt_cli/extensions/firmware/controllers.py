@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Hashable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path, PurePath
 from typing import Any, ClassVar, Literal, Self
@@ -25,6 +25,7 @@ from eqt_cli.components.mechanics import LATER, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
+from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
 from eqt_cli.results.dataset import coordinates_of
@@ -269,6 +270,7 @@ class Code(_Numbers):
     adapter: Adapter | None = None
     values: Any = field(init=False, repr=False)
     claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
+    forces: Any = field(init=False, default=(), repr=False, metadata=STRUCTURE)
     called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
 
     @property
@@ -485,9 +487,16 @@ class Code(_Numbers):
                 f"{self.prefix}_input has a field heading, and the reference gives none; remove "
                 "the field"
             )
-        if law is None or problems:
+        if problems:
             return self
-        return with_fields(self, claimed=law.for_plant(G, plant, problems))
+        if law is not None:
+            law = law.for_plant(G, plant, problems)
+        return with_fields(self, claimed=law, forces=plant.forces)
+
+    def formula_of(self, loop: ClosedLoop, law: Controller) -> ClosedLoop:
+        """Return a loop with this code as that of a formula, which counteracts known forces."""
+        known = self.forces if law.counteracts else ()
+        return replace(loop, controller=law, known_forces=known)
 
     def judged(
         self, label: str, loop: Any, horizon: float, random: Any, flown: Any

@@ -395,6 +395,28 @@ ANSWERS = {
 }  # fmt: skip
 
 
+PUSH = {"model": {"forces": [{"kind": "constant", "force": [0.3, -0.1, 0.2]}]}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "answer"),
+    [
+        ([("return -kR", "return -np.array([0.3, -0.1, 0.2]) - kR")], "is lee2010"),
+        pytest.param(
+            *([], "is lee2010 but lacks known forces, such as gravity"),
+            marks=pytest.mark.ci("one that has them is fast"),
+        ),
+    ],
+)
+def test_a_law_is_to_counteract_the_forces_of_the_model(changes, answer, python):
+    experiment = eqt_cli.load_experiment(python(*changes) | PUSH).base
+    rows = code_rows.code_rows(
+        "ours", experiment.loops["ours"], 5.0, np.random.default_rng(0), None
+    )
+    [found] = code_rows.answers(rows, experiment)
+    assert found["answer"].partition(" in lee.py ")[2] == answer
+
+
 FAST = "is lee2010", "is lee2010 but has an integral of pose error and velocity error"
 
 
