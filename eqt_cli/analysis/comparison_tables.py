@@ -184,7 +184,9 @@ def _notes_on(levels: Sequence[Level], titles: Mapping[str, str]) -> Iterator[st
     least = min(min(1e-3 * abs(x.mean), (x.high - x.low) / 10) for x in levels)
     yield from measured.sampling_note(least, Plain().unit(measured.unit))
     if undefined := _counted({level.controller: level.undefined for level in levels}, titles):
-        yield f"{name}: good runs without a value: {undefined}."
+        rate = measured.quantity.name == "decay_rate"
+        why = " (log L has no slope, or the law has no L that falls)" if rate else ""
+        yield f"{name}: good runs without a value: {undefined}{why}."
 
 
 def _counted(runs: Mapping[str, int], titles: Mapping[str, str]) -> str:

@@ -57,12 +57,12 @@ _estimates, _knows_covariance, _burns = map(attrgetter, ("estimates", "knows_cov
 
 
 def time_mean(over: SampledRuns, values: Any) -> Any:
-    """The mean over time, by the trapezoidal rule."""
+    """The mean over time, by the trapezoidal rule; of held values, by their sum."""
     return over.mean(values)
 
 
 def effort(over: SampledRuns, torque_norm: Any) -> Any:
-    """∫‖τ‖² dt, by Simpson's rule on the samples; of a held torque, a sum over them."""
+    """∫‖τ‖² dt, by Simpson's rule; of held values, by their sum."""
     return over.simpson(torque_norm * torque_norm)
 
 
@@ -77,7 +77,7 @@ def final(over: SampledRuns, values: Any) -> Any:
 
 
 def integral_of_square(over: SampledRuns, values: Any) -> Any:
-    """∫x² dt, by the trapezoidal rule."""
+    """∫x² dt, by the trapezoidal rule; of held values, by their sum."""
     return over.integral(values * values)
 
 

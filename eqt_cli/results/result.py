@@ -746,8 +746,8 @@ class Result(KnownResult):
         values = np.full((len(self.labels), self.runs), np.nan)
         values[:, runs] = columns
         values[~self.good] = np.nan
-        if quantity.name == "decay_rate":  # the decay of L is not claimed for these
-            values[[label in self.described.unclaimed for label in self.labels]] = np.nan
+        if quantity.name == "decay_rate":  # for these, L is not a function that falls
+            values[[label in self.without_function for label in self.labels]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         unit, factor = self.shown_in(quantity.name, unit)

@@ -87,6 +87,14 @@ def test_a_share_at_limit_is_held_before_a_lag_whose_torque_is_not(tmp_path: Pat
         np.testing.assert_allclose(result.metric("saturated_share")[0], expected, rtol=1e-12)
 
 
+def test_a_decay_rate_is_the_slope_of_log_L_in_a_sampled_loop(tmp_path: Path) -> None:
+    with run(tmp_path, 21, [LIMIT]) as result:
+        logs = np.log(result.read("lyapunov", controller=0))
+        slopes = [np.polyfit(result.times, each, 1)[0] for each in logs]
+        found = result.per_run(QUANTITIES["decay_rate"]).values[0]
+        np.testing.assert_allclose(found, -np.array(slopes) / 2, rtol=1e-9)
+
+
 def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -> None:
     """Every fifth of 20 held values; the stated error is an upper bound, of the same size."""
     effort = QUANTITIES["effort"]
@@ -99,6 +107,10 @@ def test_where_samples_skip_ticks_an_integral_states_its_error(tmp_path: Path) -
         in_latex = text_tables(comparison, Latex())["controllers"].notes
         early = result.per_run(QUANTITIES["early_torque"], Window(0.0, 1.0))
         [shown] = [line for line in _shares(result) if line.startswith("mean ‖τ‖")]
+        size = np.linalg.norm(result.read("torque", controller=0), axis=-1) ** 2
+        # The rule that docs/reference/results.md states
+        ruled = np.trapezoid(size, result.times) + TICK / 2 * (size[:, 0] - size[:, -1])
+        np.testing.assert_allclose(found.values[0], ruled, rtol=1e-12)
     error, missed = found.sampling
     assert missed == 4
     assert error / 8 < abs(found.values.mean() - true) < error
