@@ -388,6 +388,21 @@ class FixedPose(Coordinates, PoseDistribution):
 
 
 @dataclass(frozen=True)
+class IdentityPose(PoseDistribution):
+    """No error of the pose: every run starts at Q_d(0)."""
+
+    name: ClassVar[str] = "identity"
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """Return zeros."""
+        return np.zeros(G.dimension)
+
+    def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
+        """Return the identity."""
+        return G.exp(numbers)
+
+
+@dataclass(frozen=True)
 class Haar(RotationDistribution):
     """The uniform (Haar) distribution of the rotation."""
 

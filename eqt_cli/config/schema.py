@@ -541,8 +541,25 @@ class AddedInertiaSection(Section):
     added: Annotated[Matrix, Unit(INERTIA)]
 
 
+class UrdfInertiaSection(Section):
+    """The inertia of a body in space as URDF and SDF write it, with the origin at its centre.
+
+    Attributes
+    ----------
+    urdf
+        ixx, ixy, ixz, iyy, iyz, izz; off the diagonal −∫xy dm, as in the matrix.
+    mass
+        The mass, on SE3.
+    """
+
+    urdf: Annotated[Row, Unit("kg m^2")]
+    mass: Annotated[Positive | None, Unit("kg")] = None
+
+
 def _inertia_kind(value: Any) -> str | None:
     if isinstance(value, dict):
+        if "urdf" in value:
+            return "urdf"
         if {"rigid", "added"} & set(value):
             return "added"
         if "matrix" in value:
@@ -555,10 +572,11 @@ _WithKeys = (
     Annotated[AddedInertiaSection, Tag("added")]
     | Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")]
+    | Annotated[UrdfInertiaSection, Tag("urdf")]
 )
 _INERTIAS = (
-    "a number, a list (the diagonal), a list of rows, or a mapping with `rigid` and `added`, with "
-    "`initial` and `factor`, or with `matrix`"
+    "a number, a list (the diagonal), a list of rows, or a mapping with `urdf`, with `rigid` and "
+    "`added`, with `initial` and `factor`, or with `matrix`"
 )
 InertiaValue = Annotated[
     Annotated[Real, Unit(INERTIA), Tag("scalar")]

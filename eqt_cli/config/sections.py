@@ -41,6 +41,7 @@ from eqt_cli.config.schema import (
     PrescribedInertiaSection,
     SensorsSection,
     TargetSection,
+    UrdfInertiaSection,
 )
 from eqt_cli.numbers.rounded import inverse
 
@@ -225,12 +226,20 @@ Constant = float | list[float] | list[list[float]]
 
 
 def inertia_from(
-    section: Constant | AddedInertiaSection | FactoredInertiaSection | PrescribedInertiaSection,
+    section: Constant
+    | AddedInertiaSection
+    | FactoredInertiaSection
+    | PrescribedInertiaSection
+    | UrdfInertiaSection,
     G: MatrixLieGroup,
     horizon: float,
     problems: Problems,
 ) -> InertiaLaw | None:
     """Return the inertia of a section, or None after noting its problems."""
+    if isinstance(section, UrdfInertiaSection):
+        with problems.catching():
+            return inertia_from(_of_urdf(section, G), G, horizon, problems)
+        return None
     if isinstance(section, PrescribedInertiaSection):
         rows = _expressions(section.matrix, G, problems.at("matrix"))
         law: InertiaLaw | None = PrescribedInertia(rows, section.leaves is True) if rows else None
@@ -256,6 +265,25 @@ def inertia_from(
     return law
 
 
+BODY = [(slice(0, 3), True), (slice(3, 6), False)]
+"""The axes of a rotation in space, which turns, and of a translation."""
+
+
+def _of_urdf(section: UrdfInertiaSection, G: MatrixLieGroup) -> list[list[float]]:
+    """Return the tensor of a body in space."""
+    parts = [(part.axes, bool(part.turns)) for part in G.parts]
+    if parts not in (BODY[:1], BODY):
+        raise InputError(f"`urdf` is the inertia of a body on SO3 or SE3, not on {G.name}")
+    if (section.mass is None) == (parts == BODY):
+        raise InputError("expected `mass` on SE3, and none on SO3")
+    if len(section.urdf) != 6:
+        raise InputError(f"urdf: expected ixx, ixy, ixz, iyy, iyz, izz, got {section.urdf}")
+    matrix = np.eye(G.dimension) * (section.mass or 0.0)
+    rows = np.array([0, 0, 0, 1, 1, 2]), np.array([0, 1, 2, 1, 2, 2])  # the upper triangle
+    matrix[rows] = matrix[rows[::-1]] = section.urdf
+    return matrix.tolist()
+
+
 def _factored(
     section: FactoredInertiaSection, G: MatrixLieGroup, problems: Problems
 ) -> FactoredInertia | None:
@@ -270,15 +298,20 @@ def _factored(
     return None
 
 
+SIX = "; write six numbers of a URDF or SDF as {urdf: [ixx, ixy, ixz, iyy, iyz, izz]}"
+
+
 def _constant(value: Constant, G: MatrixLieGroup, problems: Problems) -> Array | None:
     with problems.catching():
-        matrix = square(value, G.dimension, G)
-        require_symmetric(matrix)
+        hint = SIX if isinstance(value, list) and len(value) == 6 and np.isscalar(value[0]) else ""
         try:
+            matrix = square(value, G.dimension, G)
+            require_symmetric(matrix)
+            if not hint and np.linalg.eigvalsh(with_other_products(G, matrix))[0] > 0:
+                hint = OTHER_SIGN
             require_definite(matrix)
         except InputError as error:
-            is_other = np.linalg.eigvalsh(with_other_products(G, matrix))[0] > 0
-            raise InputError(f"{error}{OTHER_SIGN if is_other else ''}") from None
+            raise InputError(f"{error}{hint}") from None
         return matrix
     return None
 

@@ -286,8 +286,9 @@ def test_fixed_distributions_are_what_they_are_given(G):
     assert (V == coordinates).all()
 
 
-def test_fixed_distributions_are_no_error_by_default(G):
-    Q, V = draw(G, pose_distribution("fixed"), velocity_distribution("fixed"), runs=range(3))
+@pytest.mark.parametrize("name", ["fixed", "identity"])
+def test_fixed_distributions_are_no_error_by_default(G, name):
+    Q, V = draw(G, pose_distribution(name), velocity_distribution("fixed"), runs=range(3))
     assert (Q == G.identity).all()
     assert not V.any()
 
