@@ -226,14 +226,7 @@ Constant = float | list[float] | list[list[float]]
 
 
 def inertia_from(
-    section: Constant
-    | AddedInertiaSection
-    | FactoredInertiaSection
-    | PrescribedInertiaSection
-    | UrdfInertiaSection,
-    G: MatrixLieGroup,
-    horizon: float,
-    problems: Problems,
+    section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
 ) -> InertiaLaw | None:
     """Return the inertia of a section, or None after noting its problems."""
     if isinstance(section, UrdfInertiaSection):
@@ -755,7 +748,7 @@ def _inertia(
             here.add(f"expected a number greater than -1, got {vehicle_parts.drawn(value, None):g}")
         return vehicle_parts.RelativeInertia(value)
     if isinstance(section, schema.Section):
-        law = inertia_from(section, G, horizon, problems)  # type: ignore[arg-type]
+        law = inertia_from(section, G, horizon, problems)
         return None if law is None else vehicle_parts.VaryingInertia(law)
     vehicle_parts.check_numbers(section, problems)
     if problems or inertia_from(vehicle_parts.drawn(section, None), G, horizon, problems) is None:

@@ -163,9 +163,10 @@ def log_errors(
 ) -> TrackingErrors:
     """Measure how far a recorded vehicle was from its setpoints, or from a second recording.
 
-    The measurement is interpolated to the instants of the setpoint: positions, velocities and
-    rates linearly, attitudes along the shortest rotation. Only instants while armed count, and
-    nothing is interpolated over a gap, a change of the mode, or a reset of the estimator.
+    Of measurement and setpoint, the smoother one is interpolated to the instants of the other:
+    positions, velocities and rates linearly, attitudes along the shortest rotation. Only
+    instants while armed count, and nothing is interpolated over a gap, a change of the mode, or a
+    reset of the estimator.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def log_errors(
         Topics of the measurement and of the setpoints. Default: the first that the file has.
         The setpoint ``desired`` are the desired values of ArduPilot in place of its targets.
     association
-        ``linear``; ``nearest``: the measurement at the nearest time, at most 0.01 s away;
+        ``linear``; ``nearest``: the measurement nearest to the setpoint, at most 0.01 s away;
         ``held``: the last one.
     align
         Moves the measured positions to the wanted ones first: ``rigid`` or ``similarity`` (with a
@@ -190,8 +191,8 @@ def log_errors(
     Returns
     -------
     TrackingErrors
-        Root mean square, median and largest error by quantity and axis, the delay at which the
-        error is smallest, and the errors over time.
+        Root mean square, median and largest error by quantity and axis, a significant delay with
+        its standard error, and the errors over time.
 
     Raises
     ------

@@ -204,7 +204,7 @@ def log_errors(
 ) -> None:
     """Evaluate the errors from the setpoints: position, velocity, attitude and rates.
 
-    The measurement is interpolated to the instants of the setpoints, while armed.
+    The smoother of measurement and setpoints is interpolated to the instants of the other.
 
     Options
     -------

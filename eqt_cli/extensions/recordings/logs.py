@@ -5,9 +5,9 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,6 +28,7 @@ from eqt_cli.components.recording import GAP, WRENCH, Log, read_log
 from eqt_cli.components.recording_check import Recording, gaps_of, incomplete_columns, notes
 from eqt_cli.engines.compiler import Limits, run_contained
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, readers
+from eqt_cli.extensions.recordings.delay import Delay, Pair, apart, delay_of
 from eqt_cli.extensions.recordings.readers import Topic
 
 # Reads a file of another program, in a process with limits ----------------------------------------
@@ -503,10 +504,6 @@ QUANTITIES = {
     "rates": ("deg/s", ["all", "x", "y", "z"]),
 }
 
-# The delay is searched up to this on both sides, s, in these steps, s, and told where at most this
-# share of the error remains.
-MOST_DELAY, STEP, EXPLAINS = 1.0, 0.02, 0.95
-
 
 class ErrorSize(NamedTuple):
     """The size of an error over the instants of the setpoint.
@@ -517,9 +514,11 @@ class ErrorSize(NamedTuple):
         ``position``, ``velocity``, ``attitude`` or ``rates``; ``all`` is the norm.
     rms, median, largest
         Of its absolute value.
-    delay, remains
-        The time by which the measurement is later than the setpoint, for the smallest rms, s, and
-        that rms; NaN where no delay makes it smaller. Of all axes only.
+    delay, delay_error, remains
+        The time by which the measurement is later than the setpoint, its standard error, s, and the
+        rms without it; NaN where it is not significant. Of all axes only.
+    remark
+        What else explains the errors: another frame, or a clock that is fast or slow.
     """
 
     quantity: str
@@ -529,7 +528,9 @@ class ErrorSize(NamedTuple):
     median: float
     largest: float
     delay: float
+    delay_error: float
     remains: float
+    remark: str = ""
 
 
 class TrackingErrors(NamedTuple):
@@ -556,10 +557,11 @@ class TrackingErrors(NamedTuple):
         by, unit = (1e3, "mm") if size.unit == "m" and size.rms < 0.1 else (1.0, size.unit)
         rms, most, rest = (f"{by * x:.3g} {unit}" for x in (size.rms, size.largest, size.remains))
         headline = f"{size.quantity} error {rms} rms, at most {most}"
-        if np.isnan(size.delay):
-            return headline
-        side = "late" if size.delay > 0 else "early"
-        return f"{headline}; {abs(size.delay):.3g} s {side}, without which {rest} remain"
+        if not np.isnan(size.delay):
+            late = f"{abs(size.delay):.3g} ± {size.delay_error:.1g} s"
+            side = "late" if size.delay > 0 else "early"
+            headline += f"; {late} {side}, without which {rest} remain"
+        return headline + f" ({size.remark})" * bool(size.remark)
 
 
 def motions_of(one: Recording) -> dict[str, Series]:
@@ -601,6 +603,21 @@ def difference(quantity: str, measured: Array, wanted: Array) -> Array:
     heading = np.subtract(*(np.arctan2(Q[:, 1, 0], Q[:, 0, 0]) for Q in (R, goal)))
     angle = 2 * np.arctan2(norm(apart[:, 1:]), abs(apart[:, 0]))
     return np.rad2deg(np.stack([angle, tilt, (heading + np.pi) % (2 * np.pi) - np.pi], axis=-1))
+
+
+def paired(known: Series, wanted: Series, spans: tuple[Array, Array], how: str) -> Pair:
+    """Return both series; of the linear ones, the one nearer to its chords is interpolated."""
+
+    def roughness(one: Series) -> float:
+        """The median distance of every second row from the chord of its neighbours."""
+        if len(one.times) < 4:
+            return np.inf
+        chord = one._replace(times=one.times[::2], numbers=one.numbers[::2]).at(one.times[1:-1:2])
+        return float(np.median(norm(np.nan_to_num(apart(one.numbers[1:-1:2], chord)))))
+
+    if how == "linear" and roughness(known) > roughness(wanted):
+        return Pair(known, wanted, -1, *spans)
+    return Pair(wanted, known, 1, *spans)
 
 
 def umeyama(x: Array, y: Array, scale: bool) -> tuple[float, Array, Array]:
@@ -676,16 +693,8 @@ def tracking_errors(
         If they have no quantity in common, or no time.
     """
 
-    def pair(q: str, delay: float = 0.0, how: str = "linear") -> list[Array]:
-        t, goal, (edges, armed) = wanted[q].times, wanted[q].numbers, spans
-        numbers = known[q].at(t + delay, how, edges)
-        rows = np.isfinite(numbers).all(axis=1) & np.isfinite(goal).any(axis=1)
-        rows &= armed[np.searchsorted(edges, t, side="right")]
-        return [each[rows] for each in (t, numbers, goal)]
-
-    def compared(q: str, delay: float = 0.0, how: str = "linear") -> tuple[Array, Array]:
-        t, numbers, goal = pair(q, delay, how)
-        return t, difference(q, numbers, goal)
+    def pair(q: str) -> Pair:
+        return paired(known[q], wanted[q], spans, association)
 
     def attitudes() -> list[Series]:
         return [known["attitude"], wanted["attitude"]] if "attitude" in shared else []
@@ -694,23 +703,23 @@ def tracking_errors(
     if (align or relative) and "position" not in shared:
         raise EqtError(f"{name}: align and relative need positions, measured and wanted")
     if align:
-        position = enough(name, pair("position", 0.0, association), 1)
+        position = enough(name, pair("position").rows(0.0, association), 1)
         frame = _frame(position, attitudes(), align, association)
         known = {q: moved(q, series, *frame) for q, series in known.items()}
     if relative:
-        position = enough(name, pair("position", 0.0, association), 1 + relative)
+        position = enough(name, pair("position").rows(0.0, association), 1 + relative)
         curves = _relative(position, attitudes(), association, relative)
     else:
-        curves = {q: compared(q, 0.0, association) for q in shared}
-        curves = {q: (t, errors) for q, (t, errors) in curves.items() if len(t)}
+        rows = {q: pair(q).rows(0.0, association) for q in shared}
+        curves = {q: (t, difference(q, *two)) for q, (t, *two) in rows.items() if len(t)}
     if not curves:
         measured, goal = (", ".join(names) or "none" for names in (known, wanted))
         advice = "name the topic of the setpoints (--setpoint), or give a second file"
         raise InputError(f"{name}: measured: {measured}; wanted: {goal}; {advice}")
     sizes: list[ErrorSize] = []
-    for q, (t, errors) in curves.items():
-        lag = (np.nan, np.nan) if relative else _lag(partial(compared, q), len(t))
-        sizes += _sizes(q, errors, lag)
+    body = dict(zip(["position"], attitudes(), strict=False))
+    for q, (_, errors) in curves.items():
+        sizes += _sizes(q, errors, None if relative else pair(q), body.get(q))
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
@@ -725,35 +734,33 @@ def enough(name: str, position: list[Array], least: int) -> list[Array]:
     return position
 
 
-def _sizes(quantity: str, errors: Array, lag: tuple[float, float]) -> Iterator[ErrorSize]:
+def _sizes(
+    quantity: str, errors: Array, pair: Pair | None, body: Series | None
+) -> Iterator[ErrorSize]:
     """Yield the sizes of the errors of each axis that has any, the delay with the first."""
     unit, axes = QUANTITIES[quantity]
+    late, remains = delay_of(pair, body) if pair else Delay(), np.nan
+    if pair and np.isfinite(late.late[0]):
+        left = difference(quantity, *pair.rows(late.shift)[1:])[:, 0]
+        remains = float(np.sqrt(np.mean(left**2)))
     for axis, column in zip(axes, abs(errors).T, strict=True):
         if len(x := column[np.isfinite(column)]):
             rms, median, most = map(float, (np.sqrt(np.mean(x**2)), np.median(x), x.max()))
-            yield ErrorSize(quantity, axis, unit, rms, median, most, *lag)
-        lag = np.nan, np.nan
-
-
-def _lag(compared: Callable[[float], tuple[Array, Array]], rows: int) -> tuple[float, float]:
-    """Return the delay of the smallest error, and that; NaN where none makes it smaller."""
-    from scipy.optimize import minimize_scalar  # slow to import
-
-    def size(delay: float) -> float:
-        t, errors = compared(delay)
-        return float(np.sqrt(np.nanmean(errors[:, 0] ** 2))) if 2 * len(t) > rows else 1e100
-
-    best = min(np.arange(-MOST_DELAY, MOST_DELAY + STEP / 2, STEP).tolist(), key=size)
-    minimum = minimize_scalar(size, bounds=(best - STEP, best + STEP), method="bounded")
-    is_known = abs(best) < MOST_DELAY - STEP and minimum.fun <= EXPLAINS * size(0.0)
-    return (float(minimum.x), float(minimum.fun)) if is_known else (np.nan, np.nan)
+            numbers = rms, median, most, float(late.late[0]), float(late.errors[0]), remains
+            yield ErrorSize(quantity, axis, unit, *numbers, late.remark)
+        late, remains = Delay(), np.nan
 
 
 def error_table(tracking: TrackingErrors) -> TextTable:
     """Return the table of the sizes of errors."""
-    rows = [[*one[:3], *(significant(x, 3) for x in one[3:])] for one in tracking.sizes]
+    rows = []
+    for one in tracking.sizes:
+        *numbers, late, _, rest = (significant(x, 3) for x in one[3:-1])
+        late += "" if np.isnan(one.delay) else f" ± {one.delay_error:.1g}"
+        rows.append([*one[:3], *numbers, late, rest])
     header = ["error", "axis", "unit", "rms", "median", "largest", "delay, s", "remains"]
     notes = [f"{quantity}: {topics}." for quantity, topics in tracking.topics.items()]
+    notes += [f"{one.quantity}: {one.remark}." for one in tracking.sizes[1:] if one.remark]
     return TextTable("errors", tracking.headline, header, [Block("", rows)], notes, keys=3)
 
 

@@ -86,7 +86,10 @@ def test_a_delay_is_found_with_the_error_that_remains():
     assert one.rms == pytest.approx(2 * RADIUS * np.sin(TURN * 0.12 / 2), rel=1e-3)
     assert (one.delay, one.remains < 1e-3) == (pytest.approx(0.12, abs=1e-4), True)
     assert found.headline.startswith("position error 0.356 m rms, at most 0.357 m; ")
-    assert found.headline.endswith("0.12 s late, without which 0.000439 m remain")
+    assert found.headline.endswith(
+        "; 0.12 ± 1e-06 s late, without which 0.000439 m remain (this motion does not tell the "
+        "delay from an offset or turn of the frame)"  # a circle at constant speed
+    )
 
 
 def test_axes_that_are_not_controlled_are_left_out():
@@ -410,7 +413,87 @@ def test_too_few_common_instants_are_told(how):
 def test_a_vehicle_ahead_of_its_setpoints_is_early():
     table("ahead.csv", T - 0.1)
     table("wanted.csv", T)
-    assert "; 0.1 s early, without" in eqt_cli.log_errors("ahead.csv", "wanted.csv").headline
+    found = eqt_cli.log_errors("ahead.csv", "wanted.csv")
+    assert "; 0.1 ± 1e-06 s early, without" in found.headline
+
+
+def flown(t):
+    """A motion in which no delay is like another frame: positions and attitudes."""
+    place = np.c_[3 * np.cos(0.5 * t) + 0.4 * np.sin(2.1 * t), 2 * np.sin(0.7 * t), np.sin(0.9 * t)]
+    angles = np.c_[0.9 * t, 0.15 * np.sin(1.1 * t), 0.2 * np.cos(0.8 * t)]
+    return place, Rotation.from_euler("ZYX", angles)
+
+
+FAST, SLOW = np.arange(0, 40, 0.02), np.arange(0.3, 39.5, 0.05)
+
+
+def against(t, measured, s=SLOW):
+    """The errors of measured positions and attitudes from the motion at other instants."""
+    for name, times, (p, R) in (("flown.csv", t, measured), ("wanted.csv", s, flown(s))):
+        rows = np.c_[times, p, R.as_quat()]
+        np.savetxt(name, rows, delimiter=",", header="t,x,y,z,qx,qy,qz,qw", comments="")
+    return eqt_cli.log_errors("flown.csv", "wanted.csv")
+
+
+@pytest.mark.parametrize("yaw", [0.0, 5.0])
+@pytest.mark.parametrize("late", [0.0, 0.083])
+def test_a_turned_frame_is_no_delay(yaw, late):
+    """A yaw of 5 deg of a body that yaws at 0.9 rad/s had looked like −0.094 s."""
+    p, R = flown(FAST - late)
+    found = against(FAST, (p, Rotation.from_euler("z", yaw, degrees=True) * R))
+    for quantity in ("position", "attitude"):
+        one = size(found, quantity, "all" if quantity == "position" else "angle")
+        assert one.delay == pytest.approx(late or np.nan, abs=1e-4, nan_ok=True)
+        turned = quantity == "attitude" and yaw > late == 0.0
+        assert one.remark == turned * "another frame explains these errors, and a delay does not"
+
+
+def test_an_offset_in_the_body_moves_no_delay():
+    p, R = flown(FAST - 0.083)
+    found = size(against(FAST, (p + R.apply([0.0, 0.1, 0.0]) + [0.12, -0.05, 0.0], R)), "position")
+    assert found.delay == pytest.approx(0.083, abs=2e-4)
+
+
+def test_a_slow_clock_is_told_from_a_delay():
+    """Times of 1.001 t: at 20 s, the middle of the setpoints, 20 ms later than the 83 ms."""
+    found = size(against(1.001 * FAST, flown(FAST - 0.083)), "position")
+    assert found.delay == pytest.approx(0.103, abs=1e-3)
+    assert found.remark == "the delay grows by 1 ± 0.001 ms per s, as where a clock is fast or slow"
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.25, 0.5])
+def test_noise_is_no_delay_and_its_size_does_not_depend_on_the_phase(phase):
+    """20 Hz and white noise of 2 cm per axis: half a sample, 0.023 s, had been named."""
+    t = np.arange(1, 1199) / 20
+    noise = 0.02 * np.random.default_rng(0).normal(size=(len(t), 3))
+    p, R = flown(t)
+    found = size(against(t, (p + noise, R), np.arange(1200) / 20 + phase / 20), "position")
+    assert np.isnan(found.delay)
+    assert found.rms == pytest.approx(np.sqrt(np.mean(np.sum(noise**2, axis=1))), rel=1e-2)
+
+
+def test_a_delay_below_the_distance_of_noisy_rows():
+    """At 5 Hz, 0.05 s had become 0.096 s; four standard errors contain the right one."""
+    t = np.arange(300) / 5
+    p, R = flown(t - 0.05)
+    noise = 0.02 * np.random.default_rng(1).normal(size=(len(t), 3))
+    found = size(against(t, (p + noise, R), t), "position")
+    assert abs(found.delay - 0.05) < 4 * found.delay_error < 0.01
+
+
+@pytest.mark.parametrize("motion", [lambda t: 0 * t, lambda t: t])
+def test_rest_and_a_straight_line_leave_the_delay_open(motion):
+    """0.2 m behind on a line at 1 m/s may be 0.2 s, or 0.2 m."""
+    zero = 0 * T
+    for name, x in (("wanted.csv", motion(T)), ("flown.csv", motion(T) - 0.2)):
+        rows = np.c_[T, x, zero, zero]
+        np.savetxt(name, rows, delimiter=",", header="t,x,y,z", comments="")
+    found = size(eqt_cli.log_errors("flown.csv", "wanted.csv"), "position")
+    if motion(1.0):
+        assert found.delay == pytest.approx(0.2)
+        assert found.remark.endswith("from an offset or turn of the frame")
+    else:
+        assert (np.isnan(found.delay), found.remark) == (True, "")
 
 
 def test_a_table_has_no_setpoints():
