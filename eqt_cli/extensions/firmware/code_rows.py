@@ -502,6 +502,8 @@ def _description(
     is_cascade = question.loop.controller.commands_attitude
     is_claimed = is_cascade or _is(question, torque, real, signs)
     for other in () if is_claimed else _shipped(loop, states):
+        if other.loop.controller.name == question.loop.controller.name:
+            continue  # with other options, which the explanation names
         if all(z.any() for z in other.memory.values()) and _is(other, torque, real, signs):
             behind, apart = (explained(x, torque, real, signs) for x in (other, question))
             said = behind.words or (apart.words if apart.is_complete else "")

@@ -60,8 +60,8 @@ FAULTS = {
         "it is nog; lacks gyroscopic (weight g): coefficient 0.00 of 1"),
     "transport dropped": ("eqt", "in_number_transport", "(0 * in_number_transport[K])",
         "lacks transport (weight c): coefficient 0.00 of 1"),
-    "integral dropped": ("goodarzi2013", "in_number_ki", "(0 * in_number_ki[K])", "lacks integral: "
-        "coefficient 0.00 of 1"),
+    "integral dropped": ("goodarzi2013", "in_number_ki", "(0 * in_number_ki[K])",
+        "it is Lee 2012; lacks integral: coefficient 0.00 of 1"),
     "pose transposed": ("lee2010", "in_input_pose", "in_input_pose[T]", "the pose is transposed"),
     "gain transposed": ("lee2010", "in_number_kd", "in_number_kd[T]", "kd is transposed"),
     "bound missing": ("goodarzi2013", "in_number_bound", "(1e9 * in_number_bound[K])",
