@@ -368,11 +368,15 @@ def _unclaimed(judged: Judged) -> Row:
 
 
 def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
-    """Yield the shipped laws that need no options; one with memory has that of the code."""
+    """Yield the shipped laws that need no options, but for the one that the code claims to be.
+
+    One with memory has that of the code.
+    """
     G, memory = loop.group, np.hstack([states.inputs.velocity[:, :0], *states.memory.values()])
     code: Any = loop.controller
     for kind in controllers.all():
-        if kind.tasks and kind().fits(G) and not kind().pieces:
+        other = type(code.formula) is not kind and kind.tasks
+        if other and kind().fits(G) and not kind().pieces:
             law: Any = kind().with_defaults(G, loop.gains, None).loaded(None, G, Problems())[0]
             lengths = law.memory(G)
             if [*lengths.values()] in ([], [memory.shape[1]]):
@@ -502,8 +506,6 @@ def _description(
     is_cascade = question.loop.controller.commands_attitude
     is_claimed = is_cascade or _is(question, torque, real, signs)
     for other in () if is_claimed else _shipped(loop, states):
-        if other.loop.controller.name == question.loop.controller.name:
-            continue  # with other options, which the explanation names
         if all(z.any() for z in other.memory.values()) and _is(other, torque, real, signs):
             behind, apart = (explained(x, torque, real, signs) for x in (other, question))
             said = behind.words or (apart.words if apart.is_complete else "")
