@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from importlib.resources import files
 from math import factorial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -39,7 +39,7 @@ def _coefficients() -> dict[str, Array]:
 
     They are those of the C header, which names the source.
     """
-    text = files("eqt_cli.engines").joinpath("c/dop853.h").read_text(encoding="utf-8")
+    text = (Path(__file__).parent / "c" / "dop853.h").read_text(encoding="utf-8")
     by_name: dict[str, Array] = {"c": np.zeros(16)}
     for block in text.split("#define EQT_")[2:-1]:
         rows = block.split("STAGE(")[1:] or [block]
