@@ -298,7 +298,7 @@ def compare(
     between = []
     if 0 < len(without) < len(labels):
         names = ", ".join(result.title_of[label] for label in without)
-        between = [f"without the forces of `model`, which the other laws know: {names}"]
+        between = [f"without the forces of `model` (`known_forces: false`): {names}"]
     return _with_answer(
         result,
         how,

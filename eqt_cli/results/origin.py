@@ -130,7 +130,7 @@ class Experiment(BaseModel):
         Labels of the laws that do not claim that their L decreases, and of those whose stiffness
         and damping are not those of the gains.
     without_forces
-        Labels of the laws that leave out the forces of the model, which the others counteract.
+        Labels of the laws whose entries leave out the forces of the model.
     small_errors
         Stiffness, damping and poles at rest of the laws for which they are known, by label.
     rtol

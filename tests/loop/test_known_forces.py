@@ -120,7 +120,7 @@ def test_comparisons_name_the_laws_that_leave_forces_out(tmp_path):
     short = {"controllers": laws, "ensemble": {"runs": 2}, "time": {"duration": 0.1, "samples": 2}}
     flown = eqt_cli.run(with_forces(HEAVY, **short), tmp_path / "flown")
     said = eqt_cli.compare(flown).answer()
-    assert "without the forces of `model`, which the other laws know: GT" in said
+    assert "without the forces of `model` (`known_forces: false`): GT" in said
 
 
 # The limits that a reference needs ----------------------------------------------------------------
