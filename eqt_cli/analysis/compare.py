@@ -24,6 +24,7 @@ from eqt_cli.analysis.intervals import (
 from eqt_cli.analysis.search_record import TUNE, laws_of
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
+from eqt_cli.base.yaml_source import load
 from eqt_cli.loop.small_errors import SmallErrors
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window
@@ -115,11 +116,15 @@ class ClaimSet(ABC):
         Reference of the source.
     claims
         Claims in the order of the source.
+    experiment
+        Sections of the configuration of the source. `compare` judges the claims unasked where a
+        result has these, and all laws of the claims.
     """
 
     name: ClassVar[str]
     source: ClassVar[str]
     claims: ClassVar[tuple[Claim, ...]]
+    experiment: ClassVar[Mapping[str, Any]] = {}
 
 
 claim_sets = Registry("claim set", "claims", ClaimSet, ("analysis.compare",))
@@ -134,6 +139,15 @@ class Hampsey2025(ClaimSet):
 
     name: ClassVar[str] = "hampsey2025"
     source: ClassVar[str] = "Hampsey et al. (2025), section 7"
+    experiment: ClassVar[Mapping[str, Any]] = {
+        "group": "SO3",
+        "reference": {
+            "kind": "torque",
+            "torque": ["cos(t)", "sin(t)", "cos(t)*sin(t)"],
+            "pose": "identity",
+            "velocity": [0.0, 0.0, 0.0],
+        },
+    }
     claims: ClassVar[tuple[Claim, ...]] = (
         Claim(
             "All four of these controls are stabilising",
@@ -531,8 +545,8 @@ def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
     return True
 
 
-_Test = tuple[str, Claim, Less | AtMost, Quantity, Window]
-"""The source of a claim, the claim, a row of it, and a measure over a window that tests the row."""
+_Test = tuple[type[ClaimSet], Claim, Less | AtMost, Quantity, Window]
+"""A source, a claim of it, a row of this, and a measure over a window that tests the row."""
 
 
 def _tests(result: Result, kinds: Mapping[str, str]) -> Iterator[_Test]:
@@ -542,7 +556,7 @@ def _tests(result: Result, kinds: Mapping[str, str]) -> Iterator[_Test]:
             covered = [row for row in claim.rows if set(row.kinds) <= set(kinds)]
             for row in covered:
                 for measure, window in measured_by(result, row):
-                    yield claim_set.source, claim, row, measure, window
+                    yield claim_set, claim, row, measure, window
 
 
 def _judgements(
@@ -555,7 +569,10 @@ def _judgements(
 ) -> list[Judgement]:
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
     rows = []
-    for source, claim, row, measure, window in tests:
+    config = load(str(result.attributes["config"]), "config").data
+    for claim_set, claim, row, measure, window in tests:
+        source, sections = claim_set.source, claim_set.experiment.items()
+        is_at_home = all(config.get(key) == section for key, section in sections)
         key = measure.name, window.within(result.times)
         if isinstance(row, AtMost):
             label = kinds[row.kind]
@@ -573,7 +590,8 @@ def _judgements(
             judged = replace(judged, verdict=uncovered, runs_to_decide=None)
         mentioned = dict.fromkeys(kind for other in claim.rows for kind in other.kinds)
         absent = tuple(kind for kind in mentioned if kind not in kinds)
-        rows.append(replace(judged, absent=absent))
+        laws = {kind for x in claim_set.claims for row in x.rows for kind in row.kinds}
+        rows.append(replace(judged, absent=absent, is_at_home=is_at_home and laws <= set(kinds)))
     return rows
 
 

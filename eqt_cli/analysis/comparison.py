@@ -44,6 +44,8 @@ class Judgement:
         Lower end of the one-sided interval for the share of runs in which it holds.
     absent
         Kinds of controllers that the claim mentions and the result does not have.
+    is_at_home
+        Whether the result is the experiment of the source, so that the verdict is told unasked.
     """
 
     source: str
@@ -58,6 +60,7 @@ class Judgement:
     runs: int = 0
     low: float = float("nan")
     absent: tuple[str, ...] = ()
+    is_at_home: bool = True
 
 
 @dataclass(frozen=True, repr=False)

@@ -5,19 +5,31 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Literal
 
 import numpy as np
 
 from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
-from eqt_cli.analysis.intervals import FEWEST, SHARE, Pair, Word, holm
-from eqt_cli.base.reporting import count_of, fixed, listed, percent, significant
+from eqt_cli.analysis.intervals import FEWEST, SHARE, Level, Pair, Word, holm
+from eqt_cli.base.reporting import (
+    BETTER_MARK,
+    WORSE_MARK,
+    Block,
+    TextTable,
+    count_of,
+    fixed,
+    listed,
+    percent,
+    significant,
+)
+from eqt_cli.results.metrics import AXIS
 from eqt_cli.results.quantity import LAST_RESORT, Plain
+from eqt_cli.results.result import PerRun
 
-MOST_NAMES = 6
-"""Most undecided numbers of a law that are named."""
+SETTLING = ("settled", "settling_time")
+"""The share of runs that settle, and the time where all do, which comes in its place."""
 
 
 @dataclass(frozen=True)
@@ -96,52 +108,125 @@ def unresolved(pair: Pair, resolution: float) -> bool:
 # The answer in words ------------------------------------------------------------------------------
 
 
-def lines(comparison: Comparison, against: str = "", *, claims: bool = False) -> list[str]:
-    """Return the answer: for each other law its error, its cost and what else is decided.
+def lines(comparison: Comparison) -> list[str]:
+    """Return the whole answer against the first law, the rows of its matrix as sentences."""
+    table = matrix(comparison)
+    rows = [
+        f"{law}: {', '.join(map(' '.join, zip(table.header[1:], cells, strict=True)))}"
+        for law, *cells in table.rows
+    ]
+    return [*premises(comparison), *rows, *remarks(comparison), *table.notes]
 
-    Then what is open, which laws failed or did not settle, and what the words mean.
 
-    Parameters
-    ----------
-    against
-        Label of the law that all others are compared with; the first one if empty.
-    claims
-        Whether to say how the claims of papers come out.
-    """
-    conclusions, titles, runs = answers(comparison, against), comparison.titles, comparison.runs
+def premises(comparison: Comparison) -> list[str]:
+    """Return what a reader must know before any verdict."""
     alike = [too_few(comparison)] * comparison.identical
-    sentences, undecided = [*comparison.between, *alike, *_gains(comparison)], list[str]()
-    for label in comparison.labels:
-        of_law = [answer for answer in conclusions if answer.pair.first == label]
-        if not of_law:
-            continue
-        sentences.append(f"{titles[label]} against {titles[of_law[0].pair.second]}")
-        headline = [*_headline(of_law, "error"), *_headline(of_law, "cost")] or of_law[:1]
-        sentences += [f"  {_in_full(answer, comparison)}" for answer in headline]
-        others = [answer for answer in of_law if answer not in headline]
-        for word in (Word.BETTER, Word.WORSE, Word.ALIKE):
-            decided = [answer for answer in others if answer.decided and answer.word is word]
-            if decided:
-                sentences.append(f"  also {word}: {', '.join(_names(decided, comparison))}")
-        if names := _undecided(others, comparison):
-            undecided.append(f"{titles[label]}: {names}")
+    return [*comparison.between, *alike, *_gains(comparison)]
+
+
+def matrix(comparison: Comparison, against: str = "") -> TextTable:
+    """Return a row per law, with its error, its cost and how many of its runs settle.
+
+    Of the law that the others are compared with, the means; of the others, the median difference
+    and its interval, marked where the answer is *better* or *worse*.
+    """
+    titles, rows, shown = comparison.titles, list[list[str]](), list[PerRun]()
+    laws, bases = _by_law(comparison, against), set[str]()
+    levels = {(id(x.measured), x.controller): x for x in comparison.levels}
+    for _, of_law in laws[:1]:
+        settling = [x for x in of_law if x.pair.measured.quantity.name in SETTLING]
+        shown = [answer.pair.measured for answer in (*_headline(of_law), *settling)]
+    for law, of_law in laws:
+        base, by_number = of_law[0].pair.second, {id(x.pair.measured): x for x in of_law}
+        if base not in bases:
+            rows.append([titles[base], *(_mean(levels[id(number), base]) for number in shown)])
+        bases.add(base)
+        of_shown = [by_number[id(number)] for number in shown]
+        cells = [_cell(x, levels[id(x.pair.measured), x.pair.first]) for x in of_shown]
+        rows.append([law, *cells])
+    header = ["law", *_names(shown, comparison)]
+    blocks = [Block("", rows)] if rows else []
+    return TextTable("verdict", "", header, blocks, list(_meaning(comparison, against)))
+
+
+def _cell(answer: Answer, level: Level) -> str:
+    """``−14 % [−15, −11] ▲``; of a law with no interval, the difference of the means."""
+    pair = answer.pair
+    text = pair.percent if math.isfinite(pair.low) else _times(pair).strip() or _mean(level)
+    marks = {Word.BETTER: f" {BETTER_MARK}", Word.WORSE: f" {WORSE_MARK}"}
+    return text + marks.get(answer.word, "") * answer.decided
+
+
+def _mean(level: Level) -> str:
+    """``32.9 deg``; of runs that settle, how many."""
+    if level.measured.quantity.counts:
+        return f"{round(level.mean * level.runs)} of {level.runs}"
+    return f"{significant(level.mean)} {Plain().unit(level.measured.unit)}".rstrip()
+
+
+def remarks(comparison: Comparison, against: str = "") -> list[str]:
+    """Return what the numbers leave open: what else differs, failures, and the claims of papers."""
+    conclusions, titles, runs = answers(comparison, against), comparison.titles, comparison.runs
+    sentences = []
+    for law, of_law in _by_law(comparison, against):
+        if also := "; ".join(_also(of_law, comparison)):
+            sentences.append(f"{law} is also {also}")
+        for pair, against_it in ((x.pair, x.contradicted) for x in _headline(of_law)):
+            if against_it:
+                side, most = (
+                    ("better", "worse")[int(np.argmax(pair.better_in))],
+                    max(pair.better_in),
+                )
+                what = pair.measured.quantity.plain
+                sentences.append(
+                    f"{law}: {what} {side} in {most} of {pair.runs}, but {against_it}: undecided"
+                )
     untold = (label for label in comparison.not_matched if label not in comparison.gains)
     if alone := ", ".join(titles[label] for label in untold):
         tuning = "`eqt tune CONFIG` tunes all laws alike"
         sentences.append(f"gains are not tuned alike: {alone}; {tuning}")
-    if undecided:
-        sentences.append(f"undecided: {'; '.join(undecided)}")
     sentences += _within(conclusions, comparison)
     failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
     if failed:
         sentences.append(f"failed runs, no part of means: {', '.join(failed)}")
-    sentences += unsettled(comparison)
-    if claims and comparison.judgements and not comparison.departures:
-        counts = Counter(finding.verdict for finding in findings(comparison))
+    home = replace(comparison, judgements=[x for x in comparison.judgements if x.is_at_home])
+    if home.judgements and not home.departures:
+        counts = Counter(finding.verdict for finding in findings(home))
         verdicts = "; ".join(f"{count} {verdict}" for verdict, count in counts.items())
-        sentences.append(f"claims of {sources(comparison)}: {verdicts}")
-    tested = sum(answer.p_value >= 0 for answer in conclusions)
-    return [*sentences, *(_meaning(comparison, tested) if tested else ())]
+        sentences.append(f"claims of {sources(home)}: {verdicts}")
+    return sentences
+
+
+def _by_law(comparison: Comparison, against: str) -> list[tuple[str, list[Answer]]]:
+    """Return the title and the answers of each law but those that it is compared with."""
+    conclusions = answers(comparison, against)
+    by_law = (
+        (comparison.titles[label], [x for x in conclusions if x.pair.first == label])
+        for label in comparison.labels
+    )
+    return [(title, of_law) for title, of_law in by_law if of_law]
+
+
+def _also(of_law: Sequence[Answer], comparison: Comparison) -> Iterator[str]:
+    """Name the decided numbers that do not repeat those of the matrix, by word."""
+    headline = _headline(of_law)
+    told = {(_topic(x), x.word) for x in headline if x.decided}
+    for word in (Word.BETTER, Word.WORSE):
+        others = [
+            x.pair.measured
+            for x in of_law
+            if x.decided and x.word is word and x not in headline
+            if (_topic(x), word) not in told and x.pair.measured.quantity.name not in SETTLING
+        ]
+        if others:
+            yield f"{word}: {', '.join(_names(others, comparison))}"
+
+
+def _topic(answer: Answer) -> str:
+    """Return what a number is about: errors of attitude and position are all about the pose."""
+    [signal, *_] = answer.pair.measured.quantity.signals or ("",)
+    is_of_pose = signal.startswith(("pose_error", "attitude_angle", "position_error", AXIS))
+    return "pose" if is_of_pose else signal.partition("_norm")[0]
 
 
 def _gains(comparison: Comparison) -> Iterator[str]:
@@ -156,12 +241,18 @@ def _gains(comparison: Comparison) -> Iterator[str]:
 def _within(conclusions: Sequence[Answer], comparison: Comparison) -> Iterator[str]:
     """Name the errors that are within their estimate."""
     within = [x for x in conclusions if unresolved(x.pair, comparison.resolution)]
-    if names := ", ".join(dict.fromkeys(_names(within, comparison))):
+    measured = [answer.pair.measured for answer in within]
+    if names := ", ".join(dict.fromkeys(_names(measured, comparison))):
         estimate = f"the error estimate of {comparison.resolution:.1g}"
         yield f"not judged, as both are within {estimate}: {names}"
 
 
-def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:
+def _headline(conclusions: Sequence[Answer]) -> list[Answer]:
+    """Return the answers by which a law is compared first; without one, the first."""
+    return [*_of_role(conclusions, "error"), *_of_role(conclusions, "cost")] or [*conclusions[:1]]
+
+
+def _of_role(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> list[Answer]:
     """Return the answers about the errors, or the costs, by which laws are compared first."""
 
     def rank(answer: Answer) -> int:
@@ -173,43 +264,6 @@ def _headline(conclusions: Sequence[Answer], role: Literal["error", "cost"]) -> 
     return [x for x in ranked if x.pair.measured.window == ranked[0].pair.measured.window]
 
 
-def _undecided(conclusions: Sequence[Answer], comparison: Comparison) -> str:
-    """Return the names of the undecided numbers, the first `MOST_NAMES` of them."""
-    if comparison.identical or comparison.runs < FEWEST:
-        return ""
-    undecided = [x for x in conclusions if not x.decided and x.pair.ties < x.pair.runs]
-    if undecided and len(undecided) == len(conclusions):
-        return "all else"
-    names = _names(undecided, comparison)
-    if len(names) > MOST_NAMES:
-        names[MOST_NAMES:] = [f"{len(names) - MOST_NAMES} more"]
-    return ", ".join(names)
-
-
-def _in_full(answer: Answer, comparison: Comparison) -> str:
-    """``better in 167 of 200 (p<1e-20): mean attitude error, median −16 % [−19, −13]``.
-
-    Without an interval, ``mean attitude error +38 % (4.437 against 3.216 deg)``.
-    """
-    pair, word = answer.pair, answer.word if answer.decided else Word.UNDECIDED
-    name, middle = pair.measured.quantity.plain, "" if pair.measured.quantity.counts else ", median"
-    if not math.isfinite(pair.low):
-        means = {x.controller: x.mean for x in comparison.levels if x.measured is pair.measured}
-        both = " against ".join(significant(means[law]) for law in (pair.first, pair.second))
-        return f"{name}{_times(pair)} ({both} {Plain().unit(pair.measured.unit)}".rstrip() + ")"
-    what = f"{name}{middle} {pair.percent}"
-    if word is Word.ALIKE:
-        return f"{word}: {what}"
-    first, second = pair.better_in
-    side, ahead = ("worse", second) if second > first else ("better", first)
-    digits = 2 if answer.p_value > 0.01 else 1  # 0.052 is not 0.05
-    p_value = "p<1e-20" if answer.p_value < 1e-20 else f"p={answer.p_value:.{digits}g}"
-    most = f"{side} in {ahead} of {pair.runs} ({p_value})"
-    if word is Word.UNDECIDED:
-        most = f"{word}, {most}" + f", but {answer.contradicted}" * bool(answer.contradicted)
-    return f"{most}: {what}"
-
-
 def _times(pair: Pair) -> str:
     """Return the relative difference of the means; in times where it is more than double."""
     if pair.measured.is_share or not math.isfinite(pair.relative):
@@ -219,25 +273,27 @@ def _times(pair: Pair) -> str:
     return f" {fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
 
 
-def _names(conclusions: Sequence[Answer], comparison: Comparison) -> list[str]:
+def _names(numbers: Sequence[PerRun], comparison: Comparison) -> list[str]:
     """Return the numbers, each with its window unless that is the whole run."""
     names = []
-    for measured in (answer.pair.measured for answer in conclusions):
+    for measured in numbers:
         window, name = measured.seen, measured.quantity.plain
         whole = math.isclose(window.stop - window.start, comparison.horizon)
         names.append(name if whole else f"{name} {Plain().window(window)}")
     return names
 
 
-def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
-    """Say of how many runs, and what the words mean."""
+def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
+    """Say of how many runs, and what the marks mean."""
     if comparison.identical:
         return
     if comparison.runs < FEWEST:
         yield too_few(comparison)
         return
     # Each of n runs the same way has p = 2/2^n, of which Holm's smallest is `count` times as much.
-    tests = count * comparison.points
+    count = sum(answer.p_value >= 0 for answer in answers(comparison, against))
+    if not (tests := count * comparison.points):
+        return
     enough = math.ceil(math.log2(2 * tests / (1 - comparison.confidence)))
     if comparison.runs < enough:
         yield (
@@ -247,9 +303,9 @@ def _meaning(comparison: Comparison, count: int) -> Iterator[str]:
     starts = "" if comparison.between else " from the same starts"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     yield (
-        f"{runs_each(comparison)}{starts}; better or worse: in most runs, by a sign test (p, "
-        f"corrected for {count_of(tests, 'test')}); no difference: the median is within {none}; "
-        f"brackets: {sure} intervals of the median"
+        f"{runs_each(comparison)}{starts}; {BETTER_MARK} better, {WORSE_MARK} worse: in most runs, "
+        f"by a sign test, corrected for {count_of(tests, 'test')}; no mark: undecided, or within "
+        f"{none}; brackets: {sure} intervals of the median"
     )
 
 

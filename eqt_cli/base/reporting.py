@@ -189,6 +189,10 @@ def listed(words: Sequence[str], conjunction: str = "and") -> str:
     return f" {conjunction} ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
+BETTER_MARK, WORSE_MARK = "▲", "▼"
+"""What ends a number that is better, or worse, than the one it is compared with."""
+
+
 @dataclass(frozen=True)
 class Block:
     """Rows under a common heading, which may be empty."""

@@ -13,7 +13,7 @@ import typer
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.registry import of_extension
 from eqt_cli.cli import completion, options, output
-from eqt_cli.cli.tables import as_csv, as_latex, in_colour
+from eqt_cli.cli.tables import as_csv, as_latex
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -192,22 +192,22 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
     elif format is TableFormat.LATEX:
         output.print_verbatim("\n\n".join(as_latex(each, columns) for each in shown.tables))
     else:
-        if shown.answer:
-            output.print_text(*map(in_colour, shown.answer))
+        if shown.premises:
+            output.print_text(*shown.premises)
         for number, each in enumerate(shown.tables):
-            output.print_text(*([""] * (number > 0 or bool(shown.answer))), output.laid_out(each))
+            output.print_text(*([""] * (number > 0 or bool(shown.premises))), output.laid_out(each))
     for remark in () if json else shown.remarks:
         output.say(remark)
 
 
 class _Findings(NamedTuple):
-    """Findings to print: a document for programs, rows, tables, and the answer before them."""
+    """Findings to print: a document for programs, rows, tables, and what comes before them."""
 
     document: dict[str, Any]
     records: Sequence[Mapping[str, Any]]
     tables: Sequence[TextTable]
     remarks: Sequence[str] = ()
-    answer: Sequence[str] = ()
+    premises: Sequence[str] = ()
 
 
 def _of_whole(
@@ -289,8 +289,8 @@ def _of_experiment(
 ) -> _Findings:
     """Return the findings on one experiment: the answer, or tables.
 
-    Without a table's name, the answer is all; of `chosen` metrics and windows, the tables of pairs
-    and means follow.
+    Without a table's name, the answer against the first law is all; of `chosen` metrics and
+    windows, the tables of pairs and means follow.
     """
     from eqt_cli.analysis import verdict
     from eqt_cli.analysis.comparison_tables import records, text_tables
@@ -318,12 +318,15 @@ def _of_experiment(
         **({"between": comparison.between} if comparison.between else {}),
     }
     remarks = [output.folded(sentence, output.PIPED) for sentence in comparison.missing]
-    answer = list[str]()
+    premises = list[str]()
     if format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
     elif text and table is None:
-        answer = verdict.lines(comparison, base, claims=not chosen)
+        premises = verdict.premises(comparison)
+        answer = verdict.matrix(comparison, base)
+        notes = [*verdict.remarks(comparison, base), *answer.notes]
+        shown = [*([replace(answer, notes=notes)] if answer.blocks else []), *shown]
         if not chosen:
             tables = "--table pairs, controllers, claims or all; --list for all metrics"
             only = "one law, so nothing to compare; `eqt show` has its numbers"
@@ -333,9 +336,9 @@ def _of_experiment(
         none = "no claim is known about these laws"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
     room = output.room_of_tables() or output.PIPED
-    answer = [output.folded(line, room, "    ") for line in answer]
+    premises = [output.folded(line, room, "    ") for line in premises]
     listed = TableName.PAIRS if table in (None, TableName.ALL) else table
-    return _Findings(document, rows[listed], shown, remarks, answer)
+    return _Findings(document, rows[listed], shown, remarks, premises)
 
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Findings | None:

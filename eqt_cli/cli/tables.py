@@ -15,7 +15,7 @@ from rich.cells import cell_len
 from rich.text import Text
 
 from eqt_cli.base.errors import printable
-from eqt_cli.base.reporting import Block, TextTable, words
+from eqt_cli.base.reporting import BETTER_MARK, WORSE_MARK, Block, TextTable, words
 
 # Text tables as LaTeX and CSV; this module knows no command ---------------------------------------
 
@@ -124,7 +124,7 @@ _STYLES = {
 }
 """Colours of verdicts, by their first words; the text says the same without colour."""
 
-_VERDICT = "verdict"
+_VERDICT, _MARKS = "verdict", {BETTER_MARK: "green", WORSE_MARK: "red"}
 
 
 class _Column:
@@ -319,17 +319,9 @@ def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
     return [Text(line, style) for line in lines]
 
 
-def in_colour(line: str) -> Text:
-    """Return a line of an answer: its heading is bold, its verdict in colour, a note dim."""
-    said = re.match(r"  (also )?(better|worse|no difference|undecided)", line)
-    if said is None:
-        is_heading = " against " in line.partition("\n")[0] and not line.startswith(" ")
-        return Text(line, "bold" if is_heading else "" if line.startswith(" ") else "dim")
-    return Text.assemble((said[0], _style_of(said[2])), line[said.end() :])
-
-
 def _style(column: _Column, index: int) -> str:
-    return _style_of(column.cells[index]) if column.heading == _VERDICT else ""
+    cell = column.cells[index]
+    return _style_of(cell) if column.heading == _VERDICT else _MARKS.get(cell[-1:], "")
 
 
 def _style_of(verdict: str) -> str:

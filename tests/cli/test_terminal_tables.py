@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from eqt_cli.base.reporting import Block, TextTable
 from eqt_cli.cli import output
 from eqt_cli.cli.output import folded, room, table
-from eqt_cli.cli.tables import as_latex, in_colour, table_text
+from eqt_cli.cli.tables import as_latex, table_text
 
 ROWS = [
     ["eqt", "1.830", "holds", "-0.283 [-0.346, -0.219]"],
@@ -113,17 +113,12 @@ def test_verdicts_are_coloured_and_say_the_same_in_words():
     assert (styles["holds"], styles["FAILS"]) == ("green", "bold red")
 
 
-def test_answers_have_a_heading_verdicts_and_notes():
-    lines = [
-        "GT against EqT",
-        "  better in 9 of 9: effort\n    −3 %",
-        "  also worse: work",
-        "undecided: GT: power",
-    ]
-    spans = [[(s.start, s.end, str(s.style)) for s in in_colour(line).spans] for line in lines]
-    assert spans[1:3] == [[(0, 8, "green")], [(0, 12, "red")]]
-    assert [in_colour(line).style for line in lines] == ["bold", "", "", "dim"]
-    assert [in_colour(line).plain for line in lines] == lines
+def test_marked_numbers_are_in_colour():
+    rows = [["GT", "−3 % [−4, −2] ▲", "+2 % [+1, +3] ▼"], ["asym", "+1 % [−1, +2]", "-"]]
+    made = table_text(TextTable("t", "", ["law", "error", "effort"], [Block("", rows)]), None)
+    styles = {made.plain[span.start : span.end].strip(): str(span.style) for span in made.spans}
+    assert [styles.get(cell) for cell in rows[0]] == [None, "green", "red"]
+    assert not {*rows[1]} & {*styles}
 
 
 def test_what_comes_from_a_file_is_escaped():
