@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+import time
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
@@ -71,7 +72,7 @@ class _Step(Reporter):
     """Reporter within a step: passes on all but inner steps, which count only in the same unit."""
 
     def __init__(self, to: Reporter, what: str, counts: bool) -> None:
-        self.to, self.what, self.counts = to, what, counts
+        self.to, self.what, self.counts, self.uncounted = to, what, counts, 0.0
 
     def advance(self, amount: float) -> None:
         if self.counts:
@@ -84,8 +85,12 @@ class _Step(Reporter):
     def note(self, about: str, words: str) -> None:
         self.to.note(about, words)
 
-    def busy(self, words: str) -> AbstractContextManager[None]:
-        return self.to.busy(words)
+    @contextmanager
+    def busy(self, words: str) -> Iterator[None]:
+        started = time.perf_counter()
+        with self.to.busy(words):
+            yield
+        self.uncounted += time.perf_counter() - started
 
     def remark(self, warning: EqtWarning) -> None:
         self.to.remark(warning)
@@ -130,21 +135,23 @@ def reporting(to: Reporter) -> Iterator[None]:
 
 
 @contextmanager
-def step(what: str, count: int) -> Iterator[None]:
-    """Count something in the block, by `reporter().advance`.
+def step(what: str, count: int) -> Iterator[_Step]:
+    """Count something in the block, by `reporter().advance`; its `uncounted` are s of other work.
 
     A step within another one is not reported. If it counts the same, it advances the outer step, as
     the runs of an experiment do within a search.
     """
     outer = reporter()
     if isinstance(outer, _Step):
-        with reporting(_Step(outer.to, outer.what, outer.counts and outer.what == what)):
-            yield
+        inner = _Step(outer.to, outer.what, outer.counts and outer.what == what)
+        with reporting(inner):
+            yield inner
         return
     outer.begin(what, count)
+    inner = _Step(outer, what, counts=True)
     try:
-        with reporting(_Step(outer, what, counts=True)):
-            yield
+        with reporting(inner):
+            yield inner
     finally:
         outer.end()
 

@@ -243,8 +243,8 @@ SHOW_AFTER = 1.0
 LINE_EVERY = 5.0
 """Interval between plain lines, s."""
 
-GUESS_AFTER = 0.001
-"""Share of the runs to be done before the remaining time is estimated."""
+GUESS_AFTER, GUESS_AFTER_ONE = 0.001, 0.02
+"""Shares of the runs to be done before a rate is known: the former, and one run or the latter."""
 
 
 class Meter(Reporter):
@@ -296,23 +296,17 @@ class Meter(Reporter):
         warn(warning)
 
     @property
-    def rate(self) -> float:
-        """Return the number of runs per second."""
-        return (self.done - self.skipped) / max(time.monotonic() - self.started, 1e-9)
-
-    @property
-    def speed(self) -> str:
-        """Return the rate in words, with one decimal if it is below 10 per second."""
-        return f"{self.rate:.{1 if self.rate < 10 else 0}f} {self.what.split()[0]}/s"
-
-    @property
-    def left(self) -> str:
-        """Return the remaining time in words; empty if too little is done to estimate it."""
-        remaining = max(self.total - self.done, 0.0)
-        if self.done - self.skipped < GUESS_AFTER * (self.total - self.skipped):
-            return ""
-        seconds = remaining / max(self.rate, 1e-9)
-        return (f"{seconds:.0f} s" if seconds < 120 else duration(seconds)) + " left"
+    def pace(self) -> list[str]:
+        """Return the rate and the remaining time in words; nothing if too little is done."""
+        remaining, done = max(self.total - self.done, 0.0), self.done - self.skipped
+        work = self.total - self.skipped
+        if done < max(GUESS_AFTER * work, min(1.0, GUESS_AFTER_ONE * work)):
+            return []
+        rate = done / max(time.monotonic() - self.started, 1e-9)
+        seconds = remaining / max(rate, 1e-9)
+        left = f"{seconds:.0f} s" if seconds < 120 else duration(seconds)
+        speed = f"{rate:.0f}" if rate >= 10 else f"{rate:.2g}"
+        return [f"{speed} {self.what.split()[0]}/s", f"{left} left"]
 
     def show(self) -> None:
         """Show the progress if it is due."""
@@ -394,16 +388,15 @@ class _Bar(Meter):
             self.bar = Progress(
                 TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
                 BarColumn(),
-                TextColumn("{task.fields[rate]}"),
-                TextColumn("{task.fields[left]}"),
+                TextColumn("{task.fields[pace]}"),
                 TextColumn("{task.fields[note]}"),
                 console=Console(stderr=True),
                 transient=True,
             )
-            self.task = self.bar.add_task(self.what, total=self.total, rate="", left="", note="")
+            self.task = self.bar.add_task(self.what, total=self.total, pace="", note="")
             self.bar.start()
         note = self.under_way or self.latest
-        self.bar.update(self.task, completed=self.done, rate=self.speed, left=self.left, note=note)
+        self.bar.update(self.task, completed=self.done, pace=", ".join(self.pace), note=note)
 
 
 class _Lines(Meter):
@@ -429,6 +422,5 @@ class _Lines(Meter):
         if first and now < self.started + LINE_EVERY:
             return
         self.next_line = now + LINE_EVERY
-        speed = "" if first else self.speed
-        words = [f"{self.done:.0f}/{self.total} {self.what}", speed, self.left, self.latest]
-        say(", ".join(filter(None, words)))
+        counted = f"{self.done:.0f}/{self.total} {self.what}"
+        say(", ".join(filter(None, [counted, *self.pace, self.latest])))

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import csv
-import re
 import sys
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +15,6 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
-from eqt_cli.results.metrics import SUMMARY
 from eqt_cli.results.result import Result, mean_over_runs
 
 if TYPE_CHECKING:
@@ -30,8 +27,15 @@ FAR_ABOVE = 1000.0
 In 13 shipped configurations it is at most 64, and 433 where a limit or a jump of the law hampers
 `solve_ivp`."""
 
-_WINDOW, _BELOW = re.compile(r"mean (.*), first (\d+) s"), str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-"""A mean over the beginning in words, and digits as its index."""
+IN_WORDS = {"of ‖p − p_d‖": "position error", "‖p − p_d‖": "position error"} | {
+    "‖τ‖": "torque",
+    "‖f‖": "force",
+}
+"""Symbols of headings, and what they are."""
+
+BEST = "*"
+"""Mark of the best mean."""
+
 MANY, RARE = 1000, 0.01
 """Minimum runs, and maximum share of unsettled runs, for exact intervals of that share."""
 
@@ -55,7 +59,8 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
             lines += [output.laid_out(table), ""]
     else:
         lines += [_headline(result), "", *_shares(result)]
-    lines += _accuracy(result)
+    checked = ", ".join(_accuracy(result))
+    lines += [f"checked  {checked}"] * bool(checked)
     remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]
     output.print_text(*lines)
     for remark in remarks:
@@ -79,61 +84,51 @@ def outcome_record(result: Result) -> dict[str, Any]:
 
 
 def _headline(result: Result) -> Text:
-    """Return a line per law: errors, torque, final velocity error, energy residual.
+    """Return a line per law: how many runs settle, the means of errors and torque, the best marked.
 
-    Parts with units of their own have a block each.
+    Parts with units of their own have columns of their own.
     """
-    suffixes = dict.fromkeys(
-        name.removeprefix(next((base for base in SUMMARY if name.startswith(base)), name))
-        for name in result.headlines
-    )
-    parts = [suffix for suffix in suffixes if suffix] or [""]
-    columns: dict[str, dict[str, str]] = {}  # names of numbers by heading and part
-    for base, part in product((*result.own_metrics, *SUMMARY), parts):
-        name = base + part if base + part in result.headlines else base
-        turns, turned = part.startswith("_rotation"), "attitude" in base or "pointing" in base
-        of_other = (turned and not turns) or ("position" in base and turns)
-        if name not in result.headlines or (part and of_other):
-            continue
-        quantity = result.quantity(base)
-        heading = quantity.plain.removeprefix("energy ")
-        heading = _WINDOW.sub(lambda mean: mean[1] + mean[2].translate(_BELOW), heading)
-        if SUMMARY.get(base) and (part or not quantity.stored_by_part):
-            heading = SUMMARY[base]
-        columns.setdefault(heading, {}).setdefault(part, name)
-    blocks = [
-        _block(result, part, [names.get(part, "") for names in columns.values()]) for part in parts
-    ]
-    header, notes = [], []
-    for heading, names in columns.items():
-        if any(name.startswith("early_torque") for name in names.values()):
-            early = dict.fromkeys(result.quantity(names[part]).plain for part in parts)
-            notes.append(f"{heading}: {'; '.join(early)}")
-        unit = result.units(names[""]) if "" in names else ""  # else each block names its units
-        header.append(heading if unit in ("", "1") else f"{heading}, {unit}")
-    if "mean error" in columns:
-        moves = "final_position_error" in result.headlines
-        distance = ", and the distance ‖p − p_d‖" if moves else ""
-        notes.append(f"error: the angle of the attitude error{distance}")
+    names = list(_shown(result))
+    titles = [result.title_of[row["controller"]] for row in result.headline]
+    columns = [titles, [_ended(row) for row in result.headline]]
+    for name in names:
+        means = [row.get(name, np.nan) for row in result.headline]
+        ranked = result.quantity(name).better == "lower" and np.isfinite(means).sum() > 1
+        best = np.nanmin(means) if ranked else np.nan
+        cells = (significant(x) + f" {BEST}" * bool(x == best) for x in means)
+        columns.append([f"{cell:<{len(cell.rstrip(f' {BEST}')) + 2 * ranked}}" for cell in cells])
     settled = "settled" if all("settled" in row for row in result.headline) else "runs"
-    spare = (header[-1], *reversed(header[1:-1]))
+    header = ["law", settled, *(_heading(result, name) for name in names)]
+    notes = [f"{BEST} the best mean"] * (len(titles) > 1)
+    spare = [head for head in header if head.startswith("final")]
+    rows = [list(row) for row in zip(*columns, strict=True)]
     return output.laid_out(
-        TextTable("headline", "", ["law", settled, *header], blocks, notes, spare)
+        TextTable("headline", "", header, [Block("", rows)], notes, tuple(reversed(spare)))
     )
 
 
-def _block(result: Result, part: str, names: Sequence[str]) -> Block:
-    """Return the lines of a part; of the whole if its suffix is empty."""
-    rows = []
-    for row in result.headline:
-        *means, residual = (row.get(name, np.nan) for name in names)
-        of = f"/{row['runs'] - row['by_rounding']}" * ("settled" in row)
-        ended = f"{row.get('settled', row['runs'] - row['failed'])}{of}"
-        title = result.title_of[row["controller"]]
-        rows.append([title, ended, *map(significant, means), significant(residual, 1)])
-    units = [u for u in dict.fromkeys(result.units(name) for name in names if name) if u != "1"]
-    of_units = f", in {listed(units)}" if units else ""
-    return Block(part[1:].replace("_", " ") + of_units if part else "", rows)
+def _shown(result: Result) -> Iterator[str]:
+    """Yield metrics of the user, and the numbers by which laws are compared first, also finally."""
+    for name in dict.fromkeys([*result.own_metrics, *result.compared_first]):
+        yield name
+        final = name.replace("mean", "final").replace("position_rms", "final_position_error")
+        if final != name and final in result.headlines:
+            yield final
+
+
+def _ended(row: dict[str, Any]) -> str:
+    """Return how many runs settled, or did not fail."""
+    if "settled" in row:
+        return f"{row['settled']}/{row['runs'] - row['by_rounding']}"
+    return str(row["runs"] - row["failed"])
+
+
+def _heading(result: Result, name: str) -> str:
+    """``mean attitude error, deg``: in words that need no note."""
+    words, unit = result.quantity(name).plain, result.unit_in_words(name)
+    for symbol, plain in IN_WORDS.items():
+        words = words.replace(symbol, plain)
+    return f"{words}, {unit}" if unit else words
 
 
 def _shares(result: Result) -> Iterator[str]:
@@ -143,7 +138,7 @@ def _shares(result: Result) -> Iterator[str]:
         counted = {title: row["runs"] - row["by_rounding"] for title, row in rows}
         yield from _rare(result, {title: counted[title] - row["settled"] for title, row in rows})
     if all("saturated_share" in row for _, row in rows):
-        shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
+        shares = ", ".join(f"{title} {100 * row['saturated_share']:.2f} %" for title, row in rows)
         yield f"time at a limit: {shares}"
         yield from _cut(result)
     known = result.comparable
@@ -164,7 +159,7 @@ def _cut(result: Result) -> Iterator[str]:
             if name.startswith("cut_share_"):
                 direction = name.removeprefix("cut_share_").replace("_", " ")
                 share = result.metric(name, c)[good].sum() / max(1, good.sum())
-                shares += [f"{direction} {share:.2%}"] if share else []
+                shares += [f"{direction} {100 * share:.2f} %"] if share else []
         if shares:
             laws.append(f"{title} {listed(shares)}")
     if laws:
@@ -192,13 +187,19 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
 
 
 def _accuracy(result: Result) -> Iterator[str]:
-    """Yield the accuracy of the numbers: their error estimates and the cross-check."""
+    """Yield how accurate the numbers are: energy balance, error estimates, and cross-check."""
+    residuals = [row.get("energy_residual", np.nan) for row in result.headline]
+    if np.isfinite(residuals).any():
+        yield f"energy balance to {np.nanmax(residuals):.0e}"
     estimates = result.metric("error_estimate")
     if np.isfinite(estimates).any():
-        largest, median = np.nanmax(estimates), np.nanmedian(estimates)
-        yield f"error estimates: largest {largest:.2g}, median {median:.2g}"
-    if result.cross_check is not None:
-        yield result.cross_check.described
+        yield f"errors to {np.nanmax(estimates):.0e}"
+    check = result.cross_check
+    if check and (np.isnan(check.difference) or not check.holds):
+        yield check.described
+    elif check:
+        method, _, beginning = check.method.partition(" over the ")
+        yield f"{method} to {check.difference:.0e}" + f" ({beginning})" * bool(beginning)
 
 
 def _doubts(result: Result) -> Iterator[str]:

@@ -434,19 +434,33 @@ def report(
 def _print_summary(done: StoredResult, results: Result) -> None:
     from eqt_cli.cli.result_tables import print_outcome
 
-    points = results.dimensions.get("point")
-    print_outcome(results)
-    took = "".join(f", {name} {value:.1f} s" for name, value in done.outcome.seconds.items())
-    over = "" if points is None else f"{output.count_of(points, 'point')}, "
-    tick = "✓ " if not done.failed and output.room() is not None else ""
-    output.print_text(f"{tick}{over}{output.count_of(done.runs, 'run')}{took}")
-    commands = [f"eqt {command} {done.path}" for command in ("compare", "plot", "report")]
-    if done.failed == done.runs:
-        commands = [f"eqt show {done.path} --failed"]
-    elif len(results.labels) < 2:
+    print_outcome(results, [_about(done, results), ""])
+    commands = ["compare", "plot", "report"]
+    if len(results.labels) < 2:
         commands = commands[1:]
-    following = "\n         ".join(commands)
+    following = f"eqt {commands[0]} {done.path}   (or {', '.join(commands[1:])})"
+    if done.failed == done.runs:
+        following = f"eqt show {done.path} --failed"
     output.print_text(f"results  {done.file}", f"next     {following}")
+
+
+def _about(done: StoredResult, results: Result) -> str:
+    """``✓ paper: 800 runs of 20 s in 5.1 s``, and stages that took more than a tenth of that."""
+    points, seconds = results.dimensions.get("point"), done.outcome.seconds
+    over = "" if points is None else f"{output.count_of(points, 'point')}, "
+    lasting = f" of {results.horizon:g} s" if results.horizon else ""
+    total = sum(seconds.values())
+    took = f" in {output.duration(total)}" if seconds else ""
+    slow = [
+        f"{name} {output.duration(value)}"
+        for name, value in seconds.items()
+        if name != "simulation" and value > total / 10
+    ]
+    stages = f" ({', '.join(slow)})" if slow else ""
+    tick = "✓ " if not done.failed and output.room() is not None else ""
+    return (
+        f"{tick}{results.title}: {over}{output.count_of(done.runs, 'run')}{lasting}{took}{stages}"
+    )
 
 
 def time_line(seconds: float | None, workers: int) -> str:

@@ -526,27 +526,24 @@ RANKED = sorted(
 )
 """The numbers that come first where laws are compared."""
 
-SUMMARY = {
-    "settling_time": "",
-    f"mean_{AXIS}": "",
-    f"final_{AXIS}": "",
-    "mean_attitude_error": "mean error",
-    "mean_position_error": "mean error",
-    "position_rms": "rms error",
-    "final_attitude_error": "final error",
-    "final_position_error": "final error",
-    "early_torque": "early wrench",
-    "mean_torque": "mean wrench",
-    "peak_torque": "largest wrench",
-    "mean_pose_error": "mean pose error",
-    "final_pose_error": "final pose error",
-    "final_velocity_error": "final velocity error",
-    "energy_residual": "",
-}
-"""The numbers of a summary in its order: means over runs, and the largest energy residual.
-
-Each has its short name where each part of a norm has a symbol of its own; empty if it has none.
-"""
+SUMMARY = (
+    "settling_time",
+    f"mean_{AXIS}",
+    f"final_{AXIS}",
+    "mean_attitude_error",
+    "mean_position_error",
+    "position_rms",
+    "final_attitude_error",
+    "final_position_error",
+    "early_torque",
+    "mean_torque",
+    "peak_torque",
+    "mean_pose_error",
+    "final_pose_error",
+    "final_velocity_error",
+    "energy_residual",
+)
+"""The numbers of a summary in its order: means over runs, and the largest energy residual."""
 
 MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.of and q.stored)
 """Stored quantities that are computed from the signals of a run."""

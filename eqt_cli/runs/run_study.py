@@ -109,7 +109,7 @@ class Execution:
     packed
         Whether the result file is written; a shard alone does not write it.
     seconds
-        Wall time of simulation, writing and cross-check, s.
+        Wall time of compiling, simulation, writing and cross-check, s.
     """
 
     folder: ResultFolder
@@ -232,11 +232,12 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
 
 
 @contextmanager
-def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Record the wall time of the block under a name, s."""
+def timed(seconds: dict[str, float], name: str, without: str = "") -> Iterator[None]:
+    """Record the wall time of the block under a name, s, less that of a part of it."""
     started = time.perf_counter()
     yield
-    seconds[name] = round(time.perf_counter() - started, 3)
+    took = time.perf_counter() - started
+    seconds[name] = round(max(took - seconds.get(without, 0.0), 0.0), 3)
 
 
 @dataclass
@@ -262,7 +263,7 @@ class _Session:
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
         with ExitStack() as unless_packed:
             unless_packed.callback(self.task.save)
-            with timed(self.seconds, "simulation"):
+            with timed(self.seconds, "simulation", without=COMPILING):
                 self._compute(self.task, wanted)
             finished = self.task.finished()
             if lost := [number for number in wanted if number not in finished]:
@@ -271,10 +272,8 @@ class _Session:
                     "others were computed; run the same command again"
                 )
             if shard is None:
-                with timed(self.seconds, "writing"):
+                with timed(self.seconds, "writing", without="cross-check"):
                     self._pack(manifest["provenance"])
-                checking = self.seconds.setdefault("cross-check", 0.0)
-                self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
                 unless_packed.pop_all()
         failed = sum(finished[number].failed for number in wanted)
         if shard is None:
@@ -295,7 +294,7 @@ class _Session:
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
         origin = together(earlier, here)
-        with timed(self.seconds, "simulation"):
+        with timed(self.seconds, "simulation", without=COMPILING):
             self._compute(again)
         with timed(self.seconds, "writing"):
             described = json.dumps(origin, ensure_ascii=False)
@@ -307,12 +306,12 @@ class _Session:
 
     def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
         """Compute the missing parts of a task, among all or the wanted ones."""
-        task.prepare()
         wanted = range(len(task)) if wanted is None else wanted
         missing = task.missing(wanted)
         runs, left = (sum(map(task.runs_of, items)) for items in (wanted, missing))
         begun = time.monotonic()
-        with step(RUNS_DONE, runs):
+        with step(RUNS_DONE, runs) as counted:
+            task.prepare()
             reporter().skip(runs - left)
             for outcome in self.executor.outcomes(task, missing):
                 if time.monotonic() > begun + UNSAVED_SECONDS:
@@ -320,6 +319,8 @@ class _Session:
                 if outcome.failed is None:
                     message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
                     reporter().advance(task.lose(outcome.item, message))
+        if counted.uncounted:
+            self.seconds[COMPILING] = round(counted.uncounted, 3)
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; damaged parts are computed again."""
@@ -379,6 +380,9 @@ def _origin(study: Study) -> dict[str, Any]:
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"
 """Titles of the steps."""
+
+COMPILING = "compiling"
+"""Name of the time that processes of this one spent on C compilers."""
 
 COPIED_BYTES = 64 * 2**20
 
