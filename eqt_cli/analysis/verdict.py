@@ -108,14 +108,14 @@ def unresolved(pair: Pair, resolution: float) -> bool:
 # The answer in words ------------------------------------------------------------------------------
 
 
-def lines(comparison: Comparison) -> list[str]:
-    """Return the whole answer against the first law, the rows of its matrix as sentences."""
-    table = matrix(comparison)
+def lines(comparison: Comparison, against: str = "") -> list[str]:
+    """Return the whole answer, the rows of `matrix` as sentences."""
+    table = matrix(comparison, against)
     rows = [
         f"{law}: {', '.join(map(' '.join, zip(table.header[1:], cells, strict=True)))}"
         for law, *cells in table.rows
     ]
-    return [*premises(comparison), *rows, *remarks(comparison), *table.notes]
+    return [*premises(comparison), *rows, *remarks(comparison, against), *table.notes]
 
 
 def premises(comparison: Comparison) -> list[str]:
@@ -124,18 +124,26 @@ def premises(comparison: Comparison) -> list[str]:
     return [*comparison.between, *alike, *_gains(comparison)]
 
 
-def matrix(comparison: Comparison, against: str = "") -> TextTable:
+def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) -> TextTable:
     """Return a row per law, with its error, its cost and how many of its runs settle.
 
     Of the law that the others are compared with, the means; of the others, the median difference
     and its interval, marked where the answer is *better* or *worse*.
+
+    Parameters
+    ----------
+    against
+        Label of the law that all others are compared with; the first one if empty.
+    whole
+        Whether all numbers have a column.
     """
     titles, rows, shown = comparison.titles, list[list[str]](), list[PerRun]()
     laws, bases = _by_law(comparison, against), set[str]()
     levels = {(id(x.measured), x.controller): x for x in comparison.levels}
     for _, of_law in laws[:1]:
         settling = [x for x in of_law if x.pair.measured.quantity.name in SETTLING]
-        shown = [answer.pair.measured for answer in (*_headline(of_law), *settling)]
+        first = of_law if whole else [*_headline(of_law), *settling]
+        shown = [answer.pair.measured for answer in first]
     for law, of_law in laws:
         base, by_number = of_law[0].pair.second, {id(x.pair.measured): x for x in of_law}
         if base not in bases:
@@ -152,7 +160,9 @@ def matrix(comparison: Comparison, against: str = "") -> TextTable:
 def _cell(answer: Answer, level: Level) -> str:
     """``−14 % [−15, −11] ▲``; of a law with no interval, the difference of the means."""
     pair = answer.pair
-    text = pair.percent if math.isfinite(pair.low) else _times(pair).strip() or _mean(level)
+    text = _times(pair).strip() or _mean(level)
+    if math.isfinite(pair.low):
+        text = pair.percent.replace("points", "pp")
     marks = {Word.BETTER: f" {BETTER_MARK}", Word.WORSE: f" {WORSE_MARK}"}
     return text + marks.get(answer.word, "") * answer.decided
 
@@ -164,13 +174,13 @@ def _mean(level: Level) -> str:
     return f"{significant(level.mean)} {Plain().unit(level.measured.unit)}".rstrip()
 
 
-def remarks(comparison: Comparison, against: str = "") -> list[str]:
-    """Return what the numbers leave open: what else differs, failures, and the claims of papers."""
+def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -> list[str]:
+    """Return what `matrix` leaves open: what else differs, failures, and the claims of papers."""
     conclusions, titles, runs = answers(comparison, against), comparison.titles, comparison.runs
-    sentences = []
+    also, open_ = dict[str, list[str]](), list[str]()
     for law, of_law in _by_law(comparison, against):
-        if also := "; ".join(_also(of_law, comparison)):
-            sentences.append(f"{law} is also {also}")
+        for words in () if whole else _also(of_law, comparison):
+            also.setdefault(words, []).append(law)
         for pair, against_it in ((x.pair, x.contradicted) for x in _headline(of_law)):
             if against_it:
                 side, most = (
@@ -178,9 +188,8 @@ def remarks(comparison: Comparison, against: str = "") -> list[str]:
                     max(pair.better_in),
                 )
                 what = pair.measured.quantity.plain
-                sentences.append(
-                    f"{law}: {what} {side} in {most} of {pair.runs}, but {against_it}: undecided"
-                )
+                open_.append(f"{law}: {what} {side} in {most} of {pair.runs}, but {against_it}")
+    sentences = [f"{listed(laws)} also {words}" for words, laws in also.items()] + open_
     untold = (label for label in comparison.not_matched if label not in comparison.gains)
     if alone := ", ".join(titles[label] for label in untold):
         tuning = "`eqt tune CONFIG` tunes all laws alike"
@@ -210,16 +219,16 @@ def _by_law(comparison: Comparison, against: str) -> list[tuple[str, list[Answer
 def _also(of_law: Sequence[Answer], comparison: Comparison) -> Iterator[str]:
     """Name the decided numbers that do not repeat those of the matrix, by word."""
     headline = _headline(of_law)
-    told = {(_topic(x), x.word) for x in headline if x.decided}
+    marked = {(_topic(x), x.word) for x in headline if x.decided}
     for word in (Word.BETTER, Word.WORSE):
         others = [
             x.pair.measured
             for x in of_law
             if x.decided and x.word is word and x not in headline
-            if (_topic(x), word) not in told and x.pair.measured.quantity.name not in SETTLING
+            if (_topic(x), word) not in marked and x.pair.measured.quantity.name not in SETTLING
         ]
         if others:
-            yield f"{word}: {', '.join(_names(others, comparison))}"
+            yield f"{word} in {', '.join(_names(others, comparison))}"
 
 
 def _topic(answer: Answer) -> str:

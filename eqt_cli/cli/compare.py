@@ -74,8 +74,8 @@ def compare(
     Of two results, such as before and after a change of gains, this compares each law of the second
     with the same law of the first.
 
-    This prints the answer against the first law: the error, the cost, what else is decided,
-    and what is not. --table prints the numbers behind it.
+    This prints a row per law: its error, effort and settled runs against the first law, each with
+    an interval, ▲ where it is better and ▼ where it is worse. --table prints the numbers behind it.
 
     For a sweep, this shows which law is best at each point; --point selects one point.
 
@@ -290,7 +290,7 @@ def _of_experiment(
     """Return the findings on one experiment: the answer, or tables.
 
     Without a table's name, the answer against the first law is all; of `chosen` metrics and
-    windows, the tables of pairs and means follow.
+    windows, the table of means follows.
     """
     from eqt_cli.analysis import verdict
     from eqt_cli.analysis.comparison_tables import records, text_tables
@@ -301,7 +301,7 @@ def _of_experiment(
     if table not in (None, TableName.ALL):
         wanted = [table]
     elif text and table is None:
-        wanted = [TableName.PAIRS, TableName.CONTROLLERS] if chosen else []
+        wanted = [TableName.CONTROLLERS] if chosen else []
     shown = [made[name] for name in made if name in wanted]
     base = against[0] if against else ""
     document = {
@@ -324,8 +324,8 @@ def _of_experiment(
         remarks = [more] if table is None else []
     elif text and table is None:
         premises = verdict.premises(comparison)
-        answer = verdict.matrix(comparison, base)
-        notes = [*verdict.remarks(comparison, base), *answer.notes]
+        answer = verdict.matrix(comparison, base, whole=chosen)
+        notes = [*verdict.remarks(comparison, base, whole=chosen), *answer.notes]
         shown = [*([replace(answer, notes=notes)] if answer.blocks else []), *shown]
         if not chosen:
             tables = "--table pairs, controllers, claims or all; --list for all metrics"

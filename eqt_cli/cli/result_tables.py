@@ -188,9 +188,14 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
 
 def _accuracy(result: Result) -> Iterator[str]:
     """Yield how accurate the numbers are: energy balance, error estimates, and cross-check."""
-    residuals = [row.get("energy_residual", np.nan) for row in result.headline]
-    if np.isfinite(residuals).any():
-        yield f"energy balance to {np.nanmax(residuals):.0e}"
+    residuals = {
+        result.title_of[row["controller"]]: row["energy_residual"]
+        for row in result.headline
+        if np.isfinite(row.get("energy_residual", np.nan))
+    }
+    if residuals:
+        some = f" of {listed([*residuals])}" if len(residuals) < len(result.titles) else ""
+        yield f"energy balance{some} to {max(residuals.values()):.0e}"
     estimates = result.metric("error_estimate")
     if np.isfinite(estimates).any():
         yield f"errors to {np.nanmax(estimates):.0e}"

@@ -83,7 +83,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert re.split(" {2,}", lines[0]) == ["law", "mean attitude error", "effort", "settled"]
     assert re.fullmatch(r"EqT +\d\d\.\d\d deg +\d\d\.\d\d \(N m\)² s +\d+ of 60", lines[2])
     error, effort = r"−\d+ % \[−\d+, −\d+\]", r"\+\d+ % \[.+\]"
-    assert re.fullmatch(rf"GT +{error} ▲ +{effort}( ▼)? +\+\d+ points \[.+\] ▲", lines[3])
+    assert re.fullmatch(rf"GT +{error} ▲ +{effort}( ▼)? +\+\d+ pp \[.+\] ▲", lines[3])
     assert [line.split()[0] for line in lines[4:6]] == ["nog", "asym"]
     with open_result(paper_result) as result:
         errors = result.metric("mean_attitude_error")[:2]
@@ -91,7 +91,7 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     assert float(lines[3].split()[1].replace("−", "-")) == pytest.approx(median, abs=0.5)
     assert "claims of Hampsey et al. (2025), section 7: 3 supported; " in done.stdout
     # All numbers of the pose say the same as the matrix, which says it once.
-    assert "GT is also better: mean ‖V − V_d‖" in done.stdout
+    assert "also better in mean ‖V − V_d‖" in done.stdout
     assert "‖I − Q_E‖" not in done.stdout
     assert (
         done.stderr == "next: --table pairs, controllers, claims or all; --list for all metrics\n"

@@ -68,7 +68,7 @@ def test_the_summary(eqt):
     for column, of_laws in zip(zip(*shown, strict=True), means, strict=True):
         assert [cell.endswith("*") for cell in column] == (of_laws == of_laws.min()).tolist()
         assert [float(cell.split()[0]) for cell in column] == pytest.approx(of_laws, rel=1e-3)
-    assert re.fullmatch(r"checked  energy balance to \de-\d\d, LSODA to \de-\d\d", checked)
+    assert re.fullmatch(r"checked  energy balance to \de-\d\d", checked)
     assert results == f"results  {Path('results/c/results.h5')}"
     assert following == "next     eqt compare results/c   (or plot, report)"
 
