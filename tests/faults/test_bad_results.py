@@ -190,7 +190,7 @@ def test_a_figure_of_numbers_that_no_axis_can_show(huge, invoke):
 
 
 def test_a_comparison_of_numbers_whose_squares_overflow(huge, invoke):
-    assert invoke("compare", huge).stdout
+    assert invoke("compare", huge, "--table", "controllers").stdout
 
 
 @pytest.mark.ci("starts an interpreter")
@@ -199,9 +199,9 @@ def test_numbers_that_overflow_are_no_warning_of_a_library(result):
         for name in ("effort", "mean_pose_error", "energy_residual"):
             file[name][0] = [1.7e308, -1.7e308]
     start = "from eqt_cli.cli import main; main()"
-    for command in ("show", "compare"):
+    for command in (["show"], ["compare", "--table", "controllers"]):
         done = subprocess.run(
-            [sys.executable, "-c", start, command, str(result)], capture_output=True, text=True
+            [sys.executable, "-c", start, *command, str(result)], capture_output=True, text=True
         )
         assert (done.returncode, "Warning" in done.stderr) == (0, False), done.stderr
         assert done.stdout
