@@ -102,11 +102,10 @@ def is_quick(item: pytest.Item) -> bool:
 
 
 def draw(items: list[pytest.Item], share: str) -> list[pytest.Item]:
-    """Of the tests of CI that are like others leave a share: "3/8" is the third of eight.
+    """Of the tests of CI leave a share: "3/8" is the third of eight.
 
-    These are cases of a function that has several, and what tests/tiers.tsv lists: quick tests call
-    the same functions of eqt. Of a function with cases in CI alone, one remains in any case. Eight
-    draws try all.
+    A function of one case, which no quick test is like, is drawn by every second share. Of a
+    function with cases in CI alone, one remains in any case. Eight draws try all.
     """
     first, _, last = share.partition("/")
     if not (first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last)):
@@ -120,11 +119,10 @@ def draw(items: list[pytest.Item], share: str) -> list[pytest.Item]:
     left_out: set[pytest.Item] = set()
     for function, several in cases.items():
         is_like_quick_ones = function in quick or bool(tiers().reason(several[0].nodeid))
-        if len(several) == 1 and not is_like_quick_ones:
-            continue
-        parts = count if is_like_quick_ones else min(count, len(several))
+        parts = count if is_like_quick_ones else min(count, max(len(several), 2))
         for place, item in enumerate(sorted(several, key=_digest)):
-            offset = _digest(several[0]) if is_like_quick_ones else 0  # or small ones meet
+            is_alone = is_like_quick_ones or len(several) == 1
+            offset = _digest(several[0]) if is_alone else 0  # or all would meet in one share
             if (place + offset) % parts != number % parts:
                 left_out.add(item)
     return [item for item in items if item not in left_out]
