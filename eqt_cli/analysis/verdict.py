@@ -29,7 +29,7 @@ from eqt_cli.results.quantity import LAST_RESORT, Plain
 from eqt_cli.results.result import PerRun
 
 SETTLING = ("settled", "settling_time")
-"""The share of runs that settle, and the time where all do, which comes in its place."""
+"""The share of runs that settle, and the time that they take."""
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,7 @@ def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) ->
     laws, bases = _by_law(comparison, against), set[str]()
     levels = {(id(x.measured), x.controller): x for x in comparison.levels}
     for _, of_law in laws[:1]:
-        settling = [x for x in of_law if x.pair.measured.quantity.name in SETTLING]
-        first = of_law if whole else [*_headline(of_law), *settling]
+        first = of_law if whole else [*_headline(of_law), *_settling(of_law, comparison)]
         shown = [answer.pair.measured for answer in first]
     for law, of_law in laws:
         base, by_number = of_law[0].pair.second, {id(x.pair.measured): x for x in of_law}
@@ -155,6 +154,14 @@ def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) ->
     header = ["law", *_names(shown, comparison)]
     blocks = [Block("", rows)] if rows else []
     return TextTable("verdict", "", header, blocks, list(_meaning(comparison, against)))
+
+
+def _settling(of_law: Sequence[Answer], comparison: Comparison) -> list[Answer]:
+    """Return the share of runs that settle; where all do, the time that they take."""
+    share, time = SETTLING
+    levels = (x.mean for x in comparison.levels if x.measured.quantity.name == share)
+    shown = time if min(levels, default=1.0) == 1.0 else share
+    return [x for x in of_law if x.pair.measured.quantity.name == shown]
 
 
 def _cell(answer: Answer, level: Level) -> str:

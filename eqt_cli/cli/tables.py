@@ -113,8 +113,10 @@ _NARROW = 16
 _NOTES = 100
 """Maximum width of notes."""
 
-_NUMBER = re.compile(r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?")
-"""A number, perhaps with a percent sign, a spread or an interval."""
+_NUMBER = re.compile(
+    r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?([^\d\[±]{1,10})?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?( [▲▼])?"
+)
+"""A number, perhaps with a unit, a spread or an interval, and a mark."""
 
 _STYLES = {
     "green": ("holds", "supported", "agrees", "better"),
