@@ -505,8 +505,8 @@ class Pair:
         values = [100 * x for x in self.medians[0]]
         if not math.isfinite(values[0]):
             return "-"
-        half = (values[2] - values[1]) / 2
-        digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if 0 < half < math.inf else 0
+        half = (values[2] - values[1]) / 2  # of rounding alone below 1e-9
+        digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if 1e-9 < half < math.inf else 0
         mean, *ends = (fixed(value, digits, signed=True).replace("-", "−") for value in values)
         unit = "points" if self.measured.is_share else "%"
         return f"{mean} {unit} [{', '.join(ends)}]" if math.isfinite(half) else f"{mean} {unit}"
