@@ -508,7 +508,7 @@ def metrics() -> Iterator[str]:
 MEANINGS = {
     "title": "name of the experiment",
     "group": "group; of a sweep over groups, all of them",
-    "config": "configuration with every default written out, YAML",
+    "config": "configuration with every default written out, YAML, below its first comment",
     "plugins": "source of every plugin by its path, YAML",
     "digest": "SHA-256 of all that the numbers depend on",
     "experiment": "the loop, its laws and their names, as readers show them, JSON",

@@ -14,6 +14,7 @@ import json
 import math
 import os
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NoReturn, TypeAlias
@@ -30,6 +31,9 @@ MAX_DEPTH: Final = 64
 
 MAX_VALUES: Final = 100_000
 """Largest number of keys and values in a document, aliases followed."""
+
+LONGEST: Final = 120
+"""Number of characters of a sentence above which `heading` ends it at a colon."""
 
 _TOO_MANY: Final = f"expected at most {MAX_VALUES} keys and values, aliases followed, got more"
 _Position: TypeAlias = tuple[int, int]  # line and column, from 1
@@ -49,12 +53,15 @@ class Source:
         The name of the file in places.
     data : dict
         Dicts with text keys, lists, str, int, float, bool and None; no two parts are shared.
+    comment : str
+        The comment at the top, with its `#` and line breaks; empty if there is none.
     """
 
     name: str
     data: dict[str, Any]
     _values: dict[KeyPath, _Position] = field(repr=False)
     _keys: dict[KeyPath, _Position] = field(repr=False)
+    comment: str = field(default="", repr=False)
 
     def place(self, path: KeyPath) -> str:
         """Return ``name:line:column`` of the value at `path`, or of its nearest ancestor."""
@@ -84,7 +91,23 @@ def load(text: str | bytes, name: str) -> Source:
         got = "text" if isinstance(data, str) else "a single value"
         got = "a list" if isinstance(data, list) else got
         reader.stop((), f"expected lines of 'key: value', got {got}", reader.values[()])
-    return Source(name, data, reader.values, reader.keys)
+    return Source(name, data, reader.values, reader.keys, _comment(reader.text))
+
+
+def heading(text: str) -> str:
+    """Return the first sentence of the comment at the top; of a long one, up to a colon."""
+    lines = [line.strip("#-=* \t") for line in _comment(text).splitlines()]
+    words = " ".join("\n".join(lines).strip().partition("\n\n")[0].split())
+    sentence = re.split(r"(?<=[.?]) (?!\()", words)[0].removesuffix(".")
+    whole = sentence if len(sentence) <= LONGEST else sentence.partition(": ")[0]
+    return textwrap.shorten(whole, LONGEST, placeholder=" …")
+
+
+def _comment(text: str) -> str:
+    """Return the comment at the top, without lines for other readers than people."""
+    lines = re.findall(r"\A(?:---)?((?:[ \t\r]*(?:#.*)?\n)*)", text)[0].splitlines(keepends=True)
+    for_programs = ("# yaml-language-server:", "# found by eqt ")  # an editor, and eqt
+    return "".join(line for line in lines if not line.startswith(for_programs)).lstrip()
 
 
 def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
@@ -137,9 +160,9 @@ class _Reader:
 
     def read(self, source: str | bytes) -> Any:
         """Return the data of the only document, or None if it is empty."""
-        self._text = self._characters(source)
+        self.text = self._characters(source)
         try:
-            root = _Loader(self._text).get_single_node()
+            root = _Loader(self.text).get_single_node()
         except yaml.MarkedYAMLError as error:
             self._stop_at_syntax(error)
         except (yaml.YAMLError, ValueError, OverflowError):
@@ -235,7 +258,7 @@ class _Reader:
             if value_node.start_mark.index < key_node.start_mark.index:
                 # The node of an alias stands further up; only the text tells where the alias is.
                 end = key_node.end_mark
-                after = self._text[end.index : end.index + _LONGEST_KEY].partition("*")[0]
+                after = self.text[end.index : end.index + _LONGEST_KEY].partition("*")[0]
                 line, column = _position(after, len(after))
                 position = end.line + line, column + (end.column if line == 1 else 0)
             mapping[key] = self._value(value_node, key_path, position)
@@ -262,7 +285,7 @@ class _Reader:
         return None
 
     def _scalar(self, node: yaml.ScalarNode, path: KeyPath, position: _Position) -> _Scalar:
-        if _BARE_TAG.match(self._text, node.start_mark.index):
+        if _BARE_TAG.match(self.text, node.start_mark.index):
             self._report(path, "tag ! is not allowed; write the value without it", position)
         if not node.style:
             try:
@@ -289,8 +312,8 @@ class _Reader:
             self.stop((), "invalid YAML", None)
         if "nesting depth" in problem:  # libyaml has a bound of its own
             self.stop((), f"nested more than {MAX_DEPTH} deep", _mark(here))
-        before, at_here = _split(self._text, here)
-        opening = _split(self._text, start)[1][:1]
+        before, at_here = _split(self.text, here)
+        opening = _split(self.text, start)[1][:1]
         since = f" that starts at {self._place(_mark(start))}" if self._located else ""
         if "flow" in context:
             self._stop_in_brackets(before, at_here, opening, _mark(here), _mark(start), since)

@@ -1,6 +1,5 @@
 """Finds the configurations that are shipped with eqt, and writes first ones of vehicles."""
 
-import re
 from collections.abc import Iterator, Sequence
 from math import pi
 from pathlib import Path
@@ -8,9 +7,7 @@ from string import Template
 from typing import Any
 
 from eqt_cli.base.errors import EqtError, suggestion
-
-LONGEST = 120
-"""Number of characters of a summary above which it ends at a colon."""
+from eqt_cli.base.yaml_source import heading
 
 
 def folder() -> Path:
@@ -35,10 +32,7 @@ def text(name: str) -> str:
 
 def summary(name: str) -> str:
     """Return the first sentence of a shipped configuration; of a long one, up to a colon."""
-    [comment] = re.findall(r"\A(?:#.*\n)+", text(name))
-    words = " ".join(line.lstrip("# ") for line in comment.splitlines())
-    sentence = re.split(r"(?<=[.?]) +(?!\()", words)[0].removesuffix(".")
-    return sentence if len(sentence) <= LONGEST else sentence.partition(": ")[0]
+    return heading(text(name))
 
 
 def using(kind: str) -> tuple[str, Any]:

@@ -43,11 +43,12 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
 
 def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
     """Return the attributes of one point of a result file that has only those of its sweep."""
-    config = config_at(document_of(results), point).data
+    document = config_at(document_of(results), point)
     experiment = json.loads(str(results.attributes["experiment"]))
     with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
-        experiment |= description(config, experiment["departures"])
-    return {"config": dump(config), "experiment": json.dumps(experiment, ensure_ascii=False)}
+        experiment |= description(document.data, experiment["departures"])
+    config = document.source.comment + dump(document.data)
+    return {"config": config, "experiment": json.dumps(experiment, ensure_ascii=False)}
 
 
 def _is_down(up: Any) -> bool:

@@ -598,7 +598,8 @@ def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly
     coords = layout.coordinates
     group = file.group(point_group(point), _sizes(coords), coords, layout.blanks(single=True))
     experiment = study.experiment(point)
-    config = dump(experiment.resolved | {"store": study.resolved["store"]})
+    resolved = experiment.resolved | {"store": study.resolved["store"]}
+    config = study.document.source.comment + dump(resolved)
     about = _experiment(experiment, experiment.resolved, set())
     group.describe({"config": config, "group": experiment.group.name, "experiment": about})
     return group
@@ -714,7 +715,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     swept = set(map(section_of, study.sweep.sets)) if study.sweep else set[str]()
     return {
         "title": study.name,
-        "config": dump(study.resolved),
+        "config": study.document.source.comment + dump(study.resolved),
         "plugins": dump(study.base.plugins),
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,

@@ -7,6 +7,7 @@ import yaml
 
 from eqt_cli.base import registry
 from eqt_cli.base import registry as catalogue
+from eqt_cli.base.yaml_source import LONGEST
 from eqt_cli.components.laws import controllers
 from eqt_cli.config import shipped
 
@@ -134,7 +135,7 @@ def test_components_of_one_name_are_all_explained(eqt):
 def test_every_configuration_says_what_it_is(eqt):
     lines = eqt("list", "configs").out.splitlines()[1:]
     assert [line.split()[0] for line in lines if line[2] != " "] == shipped.names()
-    assert all(15 < len(shipped.summary(name)) <= shipped.LONGEST for name in shipped.names())
+    assert all(15 < len(shipped.summary(name)) <= LONGEST for name in shipped.names())
 
 
 def test_an_unknown_plugin(refused):

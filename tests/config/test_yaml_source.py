@@ -11,7 +11,7 @@ from said import error_of
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.base.yaml_source import MAX_BYTES, MAX_DEPTH, dump, load, parse_value
+from eqt_cli.base.yaml_source import MAX_BYTES, MAX_DEPTH, dump, heading, load, parse_value
 
 # The methods of the loader on the parser in Python, which is what PyYAML without C has.
 _METHODS = {name: value for name, value in vars(yaml_source._Loader).items() if name[:2] != "__"}
@@ -35,6 +35,28 @@ def _set_message(text):
 def _nested(depth):
     """A flow mapping that holds lists, `depth` containers in all."""
     return "{a: " + "[" * (depth - 1) + "]" * (depth - 1) + "}"
+
+
+# The comment at the top -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("# A wheel. It turns.\na: 1\n", "A wheel"),
+        ("---\n# A wheel that\n# turns\na: 1\n", "A wheel that turns"),
+        ("# yaml-language-server: $schema=a\r\n\r\n# A wheel\r\na: 1\r\n", "A wheel"),
+        ("#####\n# A wheel\n#####\n#\n# It turns.\na: 1\n", "A wheel"),
+        ("# found by eqt tune\na: 1\n", ""),
+        ("a: 1 # A wheel\n# that turns\n", ""),
+        (f"# A wheel: it {'turns ' * 30}\na: 1\n", "A wheel"),
+        (f"# {'turns ' * 30}\na: 1\n", f"{'turns ' * 19}…"),
+    ],
+)
+def test_first_sentence_of_the_comment_at_the_top(text, sentence):
+    assert heading(text) == sentence
+    comment = load(text, "c.yaml").comment
+    assert heading(f"{comment}a: 1\n") == sentence  # what a result stores has it, too
 
 
 # Values ---------------------------------------------------------------------------------------
