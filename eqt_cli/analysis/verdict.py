@@ -175,7 +175,9 @@ def _cell(answer: Answer, level: Level) -> str:
 
 
 def _mean(level: Level) -> str:
-    """``32.9 deg``; of runs that settle, how many."""
+    """``32.9 deg``; of runs that settle, how many; ``-`` where all runs failed."""
+    if not math.isfinite(level.mean):
+        return "-"
     if level.measured.quantity.counts:
         return f"{round(level.mean * level.runs)} of {level.runs}"
     return f"{significant(level.mean)} {Plain().unit(level.measured.unit)}".rstrip()

@@ -361,7 +361,8 @@ def brief(value: float, digits: int = 4) -> str:
 
 def percent(share: float, *, signed: bool = False) -> str:
     """Return a share in per cent with one decimal place, or with one digit if that is all 0."""
-    digits = 1 if abs(share) < 5e-9 else max(1, -math.floor(math.log10(100 * abs(share))))
+    is_small = 5e-9 < abs(share) < 1
+    digits = max(1, -math.floor(math.log10(100 * abs(share)))) if is_small else 1
     return f"{fixed(100 * share, min(digits, 6), signed=signed)} %"
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.intervals import Interval, Resampling, Word, _pair
-from eqt_cli.analysis.verdict import answers, lines
+from eqt_cli.analysis.verdict import _mean, answers, lines
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import PerRun
@@ -67,6 +67,14 @@ def test_a_pair_is_called_by_one_of_four_words(compared, low, high, better, expe
     middle = (low + high) / 2
     pair = replace(pair, medians=(Interval(middle, low, high),) * 2, difference=middle)
     assert pair.word() is expected
+
+
+@pytest.mark.parametrize("counts", [False, True])
+def test_a_law_all_of_whose_runs_failed_has_no_mean(compared, counts):
+    (level, *_) = compared([spread(1.0), spread(1.0)], [spread(1.0), spread(1.0)]).levels
+    quantity = replace(level.measured.quantity, counts=counts)
+    measured = replace(level.measured, quantity=quantity)
+    assert _mean(replace(level, measured=measured, mean=math.nan)) == "-"
 
 
 def test_the_lines_of_the_answer(compared):

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from eqt_cli.base.errors import EqtWarning
-from eqt_cli.base.reporting import Reporter, reporter, reporting, step
+from eqt_cli.base.reporting import Reporter, percent, reporter, reporting, step
 
 
 def test_a_step_tells_its_name_its_size_and_its_end(told: Any) -> None:
@@ -48,6 +48,14 @@ def test_a_remark_is_by_default_a_warning_at_the_line_that_called_eqt() -> None:
     with pytest.warns(EqtWarning, match="^careful$") as caught:
         Reporter().remark(EqtWarning("careful"))
     assert caught[0].filename == __file__
+
+
+def test_a_share_that_is_none_is_no_number() -> None:
+    assert [percent(share) for share in (0.125, float("nan"), float("inf"))] == [
+        "12.5 %",
+        "- %",
+        "- %",
+    ]
 
 
 def test_nobody_is_told_behind_the_block(told: Any) -> None:
