@@ -414,7 +414,8 @@ def write_report(
     author, notes
         Texts at the top of the page. Blank lines separate paragraphs of the notes.
     title, date
-        Title and date of the page. Default: the name of the experiment and the day of its run.
+        Title and date of the page. Default: the first sentence of the comment at the top of the
+        configuration, or the name of the experiment, and the day of its run.
     point
         Point of a sweep, counted from 0.
     trust_plugins

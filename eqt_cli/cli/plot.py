@@ -322,7 +322,7 @@ def report(
     -------
     Result
         --out FILE  File to write. Default: RESULT/report.html.
-        --title TEXT  Title. Default: the title of the experiment.
+        --title TEXT  Title. Default: the first sentence of the configuration's first comment.
         --author NAME  Author, named at the top of the page.
         --date TEXT  Date. Default: the day of the run.
         --notes FILE  Text file shown at the top of the page.

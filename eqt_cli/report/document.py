@@ -5,6 +5,7 @@ from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from html.entities import html5
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -23,8 +24,8 @@ from eqt_cli.analysis.search_record import TUNE, WORST
 from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
-from eqt_cli.base.registry import description
-from eqt_cli.base.reporting import reporter, significant, step
+from eqt_cli.base.registry import summary as summary_of
+from eqt_cli.base.reporting import WORD, reporter, significant, step
 from eqt_cli.base.version import __version__
 from eqt_cli.figures.animation import (
     AXES,
@@ -47,7 +48,10 @@ from eqt_cli.results.result import Result
 # Location and rendering of the page templates -----------------------------------------------------
 
 
-_NORM = re.compile("‖[^‖]*‖")
+_FORMULA, _COMMAND = re.compile(r"\$([^$]*[\\_][^$]*)\$"), re.compile(r"\\([a-zA-Z]+) ?")
+
+_SYMBOL = re.compile(r"(\w)_\{([^{}]*)\}|(?<![\w.])([^\W\d_])_([^\W_]{1,2})(?![\w(])")
+"""A letter with its index, as in Q_E and τ_{x}; a key such as `gains.k_R` is none."""
 
 _NUMBER = re.compile(r"\*?[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
@@ -88,20 +92,20 @@ def _finalized(value: Any) -> Any:
 
 
 def _typeset(text: str) -> Markup:
-    """Typeset the paper's symbols with their subscripts; all else is only escaped."""
-    escaped = str(escape(printable(text)))
-    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
-        letter, index = symbol.split("_")
-        escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
-    escaped = re.sub(r"\bAd_\{([^}]*)\}", r"Ad<sub>\1</sub>", escaped)
-    return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
+    """Typeset symbols with their indices, mathematics of Matplotlib, and code in backticks."""
+    # Commands of TeX have the names that letters have in HTML.
+    text = _COMMAND.sub(lambda name: html5.get(f"{name[1]};", name[0]), _FORMULA.sub(r"\1", text))
+    whole = WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), printable(text))
+    pieces = re.split("`([^`]*)`", str(escape(whole)))  # escaped before there is any markup
+    pieces[1::2] = [f"<code>{piece}</code>" for piece in pieces[1::2]]
+    for _ in range(2):  # an index may have an index
+        pieces[::2] = [_SYMBOL.sub(r"\1\3<sub>\2\4</sub>", piece) for piece in pieces[::2]]
+    return Markup("".join(pieces))
 
 
 def _prose(text: str) -> Markup:
     """Typeset a sentence: symbols, powers of ten, minus signs, and no break before a unit."""
-    signed = (
-        re.sub(r"(?<![\w.])-(?=\d)", "−", text).replace(" %", "\u00a0%").replace("N m", "N\u00a0m")
-    )
+    signed = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
     powers = re.sub(
         r"(?<=\d)e([-+]?)0*(\d+)",
         lambda match: (
@@ -113,8 +117,8 @@ def _prose(text: str) -> Markup:
 
 
 def _minus(text: str) -> str:
-    """Replace a hyphen before a digit, and not after a letter or digit, by a minus sign."""
-    return re.sub(r"(?<![^\W_])-(?=\d)", "−", text)
+    """Replace a hyphen before a digit by a minus sign, after letters or digits only in 1e-3."""
+    return re.sub(r"(?<![^\W_])-(?=\d)|(?<=\de)-(?=\d)", "−", text)
 
 
 def _numeric(rows: Sequence[Sequence[str]]) -> list[bool]:
@@ -246,7 +250,7 @@ class TooLargeFigureError(EqtError):
 
 
 DEFAULT = (
-    Wanted("path", needs="position_error"),
+    Wanted("path", caption="The paths of the bodies, with the reference.", needs="position_error"),
     Wanted("paper"),
     Wanted("pose", needs="position_error"),
     Wanted("torque"),
@@ -264,17 +268,17 @@ DEFAULT = (
         needs="wheel_momentum",
     ),
     Wanted("estimate", needs="estimated_pose"),
-    Wanted("distributions"),
+    Wanted("distributions", caption="How metrics are distributed over runs."),
 )
 """Default figures of a report on an experiment."""
 
 _BY_EFFORT = {"metric": "effort"}, "The same for the effort, the integral of the torque squared."
 
 SWEPT = (
-    Wanted("sweep"),
+    Wanted("sweep", caption="The error by which laws are compared first; frames mark the best."),
     Wanted("sweep", *_BY_EFFORT),
     Wanted("pareto"),
-    Wanted("settled", needs="settled"),
+    Wanted("settled", {}, "The share of runs that settle, with 95 % intervals.", "settled"),
 )
 """Default figures of a report on a sweep."""
 
@@ -319,7 +323,7 @@ def inline_figures(
     with step(DRAWN, len(due)):
         for figure in due:
             try:
-                drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}"))
+                drawn.append(_draw(result, figure, len(drawn) + 1))
             except EqtError as error:
                 reason = str(error).removeprefix(f"{result.path}: ")
                 # Some default figures of a sweep need other axes than it has.
@@ -346,17 +350,18 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [replace(known.get(name, Wanted(name)), requested=True) for name in names]
 
 
-def _draw(result: Result, wanted: Wanted, key: str) -> dict[str, str]:
-    figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([result], "page"), "svg")
-    caption = wanted.caption or description(type(figure))
-    svg = inlined(text, key, caption)
+def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:
+    figure, notes = figure_from(wanted.name, wanted.options), list[str]()
+    # The first one stands beside a table.
+    drawing = figure.draw([result], "page" if number > 1 else "column", captions=notes)
+    caption = " ".join([wanted.caption or summary_of(type(figure)), *notes])
+    svg = inlined(encode(drawing, "svg"), f"figure{number}", caption)
     if len(svg) > LARGEST:
         raise TooLargeFigureError(
             f"figure '{wanted.name}' has too many curves for a page; "
-            f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
+            f"`eqt plot RESULT --figure {wanted.name}` draws it"
         )
-    return {"key": key, "svg": Markup(svg), "caption": caption}
+    return {"key": f"figure{number}", "svg": Markup(svg), "caption": caption}
 
 
 def inlined(svg: bytes, key: str, label: str) -> str:
@@ -402,13 +407,13 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 OPTIONAL = (
     "best",
+    "premises",
     "answer",
     "findings",
-    "headline",
-    "means",
     "claims",
     "levels",
     "pairs",
+    "others",
     "missing",
     "picker",
     "animation",
@@ -452,7 +457,8 @@ def report(
     author, notes
         Author of the page, and remarks for its reader; blank lines separate paragraphs.
     title, date
-        Title and date of the page; by default the laws and the day of the run.
+        Title and date of the page; by default the comment at the top of the configuration, or the
+        laws, and the day of the run.
     against
         Label of the controller with which the others are compared; the first if empty.
     """
@@ -465,11 +471,8 @@ def report(
         "report.js",
         result=result,
         failed=len(result.failures),
-        lead=summary.lead(result),
-        author=author,
+        facts=summary.facts(result, author, date),
         title=title or summary.called(result),
-        made_by=summary.made_by(result),
-        date=date or summary.day(result),
         notes=[" ".join(text.split()) for text in re.split(r"\n\s*\n", notes) if text.strip()],
         stated=summary.stated_values(result),
         laws=summary.laws(result),
@@ -481,7 +484,7 @@ def report(
         remarks=remarks,
         certificates=certificate_table(rows := with_titles(certificates, result.title_of)),
         doubts=certificate_table(rows, brief=True),
-        unverified=unverified,
+        unverified=unverified.replace(f"{result.path.parent}/", ""),
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
         search=_searched(result),
         **dict.fromkeys(OPTIONAL) | of_kind,
@@ -510,8 +513,6 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 def _of_experiment(result: Result, against: str) -> dict[str, Any]:
     record = TUNE.beside(result)
     return {
-        "headline": result.headline,
-        "means": summary.columns(result, [x for x in result.headlines if x != "energy_residual"]),
         "picker": summary.curves(result),
         "table": summary.run_table(result),
         **({} if _has_fronts(record) else _compared(result, against)),
@@ -537,15 +538,26 @@ def _searched(result: Result) -> dict[str, Any] | None:
 
 
 def _compared(result: Result, against: str) -> dict[str, Any]:
-    comparison = compare(result)
-    made = text_tables(comparison, Plain())
+    whole = compare(result)
+    judged = [x for x in whole.judgements if x.is_at_home and not whole.departures]
+    comparison, base = replace(whole, judgements=judged), against or whole.labels[0]
+    tables = text_tables(comparison, Plain(), [base, *comparison.labels])
+    levels, pairs = tables.get("controllers"), tables.get("pairs")
+    answer, remarks = verdict.matrix(comparison, base), verdict.remarks(comparison, base)
+    caption = f"Means of {comparison.titles[base]}; differences of the other laws from it"
+    if levels and not answer.blocks:  # of a single law
+        caption, answer, levels = levels.caption, levels, None
+    with_base = len(comparison.labels) - 1
     return {
-        "answer": verdict.lines(comparison, against),
+        "premises": verdict.premises(comparison),
+        "answer": replace(answer, caption=caption, notes=[*remarks, *answer.notes]),
         "findings": verdict.findings(comparison),
         "confidence": f"{100 * comparison.confidence:g}",
-        "claims": None if comparison.departures else made.get("claims"),
-        "levels": made.get("controllers"),
-        "pairs": made.get("pairs"),
+        "claims": tables.get("claims"),
+        "levels": levels,
+        # The pairs with the base come first.
+        "pairs": pairs and replace(pairs, blocks=pairs.blocks[:with_base]),
+        "others": pairs and replace(pairs, blocks=pairs.blocks[with_base:], notes=[]),
         "missing": comparison.missing,
     }
 

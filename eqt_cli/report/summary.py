@@ -15,8 +15,8 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ComponentError, EqtError
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import summary
-from eqt_cli.base.reporting import listed
-from eqt_cli.base.yaml_source import load
+from eqt_cli.base.reporting import count_of, listed
+from eqt_cli.base.yaml_source import heading, load
 from eqt_cli.components.laws import Member, controllers
 from eqt_cli.engines.engine import SolverChecks, engines
 from eqt_cli.figures.shown import looks as looks_of
@@ -179,6 +179,11 @@ def looks(result: Result) -> list[Document]:
         for label, title, style in zip(result.labels, result.titles, styles, strict=True)
     ]
 
+
+_FOLDERS = re.compile(
+    r"(?<![^\s'\"=])(~[^\s/\\]*|[A-Za-z]:|\.\.)?[/\\]([^\s'\"/\\]+[/\\])*(?=[^\s/\\])"
+)
+"""What stands before the name of a file that is not below the folder of the command."""
 
 _WHOLE = 1e9
 """Whole numbers below this are written with all their digits."""
@@ -374,20 +379,23 @@ def _head(metric: str, name: str) -> Document:
     return {"metric": metric, "name": name, "unit": "", "better": ""}
 
 
-def lead(result: Result) -> str:
-    """Describe the experiment in a sentence."""
-    labels, horizon = result.labels, result.horizon
-    points = ""
-    if result.is_sweep:
-        swept = [each.key for each in result.swept_keys]
-        keys = listed(swept) if swept else "nothing"
-        points = f"{result.points} points over {keys}, each with "
-    lasting = f" of {horizon:g} s" if horizon else ""
-    controllers = f"each of {len(labels)} laws" if len(labels) > 1 else "one law"
-    words = result.described.loop
-    loop = f" {words}" if words and not result.is_sweep else ""
-    runs = f"{result.runs} run{'s' * (result.runs > 1)}{lasting} for {controllers}"
-    return f"{points}{runs}; the same initial states for all of them.{loop}"
+def facts(result: Result, author: str = "", date: str = "") -> list[str]:
+    """Return what the line below the title says of an experiment, piece by piece."""
+    keys = listed([each.key for each in result.swept_keys] or ["nothing"])
+    lasting = f" of {result.horizon:g} s" if result.horizon else ""
+    solver, version = _used(_stored(result).get("solver") or {}), result.provenance.get("eqt")
+    pieces = [
+        author,
+        _group(result),
+        count_of(len(result.labels), "law"),
+        f"{result.points} points over {keys}" * result.is_sweep,
+        f"{count_of(result.runs, 'run')}{lasting}{' each' * (len(result.labels) > 1)}",
+        f"{count_of(failed := len(result.failures), 'run')} failed" * bool(failed),
+        " ".join(str(solver[key]) for key in ("engine", "method") if key in solver),
+        date or day(result),
+        f"eqt {version}" * bool(version),
+    ]
+    return [piece for piece in pieces if piece]
 
 
 def _group(result: Result) -> str:
@@ -397,18 +405,12 @@ def _group(result: Result) -> str:
 
 
 def called(result: Result) -> str:
-    """Return a title that says what is compared: ``paper: EqT and GT on SO(3)``."""
+    """Return the sentence that opens the configuration, or else ``paper: EqT and GT on SO(3)``."""
+    if sentence := heading(str(result.attributes.get("config", ""))):
+        return sentence
     many = len(result.titles) > MOST_VALUES // 2
     named = f"{len(result.titles)} laws" if many else listed(result.titles)
     return f"{result.title}: {named} on {_group(result)}"
-
-
-def made_by(result: Result) -> list[str]:
-    """Return the command of the result, and the version and commit of eqt."""
-    origin = result.provenance
-    commit = f", commit {origin['git'][:12]}" if origin.get("git") else ""
-    version = f"eqt {origin['eqt']}{commit}" if origin.get("eqt") else ""
-    return [words for words in (str(origin.get("command", "")), version) if words]
 
 
 def day(result: Result) -> str:
@@ -463,9 +465,9 @@ def provenance(result: Result) -> list[tuple[str, str]]:
 
 
 def _words(value: Any, origin: dict[str, Any]) -> str:
-    """Return a value of the provenance in words; for other sessions, only their differences."""
+    """Return a value in words without folders of the author; of other sessions, what differs."""
     if not isinstance(value, list):
-        return str(value)
+        return _FOLDERS.sub("", str(value))
     sessions = [session.items() for session in value if isinstance(session, dict)]
     return "; ".join(
         ", ".join(f"{name} {version}" for name, version in session if origin.get(name) != version)

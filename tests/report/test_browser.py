@@ -66,8 +66,38 @@ def test_nothing_is_requested_but_the_page_itself(browser, address):
 
 
 def test_figures_are_as_wide_as_the_page_allows(page):
-    widths = [s.size["width"] for s in page.find_elements(By.CSS_SELECTOR, "figure .paper svg")]
+    figures = page.find_elements(By.CSS_SELECTOR, "#figures figure .paper svg")
+    widths = [figure.size["width"] for figure in figures]
     assert widths and min(widths) > 800
+
+
+def test_the_first_screen_has_the_answer_and_the_figure_beside_it(page, resize):
+    resize(1280, 800)
+    title, facts, answer, figure = (
+        find(page, place).rect for place in ("h1", ".facts", "#answer-table", "#figure1 svg")
+    )
+    assert facts["height"] < 2 * 16  # one line
+    assert title["y"] < facts["y"] < answer["y"]
+    assert answer["x"] + answer["width"] <= figure["x"]
+    assert max(part["y"] + part["height"] for part in (answer, figure)) <= 800
+
+
+def test_a_phone_shows_the_whole_answer_on_its_first_screen(page, resize):
+    resize(390, 844)
+    page.refresh()
+    answer = find(page, ".answer")
+    assert answer.get_property("scrollWidth") <= answer.get_property("clientWidth")
+    assert answer.rect["y"] + answer.rect["height"] <= 844
+
+
+def test_no_row_of_a_table_is_mostly_empty(page, resize):
+    resize(1280, 800)
+    # As of a cascade, which has many options.
+    page.execute_script(
+        """for (const row of document.querySelectorAll("#laws-table tr"))
+          row.cells[row.cells.length - 2].textContent = "option 1.234, ".repeat(12)"""
+    )
+    assert max(row.size["height"] for row in page.find_elements(By.CSS_SELECTOR, "tr")) < 150
 
 
 def test_next_run_is_drawn(page):
@@ -223,14 +253,13 @@ def test_the_table_of_runs_is_saved_as_it_is_filtered(page):
 
 
 def test_a_table_is_saved(page):
-    head, first, *_ = csv.reader(
-        kept(page, "#headline-caption .download", "headline.csv").splitlines()
-    )
-    assert (head[0], first[0], first[1]) == ("law", "EqT", "60")
+    head, first, *_ = csv.reader(kept(page, "#answer-caption .download", "answer.csv").splitlines())
+    assert (head[0], first[0]) == ("law", "EqT")
 
 
 def test_the_configuration_is_saved(page):
-    assert kept(page, "#config-caption .download", "config.yaml").startswith("name: paper\n")
+    config = kept(page, "#config-caption .download", "config.yaml")
+    assert config.startswith("# The paper's experiment") and "\nname: paper\n" in config
 
 
 def test_a_figure_is_saved_with_a_size(page):
@@ -291,6 +320,10 @@ def test_curves_are_on_white_paper_in_the_dark(page, drawn):
 def test_narrow_screens_need_no_sideways_scrolling(page, resize):
     resize(390, 844)
     page.refresh()
+    page.execute_script(  # as of a metric of a vehicle with wheels
+        """for (const choice of document.querySelectorAll("#rank-column, #by-column"))
+          choice.append(new Option("a long name of a metric ".repeat(4)))"""
+    )
     assert page.execute_script("return document.documentElement.scrollWidth") <= 390
 
 
@@ -311,6 +344,7 @@ def test_on_a_phone_the_first_column_stays_while_a_table_scrolls(page, resize):
 
 def test_certificates_that_hold_are_folded_but_on_paper_and_pairs_are_open(page):
     assert find(page, "#pairs-table").is_displayed()
+    assert not find(page, "#others-table").is_displayed()
     folded = find(page, "#certificates details")
     assert re.fullmatch(r"All \d+ statements and hypotheses", folded.text)
     page.execute_script("window.dispatchEvent(new Event('beforeprint'))")
@@ -320,9 +354,9 @@ def test_certificates_that_hold_are_folded_but_on_paper_and_pairs_are_open(page)
 def test_a_phone_is_told_that_a_figure_scrolls(page, resize):
     def hinted(width):
         resize(width, 800)
-        box = find(page, "figure .paper")
+        box = find(page, "#figures figure .paper")
         inside, room = (box.get_property(f"{what}Width") for what in ("scroll", "client"))
-        return find(page, ".hint").is_displayed(), inside > room
+        return find(page, "#figures .hint").is_displayed(), inside > room
 
     assert [hinted(390), hinted(1280)] == [(True, True), (False, False)]
 

@@ -5,6 +5,7 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import eqt_cli
@@ -12,7 +13,7 @@ from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.comparison import ClaimVerdict
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli.tables import _STYLES
-from eqt_cli.report.document import Wanted, report
+from eqt_cli.report.document import Wanted, _typeset, report
 from eqt_cli.results.metrics import QUANTITIES
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
@@ -92,25 +93,79 @@ def test_every_run_is_in_the_table(text):
 
 
 def test_what_was_run_is_there_to_read(text):
-    assert "60 runs of 20 s for each of 4 laws; the same" in text
+    assert '<p class="facts">SO(3) · 4 laws · 60 runs of 20 s each · solve_ivp DOP853 · 20' in text
     assert "seed: 2025" in text and "<dt>python</dt>" in text
 
 
-def test_means_have_their_units(text):
-    assert 'first 5 s<span class="unit">N m</span>' in text
-
-
-def test_the_figure_and_the_results_come_first_then_the_findings(text):
+def test_the_answer_and_the_figure_come_first_and_the_claims_in_their_section(text):
     finding = 'class="verdict supported">supported</span> “the EqT control requires'
-    places = [text.index(each) for each in ("<main", "<svg", 'id="headline-table"', finding)]
+    order = ("<main", 'id="answer-table"', "<svg", 'id="experiment"', 'id="claims"', finding)
+    places = [text.index(each) for each in order]
     assert places == sorted(places)
-    assert places[-1] < text.index('id="experiment"')
 
 
-def test_the_first_screen_says_what_is_compared_and_how_to_repeat_it(text):
+def test_a_law_is_better_or_worse_in_words_for_those_who_hear_the_page(text):
+    answer = text[text.index('id="answer-table"') :].partition("</table>")[0]
+    rows = re.findall(r"<tr>(.*?)</tr>", answer, re.DOTALL)
+    assert " deg</td>".replace(" ", "\xa0") in rows[1]  # the means of EqT with their units
+    # Section 7 of the paper: GT tracks faster than EqT, which is superior to nog.
+    marks = [re.findall(r'aria-label="(\w+)"', row)[0] for row in rows[2:4]]
+    assert marks == ["better", "worse"]
+
+
+def test_the_first_screen_has_the_comment_of_the_configuration_and_no_command(text):
     opening = text[: text.index("<nav")]
-    assert "<h1>paper: EqT, GT, nog and asym on SO(3)</h1>" in opening
-    assert "eqt 0.1.0" in opening and "eqt run" in opening
+    assert "<h1>The paper&#39;s experiment, section 7 and Figure 3</h1>" in opening
+    assert "eqt 0.1.0" in opening and "eqt run" not in opening
+
+
+def test_folders_of_the_author_are_nowhere(text, paper_result):
+    assert "<dd>eqt run paper.yaml --set=ensemble.runs=60" in text
+    assert str(Path(__file__).parents[2]) not in text
+    assert str(paper_result.parent) not in text
+
+
+def test_pairs_with_another_law_than_the_first_are_folded(text):
+    section = text[text.index('<section id="comparison"') :].partition("</section>")[0]
+    shown, folded = section.split('<details class="folded">')
+    assert re.findall(r"(\w+) against (\w+),", shown) == [
+        (law, "EqT") for law in ("GT", "nog", "asym")
+    ]
+    # Of four laws, 4 · 3/2 = 6 pairs.
+    assert "The other 3 pairs" in folded
+    assert len(re.findall(r"\w+ against \w+,", folded)) == 3
+
+
+def test_claims_of_another_experiment_are_left_out(paper_result, monkeypatch):
+    monkeypatch.setattr("eqt_cli.analysis.compare.Hampsey2025.experiment", {"group": "SE3"})
+    with open_at(paper_result) as results:
+        text = report(results, [])
+    assert 'id="claims"' not in text and "Hampsey et al. (2025), section 7" not in text
+
+
+@pytest.mark.parametrize(
+    ("text", "page"),
+    [
+        ("rms of ‖p − p_d‖", "rms of ‖p\xa0−\xa0p<sub>d</sub>‖"),
+        ("τ_ff of Ad_{Q_d} V_d", "τ<sub>ff</sub> of Ad<sub>Q<sub>d</sub></sub> V<sub>d</sub>"),
+        (r"along $\tau_{x_{1}}$.", "along τ<sub>x<sub>1</sub></sub>."),
+        ("`ensemble.runs` and gains.k_R", "<code>ensemble.runs</code> and gains.k_R"),
+        ("from $5 to $6, settling_time", "from $5 to $6, settling_time"),
+        ("−14 % [−15, −11]", "−14\xa0% [−15,\xa0−11]"),
+        (r"$\lt b$ <b>", "&lt;b &lt;b&gt;"),
+    ],
+)
+def test_symbols_and_keys_are_typeset(text, page):
+    assert _typeset(text) == page
+
+
+def test_where_all_runs_of_a_law_failed_the_page_says_so(make_result):
+    nothing = [[1.0] * 6, [np.nan] * 6]
+    metrics = dict.fromkeys((*MEANS, "energy_residual"), nothing)
+    results = make_result(["eqt", "gt"], metrics=metrics, status=[[0] * 6, [1] * 6])
+    page = report(results, [])
+    assert " · 6 runs failed" in page.partition("<nav")[0]
+    assert "failed runs, no part of means: GT 6 of 6" in page
 
 
 def test_the_experiment_has_its_equations_and_values(text):
@@ -123,18 +178,19 @@ def test_the_experiment_has_its_equations_and_values(text):
 
 def test_author_and_notes_stand_at_the_top(make_result):
     metrics = {name: [[1.0] * 6] for name in (*MEANS, "energy_residual")}
-    results = make_result(["eqt"], metrics=metrics | {"final_pose_error": [[1.2e-8] * 6]})
+    results = make_result(["eqt"], metrics=metrics | {"mean_pose_error": [[1.2e-8] * 6]})
     head = {"title": "Symmetry", "author": "A. Noether", "date": "1918"}
     page = report(results, [], notes="One.\n\nTwo\nlines.", **head)
     texts = (
         "<title>Symmetry – eqt report</title>",
         "<h1>Symmetry</h1>",
-        '<p class="author">A. Noether, 1918</p>',
+        '<p class="facts">A. Noether · ',
+        " · 1918",
         '<p class="remark">One.</p>',
         ">Two lines.<",
     )
     assert [text for text in texts if text not in page.partition("<nav")[0]] == []
-    assert '<td class="number">1.200\u00a0·\u00a010<sup>−8</sup></td>' in page  # and no 0.000
+    assert '<td class="number">1.20e−08 ± ' in page  # and no 0.000
 
 
 @pytest.mark.usefixtures("unarranged")
@@ -177,10 +233,10 @@ def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
     with open_at(paper_result) as results:
         text = report(results, [], rows)
     assert "checked on this experiment: 1 hold, 1 fail" in text
-    doubts, every = text[text.index('id="certificates-table"') :].split('class="folded"')
+    doubts, every, *_ = text[text.index('id="certificates-table"') :].split('class="folded"')
     assert "Trajectories, over the runs" in doubts and "Identities" not in doubts
     assert every.index("Identities, at random states") < every.index("Trajectories, over the runs")
-    assert '<td class="number">2.0e-03</td>' in doubts
+    assert '<td class="number">2.0e−03</td>' in doubts
     assert '<span class="verdict not-supported">FAILS</span>' in text
     assert "𝕀<sub>t</sub> is bounded" in text  # a name has its index
     assert "img" not in Page(text).tags

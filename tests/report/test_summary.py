@@ -11,7 +11,10 @@ from eqt_cli.report import summary
 from eqt_cli.report.summary import (
     LEVELS,
     POWER,
+    _group,
+    _words,
     accuracy,
+    called,
     curves,
     in_words,
     laws,
@@ -124,6 +127,43 @@ def test_own_gains_and_options_of_laws_and_keys_of_the_engine_alone(tmp_path):
         ]
         (solver,) = [value for name, _, value in stated_values(result) if name == "Integration"]
     assert solver.startswith("engine native, ") and "method" not in solver
+
+
+TITLED = (
+    "# yaml-language-server: $schema=eqt.schema.json\n\n# A wheel, at rest.\n"
+    "{group: SO2, inertia: 1, gains: {kp: 1, kd: 1}, reference: {kind: constant},"
+    " controllers: [eqt], initial: {pose: haar}, ensemble: {runs: 1},"
+    " time: {duration: 1, samples: 2}, solver: {cross_check: 0}}"
+)
+
+
+def test_the_first_comment_is_the_title_also_of_a_run_of_the_result_and_of_a_point(tmp_path):
+    (tmp_path / "c.yaml").write_text(TITLED, encoding="utf-8")
+    api.run(tmp_path / "c.yaml", out=tmp_path / "out")
+    api.run(tmp_path / "out", out=tmp_path / "again")
+    grid = {"sweep": [{"grid": {"gains.kp": [1, 2]}}]}
+    api.run(api.load_experiment(tmp_path / "c.yaml", grid), out=tmp_path / "swept")
+    for folder, point in (("out", None), ("again", None), ("swept", None), ("swept", 1)):
+        with open_at(tmp_path / folder, point) as result:
+            assert called(result) == "A wheel, at rest"
+
+
+def test_without_a_comment_the_title_says_what_is_compared(make_result):
+    result = make_result(["eqt", "gt"], metrics={"effort": [[1.0], [1.0]]}, title="first")
+    assert called(result) == f"first: EqT and GT on {_group(result)}"
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("eqt run /home/ada/c.yaml --out=/data/r/", "eqt run c.yaml --out=r/"),
+        ("eqt run ../../c.yaml --out ~/results/c", "eqt run c.yaml --out c"),
+        (r"eqt run C:\Users\ada\c.yaml", "eqt run c.yaml"),
+        ("eqt run configs/c.yaml --set a=[cos(t)/2]", "eqt run configs/c.yaml --set a=[cos(t)/2]"),
+    ],
+)
+def test_commands_name_no_folder_above_that_of_the_command(command, words):
+    assert _words(command, {}) == words
 
 
 # Runs in a few bytes: what is kept of them

@@ -24,11 +24,8 @@ def text(page_of, swept_result):
 
 
 @pytest.mark.ci("draws the page of a sweep")
-def test_the_lead_says_what_was_swept(text):
-    assert (
-        "6 points over gains.kp and gains.kd, each with 5 runs of 4 s for each of 4 laws; "
-        "the same initial states for all of them."
-    ) in text
+def test_the_line_of_facts_says_what_was_swept(text):
+    assert "4 laws · 6 points over gains.kp and gains.kd · 5 runs of 4 s each · " in text
 
 
 def test_every_point_of_every_controller_is_in_the_table(results):
@@ -109,7 +106,7 @@ def test_three_keys_leave_out_the_maps(invoke, tmp_path):
     with open_at(tmp_path / "out") as results:
         text = report(results)
     assert text.count("<figure id=") == 1 and "Pareto front" in text
-    assert "8 points over gains.kp, gains.kd and ensemble.seed, each with 2 runs" in text
+    assert "8 points over gains.kp, gains.kd and ensemble.seed · 2 runs" in text
 
 
 def test_a_page_of_a_sweep_is_against_no_law(swept_result):

@@ -23,7 +23,7 @@
 
   // Names with their subscripts, and no line break inside of a norm.
   function typeset(name, inSvg = false) {
-    const parts = name.replace(/‖[^‖]*‖/g, (norm) => norm.replaceAll(" ", "\u00a0")).split(/(Q_E|V_d)/);
+    const parts = name.replace(/‖[^‖]*‖/g, (norm) => norm.replaceAll(" ", "\u00a0")).split(/(?<![\p{L}\d_.])(\p{L}_[\p{L}\d]{1,2})(?![\p{L}\d_])/u);
     return parts.flatMap((part, i) => {
       if (i % 2 === 0) return inSvg ? [element("tspan", i ? { dy: -4 } : {}, part)] : [part];
       const [letter, index] = part.split("_");
@@ -96,7 +96,7 @@
   }
 
   function texts(row) {
-    return [...row.cells].flatMap((cell) => [cell.textContent.trim(), ...Array(cell.colSpan - 1).fill("")]);
+    return [...row.cells].flatMap((cell) => [cell.textContent.trim().replace(/−(?=\d)/g, "-"), ...Array(cell.colSpan - 1).fill("")]);
   }
 
   function csv(rows) {
