@@ -38,9 +38,19 @@ MOST_NOISE = 1.0
 """Largest standard deviation of a measured rotation without a remark, rad."""
 
 
+FUNCTION_WORDS = {*"all and any both default each no none not or some the with without".split()}
+"""Labels that a reader takes for a word of a sentence, as in "none against gt: undecided"."""
+
+
 def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
     """Return remarks on an experiment and its reference, to be shown before it is run."""
+    unclear = (
+        f"the label '{label}' reads as a word of a sentence; write one such as 'no rates'"
+        for label in experiment.loops
+        if label in FUNCTION_WORDS
+    )
     placed = [
+        *((("controllers",), text) for text in unclear),
         *experiment.remarks(),
         *_component_remarks(experiment, shown),
         *_noise_remarks(experiment),

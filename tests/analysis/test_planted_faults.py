@@ -328,14 +328,14 @@ PLANTS = {
     "inertia force: sign, prescribed": Planted("prescribed", in_torque(inertia_force_sign), FORCED),
     "stabilising feedforward: sign":
         Planted("satellite", in_torque(lambda law, s: -2 * law.compensation * s.inertia_force,
-        Stabilising), on("with", "stabilising control", *BALANCE)),
+        Stabilising), on("feedforward", "stabilising control", *BALANCE)),
     "stabilising damping: sign": Planted("satellite",
         in_torque(lambda law, s: 2 * s.body_damping, Stabilising),
-        on("with,without", "stabilising control", SMALL, *BALANCE)),
+        on("feedforward,no feedforward", "stabilising control", SMALL, *BALANCE)),
     "S-dot: factor 2": Planted("factored", in_change(FactoredInertia, lambda A: 2 * A),
         VARYING | on(ALL, *BALANCE)),
     "S-dot: sign": Planted("satellite", in_change(FactoredInertia, lambda A: -A),
-        VARYING | on("with,without", *BALANCE)),
+        VARYING | on("feedforward,no feedforward", *BALANCE)),
     "S-dot: skew part": Planted("factored", in_change(FactoredInertia, gyroscopic_change),
         on("", "feedforward of a varying inertia")),
     "I-dot: factor 2": Planted("prescribed", in_change(PrescribedInertia, lambda A: 2 * A),
@@ -414,7 +414,7 @@ PLANTS = {
         on("gt", WEIGHTS)),
     "stabilising: K_d in space": Planted("satellite",
         in_property(Tracking, "body_damping", damping_in_space),
-        on("with,without", "stabilising control")),
+        on("feedforward,no feedforward", "stabilising control")),
     "K_d: transposed": Planted("bluerov2",
         together(in_property(Tracking, "body_damping", transposed_damping),
         in_property(Tracking, "spatial_damping", transposed_spatial_damping)), THROUGH),
@@ -490,7 +490,7 @@ def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
     [
         ("damping: sign", ALL),
         in_ci("one of many faults", "gradient term: sign", ALL),
-        in_ci("one of many faults", "stabilising damping: sign", "with"),
+        in_ci("one of many faults", "stabilising damping: sign", "feedforward"),
     ],
 )
 def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeypatch):

@@ -24,13 +24,13 @@ SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2", "solver.rtol=1
 
 UNMATCHED = ("goodarzi2013", "slotine_li", "sliding", "maithripala2006", "lqr")
 UNCLAIMED = {
-    ("satellite_panels", "decrease of L", "without"),
+    ("satellite_panels", "decrease of L", "no feedforward"),
     *(("crazyflie", "energy balance", label) for label in ("cascade", "without rates")),
     ("sweep_lqr", "energy balance", "lqr"),
     ("quadrotor_recovery", "energy balance", "cascade"),
     *(("quadrotor_speeds", "energy balance", label) for label in ("cascade", "lqr")),
-    *(("planar_vtol", "energy balance", label) for label in ("model", "none")),
-    *(("quadrotor_lee", "energy balance", label) for label in ("filter", "none")),
+    *(("planar_vtol", "energy balance", label) for label in ("model", "no rates")),
+    *(("quadrotor_lee", "energy balance", label) for label in ("filter", "no rates")),
     *((name, "decrease of L", "goodarzi2013") for name in ("reviewers", "reviewers_se3")),
 }
 
