@@ -113,6 +113,9 @@ _NARROW = 16
 _NOTES = 100
 """Maximum width of notes."""
 
+_MINUS = re.compile(r"(?<![\w.)=`'])-(?=\.?\d)")
+"""The sign of a number, but not in an exponent, a range, a date, or a value that users type."""
+
 _NUMBER = re.compile(
     r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?([^\d\[±]{1,10})?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?( [▲▼])?"
 )
@@ -205,7 +208,8 @@ def table_text(table: TextTable, room: int | None) -> Text:
     """
     has_titles = any(block.title for block in table.blocks)
     indent = "  " if has_titles else ""
-    rows = [[printable(cell) for cell in row] for row in table.rows]
+    minus = "-" if "default" in table.header else "−"  # defaults are for users to type
+    rows = [[_MINUS.sub(minus, printable(cell)) for cell in row] for row in table.rows]
     columns = [
         _Column(printable(heading), [row[index] for row in rows])
         for index, heading in enumerate(table.header)
@@ -230,9 +234,9 @@ def _laid_out(
     columns: list[_Column], table: TextTable, room: int | None
 ) -> tuple[list[_SideBySide] | None, list[str]]:
     """Return the grids, one below the other, and the omitted headings; None if no grid fits."""
+    columns = [column for column in columns if any(column.cells)] or columns
     if (grid := _fitted(columns, room)) is not None:
         return [grid], []
-    columns = [column for column in columns if any(column.cells)]
     shown, left_out = columns, list[str]()
     for heading in (None, *table.spare):
         if heading is not None and any(column.heading == heading for column in shown):
@@ -304,7 +308,7 @@ def _record(columns: list[_Column], room: int, index: int) -> list[Text]:
 
 def _prose(text: str, room: int | None, style: str = "") -> Text:
     """Wrap text outside the cells to the width."""
-    return Text("\n").join(_wrapped(printable(text), room or len(text) + 1, style))
+    return Text("\n").join(_wrapped(_MINUS.sub("−", printable(text)), room or len(text) + 1, style))
 
 
 def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
@@ -346,7 +350,7 @@ def _is_whole(cell: str) -> bool:
 def _is_number(text: str) -> bool:
     """Return whether a cell is a number, perhaps in per cent, or a count of all: ``6/40``."""
     try:
-        _ = [float(part) for part in text.removesuffix(" %").split("/")]
+        _ = [float(part) for part in text.removesuffix(" %").replace("−", "-").split("/")]
     except ValueError:
         return text in ("", "-")
     return True

@@ -344,7 +344,7 @@ def _rates_pieces(titles: Mapping[str, str], laws: Sequence[LawRates]) -> Iterat
     header = ["law", "proved rate, 1/s", "overshoot", "slowest constant V_d", "its rate, 1/s"]
     known, blocks, words = [law for law in laws if law.rates], list[Block](), list[str]()
     for rates in zip(*(law.rates for law in known), strict=True):
-        sides = [f"{low:g} to {high:g}" for low, high in rates[0].velocity]
+        sides = [f"{low:g} to {high:g}".replace("-", "−") for low, high in rates[0].velocity]
         pairs, box = [*zip(known, rates, strict=True)], f"each V_d(t) within {', '.join(sides)}"
         blocks.append(Block(box, [[titles[law.label], *_rate(one)] for law, one in pairs]))
         extras = ((titles[x.label], part) for x, one in pairs for part in (one.gain, one.region))

@@ -199,9 +199,9 @@ def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt, refused, fol
 CERTIFIED = """\
   law  proved rate, 1/s  overshoot  slowest constant V_d  its rate, 1/s
   ───  ────────────────  ─────────  ────────────────────  ─────────────
-each V_d(t) within -0.5 to 0.5, -0.5 to 0.5, -0.5 to 0.5
+each V_d(t) within −0.5 to 0.5, −0.5 to 0.5, −0.5 to 0.5
   EqT            0.1185       1.65  (0, 0, 0)                    0.1409
-  nog            0.0850       1.62  (-0.5, -0.5, -0.5)           0.1035
+  nog            0.0850       1.62  (−0.5, −0.5, −0.5)           0.1035
 
 proved: along all references in the box, errors shrink like overshoot · exp(−rate · t)
 slowest constant V_d: no proof in the box can exceed its rate; below 0 it is unstable
@@ -218,8 +218,8 @@ def test_certified_rates_as_text_and_as_json(eqt):
     few = ("margins", "paper", "--certified", "--velocity", 0.5, "--set", "controllers=[eqt,nog]")
     done = eqt(*few)
     # Corners of the box that are alike: rounding decides which of them is the slowest.
-    corner = re.compile(r"\(-?0\.5, -?0\.5, -?0\.5\) +(?=0\.1035)")
-    out = corner.sub("(-0.5, -0.5, -0.5)           ", done.out)
+    corner = re.compile(r"\(−?0\.5, −?0\.5, −?0\.5\) +(?=0\.1035)")
+    out = corner.sub("(−0.5, −0.5, −0.5)           ", done.out)
     assert (done.code, out, done.err) == (0, CERTIFIED, "")
     laws = json.loads(eqt(*few, "--json").out)["laws"]
     assert [law["label"] for law in laws] == ["eqt", "nog"]

@@ -38,7 +38,7 @@ def test_the_table(invoke, paper_result, log):
     assert [row[0] for row in rows] == ["pose,"] * 4 + ["velocity,"] * 4 + ["wrench,"] * 4
     assert {tuple(row[-2:]) for row in rows} == {("100.0", "%")}
     text = " ".join(lines[16:])
-    assert "flight.csv: 201 rows from 0 to 20 s of run 1; clock offset -0.2500 s" in text
+    assert "flight.csv: 201 rows from 0 to 20 s of run 1; clock offset −0.2500 s" in text
     assert "flight.csv: column battery is not used." in text
 
 

@@ -32,6 +32,17 @@ def words(lines):
     return {word for line in lines for word in line.split() if set(word) != {"─"}}
 
 
+def test_numbers_have_a_minus_sign_and_what_is_typed_a_hyphen():
+    cells = ["-1.5", "(-1, 2e-3)", "-2 to -1", "a-1", "2026-11-28", "gains.kp=-1", "-"]
+    said = ["−1.5", "(−1, 2e-3)", "−2 to −1", "a-1", "2026-11-28", "gains.kp=-1", "-"]
+    shown = with_(header=["x"], blocks=[Block("", [[cell] for cell in cells])])
+    assert [line.strip() for line in laid_out(None, shown)[2:]] == said
+    typed = with_(header=["default"], blocks=[Block("", [["-1.5"]])])
+    assert laid_out(None, typed)[-1].strip() == "-1.5"
+    aligned = with_(header=["long heading"], blocks=[Block("", [["-1.5"], ["2"]])])
+    assert laid_out(None, aligned)[2:] == ["        −1.5", "           2"]
+
+
 def test_a_pipe_gets_every_column_unbroken():
     assert laid_out(None) == laid_out(99)
     assert laid_out(None) == [
@@ -39,8 +50,8 @@ def test_a_pipe_gets_every_column_unbroken():
         "───────────  ────────────────────  ──────────────────────────────  "
         "───────────────────────",
         "eqt                         1.830  holds                           "
-        "-0.283 [-0.346, -0.219]",
-        "stabilising                     -  a sentence that is rather long  0.03 [-0.57, 0.65]",
+        "−0.283 [−0.346, −0.219]",
+        "stabilising                     -  a sentence that is rather long  0.03 [−0.57, 0.65]",
     ]
 
 
@@ -60,7 +71,7 @@ def test_then_the_least_important_columns_are_left_out():
     lines = laid_out(50, with_(spare=("remark", "difference")))
     assert "remark" not in lines[0] + lines[1] + lines[2]
     assert lines[-2:] == ["", "Not shown at this width: remark."]
-    assert any("-0.283 [-0.346, -0.219]" in line for line in lines)
+    assert any("−0.283 [−0.346, −0.219]" in line for line in lines)
 
 
 def test_numbers_that_fit_only_apart_become_tables_of_their_own():
@@ -79,7 +90,7 @@ def test_else_each_row_becomes_a_block_of_lines():
         "eqt",
         "  mean ‖I − Q_E‖ 0-5 s  1.830",
         "  remark                holds",
-        "  difference            -0.283",
+        "  difference            −0.283",
     ]
 
 
@@ -88,7 +99,7 @@ def test_no_word_is_ever_broken(width):
     spare = with_(spare=("remark",))
     for shown in (TABLE, spare):
         plain = "\n".join(laid_out(width, shown))
-        for word in ("stabilising", "1.830", "-0.283", "0.65]"):
+        for word in ("stabilising", "1.830", "−0.283", "0.65]"):
             assert word in plain
 
 
