@@ -268,16 +268,9 @@ def check(
         output.print_source(checked.resolved, dump(checked.resolved), json=json)
         return
     experiment = checked.base
-    for remark in remarks(experiment, shown):
-        output.warn(remark)
-    if not json:
-        output.say(f"{config}: valid")
-    if len(checked) > MOST_CHECKED and not json:
-        output.say(
-            f"{config}: {MOST_CHECKED} of its {len(checked)} points were checked; a run checks all"
-        )
+    few = f"; {MOST_CHECKED} of {len(checked)} points were checked" * (len(checked) > MOST_CHECKED)
     text = (
-        f"{experiment.name}: {experiment.group.name}, "
+        f"✓ {config}: valid{few}\n{experiment.name}: {experiment.group.name}, "
         + (f"{len(checked)} points × " if checked.sweep else "")
         + f"{output.count_of(len(experiment.loops), 'controller')} × "
         f"{output.count_of(experiment.config.ensemble.runs, 'run')}, "
@@ -286,9 +279,11 @@ def check(
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
     poles = _poles(experiment, gains_flown(experiment, shown))
-    said = [*_gains(experiment), *poles, *_skipped_ticks(experiment), *needed]
+    rows, gains = _gains(experiment)
+    said = [*gains, *poles, *_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
-    text = "\n".join([text, *said])
+    header = ["law", "axis", "bandwidth, rad/s", "damping"]
+    table: list[str | Text] = ["", output.table(header, rows), ""] if rows else []
     answer = {
         "config": str(config),
         "fine": True,
@@ -301,33 +296,37 @@ def check(
         "duration": experiment.config.time.duration,
         "engine": experiment.engine.name,
     }
-    output.print_findings(answer, text, json=json)
+    print_findings(answer, text, *table, *said, json=json)
+    for remark in remarks(experiment, shown):
+        output.warn(remark)
 
 
-def _gains(experiment: Experiment) -> Iterator[str]:
-    """Yield the gains of the laws, as papers write them, too, and what they mean."""
+def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
+    """Return what the gains mean for each axis, a row each, and lines as papers write them."""
     import numpy as np
 
     from eqt_cli.loop.linearised import small_errors
 
-    laws = dict[str, list[str]]()
+    laws, lines = dict[tuple[str, ...], list[str]](), dict[str, list[str]]()
     for title, loop in zip(experiment.titles.values(), experiment.loops.values(), strict=True):
-        law, gains, axes = loop.controller, loop.inside.gains, dict[str, list[str]]()
+        law, gains, axes = loop.controller, loop.inside.gains, dict[tuple[str, ...], list[str]]()
         if not (law.reads_gains or law.inside_reads_gains):
             continue
         for axis, (bandwidth, damping) in small_errors(loop).items():
-            axes.setdefault(f"{bandwidth:.3g} rad/s, damping {damping:.2g}", []).append(axis)
-        words = "; ".join(f"{', '.join(names)} {how}" for how, names in axes.items())
-        kp, kd = gains.K[0, 0], gains.K_d[0, 0]
+            axes.setdefault((f"{bandwidth:.3g}", f"{damping:.2g}"), []).append(axis)
+        for numbers, names in axes.items():
+            laws.setdefault((", ".join(names), *numbers), []).append(title)
+        words, kp, kd = [], gains.K[0, 0], gains.K_d[0, 0]
         multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
         if multiples and all(part.turns for part in loop.inside.group.parts):
-            words = f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g}); {words}"
+            words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
         if loop.axis:
             claimed = loop.barrier and loop.claims_decrease
             claim = f"claimed: from L < 2k = {loop.barrier:.4g} J the axis arrives"
-            words += f"; free: {loop.free}; {claim if claimed else 'nothing is claimed'}"
-        laws.setdefault(words, []).append(title)
-    yield from (f"gains of {', '.join(titles)}: {words}" for words, titles in laws.items())
+            words += [f"{loop.free} is free", claim if claimed else "nothing is claimed"]
+        lines.setdefault("; ".join(words), []).append(title)
+    rows = [[", ".join(titles), *row] for row, titles in laws.items()]
+    return rows, [f"{', '.join(titles)}: {words}" for words, titles in lines.items() if words]
 
 
 def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator[str]:

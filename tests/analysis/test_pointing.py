@@ -240,7 +240,7 @@ def test_the_free_turn_is_no_instability(invoke, tmp_path):
     assert "stable" in said and "unstable" not in said
     assert "left out: the turn about the axis (0, 0.6, 0.8) (task: point leaves it)" in said
     said = " ".join(invoke("config", "check", tmp_path / "c.yaml").stdout.split())
-    assert "free: the turn about the axis (0, 0.6, 0.8); nothing is claimed" in said
+    assert "the turn about the axis (0, 0.6, 0.8) is free; nothing is claimed" in said
     said = invoke("config", "check", tmp_path / "c.yaml", "--set", "control=null").stdout
     assert "claimed: from L < 2k = 0.2 J the axis arrives" in " ".join(said.split())
 

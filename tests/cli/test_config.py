@@ -11,6 +11,7 @@ from ci_cases import mostly_ci
 from eqt_cli.cli import options
 from eqt_cli.config import shipped
 from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.remarks import FUNCTION_WORDS
 
 # new --------------------------------------------------------------------------------------------
 
@@ -56,29 +57,38 @@ def test_new_refuses(refused, folder, arguments, said):
 
 
 VEHICLES = {
-    "quadrotor --mass 0.5 --inertia 3.65e-3,3.68e-3,7.03e-3 --bandwidth 10": (
-        "gains of cascade: ωx, ωy, ωz 10 rad/s, damping 1; x, y, z 2 rad/s, damping 1"
-    ),
-    "satellite --inertia 6,4,7 --bandwidth 0.2": (
-        "gains of Lee 2010, Bullo–Murray: ωx, ωy, ωz 0.2 rad/s, damping 1"
-    ),
-    "auv --mass 11.5 --inertia 0.16,0.16,0.2 --bandwidth 1.5": (
-        "gains of EqT, GT: ωx, ωy, ωz, vx, vy, vz 1.5 rad/s, damping 1"
-    ),
-    "boat --mass 80 --inertia 20 --bandwidth 0.5": (
-        "gains of EqT, GT: ω, vx, vy 0.5 rad/s, damping 1"
-    ),
+    "quadrotor --mass 0.5 --inertia 3.65e-3,3.68e-3,7.03e-3 --bandwidth 10": [
+        "cascade ωx, ωy, ωz 10 1",
+        "cascade x, y, z 2 1",
+    ],
+    "satellite --inertia 6,4,7 --bandwidth 0.2": ["Lee 2010, Bullo–Murray ωx, ωy, ωz 0.2 1"],
+    "auv --mass 11.5 --inertia 0.16,0.16,0.2 --bandwidth 1.5": [
+        "EqT, GT ωx, ωy, ωz, vx, vy, vz 1.5 1"
+    ],
+    "boat --mass 80 --inertia 20 --bandwidth 0.5": ["EqT, GT ω, vx, vy 0.5 1"],
 }
 
 
-@pytest.mark.parametrize(("vehicle", "gains"), VEHICLES.items(), ids=lambda text: text[:9])
+def checked(out):
+    """The first lines of what a check prints, the rows of the table, and the lines below it."""
+    first, table, *last = out.split("\n\n")
+    header, _, *rows = (" ".join(line.split()) for line in table.splitlines())
+    assert header == "law axis bandwidth, rad/s damping"
+    return first.splitlines(), rows, [line for text in last for line in text.splitlines()]
+
+
+BRIEF = [f"{vehicle[:9]}-gains of " for vehicle in VEHICLES]
+
+
+@pytest.mark.parametrize(("vehicle", "gains"), VEHICLES.items(), ids=BRIEF)
 def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
     """Bandwidth and damping of each axis, from the linearised loop."""
     eqt("config", "new", "mine.yaml", "--vehicle", *vehicle.split())
     done = eqt("config", "check", "mine.yaml")
-    assert (done.code, done.err) == (0, "mine.yaml: valid\n")
-    said, poles = done.out.splitlines()[1:]
-    assert (said, poles.endswith(" all along")) == (gains, True)  # also where a slew ends
+    assert (done.code, done.err) == (0, "")
+    first, rows, [poles] = checked(done.out)
+    assert first[0] == "✓ mine.yaml: valid"
+    assert (rows, poles.endswith(" all along")) == (gains, True)  # also where a slew ends
 
 
 @from_yaml
@@ -89,7 +99,7 @@ def test_a_vehicle_refuses(refused, folder, arguments, said):
 
 def test_a_shipped_configuration_by_its_name(eqt, refused, folder):
     done = eqt("config", "check", "so2")
-    assert done.out.startswith("so2: SO2, 2 controllers")
+    assert done.out.splitlines()[1].startswith("so2: SO2, 2 controllers")
     assert refused("config", "check", "papr") == "eqt: papr: not found; did you mean 'paper'?\n"
     (folder / "so2.yaml").write_text((folder / "c.yaml").read_text())
     said = refused("config", "check", "so2")  # which of the two is meant?
@@ -120,15 +130,33 @@ def test_runs_that_are_one_run_are_refused_on_the_reference_and_remarked_beside_
 
 def test_check_says_what_would_run(eqt, folder):
     done = eqt("config", "check", "c.yaml")
-    assert (done.code, done.err) == (0, "c.yaml: valid\n")
-    first, *gains = done.out.splitlines()  # ω² = 2 kp/J, ζ = kd/(2 √(2 kp J)), J = 2, 1, 3
-    assert first == "c: SO3, 2 controllers × 3 runs, 1 s, engine solve_ivp"
-    assert " ".join(gains) == (
-        "gains of EqT, GT: kp 1, kd 0.5 (k_R 2, k_Omega 0.5); ωx 1 rad/s, damping 0.12; "
-        "ωy 1.41 rad/s, damping 0.18; ωz 0.816 rad/s, damping 0.1 "
-        "slowest pole of EqT, GT at rest: −0.0833 ± 0.812i rad/s all along"  # −kd/(2 max J)
-    )
+    assert (done.code, done.err) == (0, "")
+    first, rows, gains = checked(done.out)
+    said = "c: SO3, 2 controllers × 3 runs, 1 s, engine solve_ivp"
+    assert first == ["✓ c.yaml: valid", said]
+    # ω² = 2 kp/J, ζ = kd/(2 √(2 kp J)), J = 2, 1, 3; the pole is −kd/(2 max J)
+    assert rows == ["EqT, GT ωx 1 0.12", "EqT, GT ωy 1.41 0.18", "EqT, GT ωz 0.816 0.1"]
+    assert gains == [
+        "EqT, GT: kp 1, kd 0.5 (k_R 2, k_Omega 0.5)",
+        "slowest pole of EqT, GT at rest: −0.0833 ± 0.812i rad/s all along",
+    ]
     assert not (folder / "results").exists()
+
+
+def test_a_label_that_is_a_function_word_is_remarked_on(eqt):
+    laws = "controllers=[{kind: eqt, label: none}, {kind: gt, label: no rates}]"
+    done = eqt("config", "check", "c.yaml", "--set", laws)
+    assert (done.code, done.err) == (
+        0,
+        "eqt: --set controllers=…: controllers: the label 'none' reads as a word of a sentence; "
+        "write one such as 'no rates'\n",
+    )
+
+
+def test_no_shipped_label_is_a_function_word():
+    labels = re.findall(r"label: ([^,}\n]+)", "".join(map(shipped.text, shipped.names())))
+    assert len(labels) > 10
+    assert not FUNCTION_WORDS & {label.strip() for label in labels}
 
 
 def test_check_reports_everything(eqt):

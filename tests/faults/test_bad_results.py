@@ -227,7 +227,7 @@ ensemble: {runs: 2}
 time: {duration: 2.0, samples: 11}
 """
     )
-    assert f"{path}: valid" in invoke("config", "check", path).stderr
+    assert f"✓ {path}: valid" in invoke("config", "check", path).stdout
     assert (
         "left out: actuators[0] (only the limits of the thrusters)"
         in invoke("margins", path).stdout
