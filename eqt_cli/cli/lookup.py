@@ -29,16 +29,13 @@ if TYPE_CHECKING:
 # `eqt list`: the available components ------------------------------------------------------------
 
 
-MOST_BESIDE = 26
-"""Longest name with its summary beside it; below longer names the summary can be wrapped."""
-
-
 def list_components(
     kind: Annotated[
         str | None,
         typer.Argument(
             metavar="KIND|NAME",
-            help=f"{', '.join(KINDS)} or configs; or the name of a component.",
+            help=f"{', '.join(KINDS)}, configs, laws or starts, in singular or plural; or the name "
+            "of a component. Default: counts all kinds.",
             autocompletion=completion.listed,
         ),
     ] = None,
@@ -55,11 +52,27 @@ def list_components(
             registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
-    if kind is not None and kind not in kinds:
-        _explain(kind, kinds, json)
+    named = kinds if kind is None else [name for name in kinds if name in _plurals(kind)]
+    if not named:
+        _explain(str(kind), kinds, json)
         return
-    listed = {name: _described(name) for name in ([kind] if kind else kinds)}
-    print_findings(listed, _text(listed), json=json)
+    listed = {name: _described(name) for name in named}
+    if json or kind is None:
+        counts = [[name, str(len(of))] for name, of in listed.items()]
+        more = "`eqt list KIND` shows one kind, `eqt list NAME` one of its components"
+        print_findings(listed, output.table(["kind", "number"], counts), "", more, json=json)
+        return
+    for name, entries in listed.items():
+        output.print_text(f"{name}:")
+        header = ["name", "meaning", *list(entries[0])[2:]]
+        output.print_records(header, [[*entry.values()] for entry in entries], json=False)
+
+
+def _plurals(word: str) -> set[str]:
+    """Return the kinds that a word may mean, in singular or plural; starts are two kinds."""
+    one = word.removesuffix("s")
+    meant = {"law": {"controllers"}, "start": {"poses", "velocities"}}
+    return meant.get(one, {word, f"{word}s", f"{word.removesuffix('y')}ies"})
 
 
 def _explain(name: str, kinds: list[str], json: bool) -> None:
@@ -95,6 +108,8 @@ def _of_name(name: str) -> dict[str, Any]:
 
 
 def _described(kind: str) -> list[dict[str, Any]]:
+    import yaml  # loaded by no help page
+
     from eqt_cli.base.option_types import has_options, option_names
 
     if kind == "configs":
@@ -102,37 +117,27 @@ def _described(kind: str) -> list[dict[str, Any]]:
             {"name": config, "summary": shipped.summary(config), "options": []}
             for config in shipped.names()
         ]
+    if kind == "metrics":
+        from eqt_cli.loop.signals import signal_of
+        from eqt_cli.results.metrics import METRICS, own_quantity
+
+        listed = []
+        for each in (*METRICS, *map(own_quantity, registry(kind).all())):
+            of_signal = getattr(signal_of(each.signals[0]), "unit", "unit of the signal")
+            unit = each.unit(of_signal.replace("_", " "))  # such as the force unit of the group
+            listed.append({"name": each.name, "summary": each.long_name, "unit": unit})
+        return listed
+    first = yaml.safe_load(shipped.text("paper"))["controllers"]  # the paper's laws lead the list
     return [
         {
             "name": component.name,
             "summary": summary(component),
             "options": option_names(component) if has_options(component) else [],
         }
-        for component in registry(kind).all()
+        for component in sorted(
+            registry(kind).all(), key=lambda each: [*first, each.name].index(each.name)
+        )
     ]
-
-
-def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
-    blocks = []
-    if len(listed) > 1:
-        width = max(map(len, listed))
-        lines = ["kinds, and how many of each; `eqt list KIND` shows one kind"]
-        lines += [f"  {kind:<{width}}  {len(entries):>3}" for kind, entries in listed.items()]
-        blocks.append("\n".join(lines))
-    for kind, entries in listed.items():
-        width = max((len(entry["name"]) for entry in entries), default=0)
-        base = f"eqt_cli.extend.{registry(kind).base.__name__}" if kind in KINDS else ""
-        lines = [kind]
-        if base and not entries:
-            lines.append(f"  none; plugins derive them from {base}")
-        between = "  " if width <= MOST_BESIDE else "\n      "
-        width = width if width <= MOST_BESIDE else 0
-        for entry in entries:
-            lines.append(f"  {entry['name']:<{width}}{between}{entry['summary']}".rstrip())
-            if entry["options"]:
-                lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
-        blocks.append("\n".join(lines))
-    return "\n\n".join(blocks)
 
 
 # `eqt config`: configurations ---------------------------

@@ -243,7 +243,7 @@ def _closing(name: str, signal: str, what: str) -> Quantity:
     )
 
 
-AXIS, OF_AXIS = "pointing_error", "the pointing error"
+AXIS, OF_AXIS = "pointing_error", "pointing error"
 
 METRICS = (
     _mean(f"mean_{AXIS}", AXIS, OF_AXIS, label="mean pointing error", role="error", rank=2),
@@ -356,7 +356,7 @@ METRICS = (
     _mean(
         "cut_share",
         "cut",
-        "1 where limits change the command, else 0,",
+        "of 1 where limits change the command, else 0,",
         label="share of time that limits change the command",
         compared=(),
         stored_of=attrgetter("limits"),
