@@ -79,6 +79,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
         metrics = [*wanted, *(bound["metric"] for bound in record["constraints"])]
         numbers = [
             *(value for winner in winners for value in winner["values"].values()),
+            *(end for law in laws for low, high in law["over"].values() for end in (low, high)),
             *(bound["bound"] for bound in record["constraints"]),
             *(record[name] for name in ("generations", "population", "runs")),
             *(number for search in searches for row in search["objectives"] for number in row),
@@ -97,6 +98,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             and {*labels, *(search["label"] for search in searches)} - {None} <= set(result.labels)
             and all(len(row) == len(wanted) for search in searches for row in search["objectives"])
             and all(law["searches"] for law in laws)
+            and all(set(w["values"]) == set(law["over"]) for law in laws for w in law["winners"])
             and all(isinstance(law["label"], str) for law in laws)
             and all(isinstance(number, int | float) for number in numbers)
             and all(isinstance(flag, bool) for flag in flags)

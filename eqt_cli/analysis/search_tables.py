@@ -1,28 +1,20 @@
 """Tables of the outcome of a search, from its record and its judged runs."""
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.comparison import Comparison
 from eqt_cli.analysis.comparison_tables import text_tables
-from eqt_cli.analysis.fronts import Constraint, cases_of, equal_cost_table, excess, held_out
-from eqt_cli.analysis.intervals import (
-    FEWEST,
-    Resampling,
-    intervals_of_means,
-    relative_difference,
-    resolved_differences,
-)
+from eqt_cli.analysis.fronts import SHARES, Constraint, cases_of, equal_cost_table, excess, held_out
+from eqt_cli.analysis.intervals import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.analysis.search_record import AGREEING, values_text
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import Block, TextTable, brief, fixed, listed, significant
+from eqt_cli.base.reporting import Block, TextTable, brief, listed, significant
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain, in_one_form
 from eqt_cli.results.result import Result, mean_over_runs
@@ -32,6 +24,10 @@ Record = Mapping[str, Any]
 Range = tuple[float, float]
 
 _WRITE = Plain()
+
+AT_AN_END = 0.01
+"""Distance from an end of its range within which a value is at it, as a share of the end and of the
+range: differential evolution comes about so close to a best value at an end."""
 
 
 def measured(result: Result, name: str) -> str:
@@ -103,22 +99,45 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
         equal_cost = equal_cost_table(result, record, _WRITE, Resampling())
         made = [equal_cost, _front_points(result, record)]
         return [table for table in [*made, bounds] if table.blocks]
-    comparison = compared(result, record)
-    tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
-    between = [
-        pair
-        for pair in comparison.pairs
-        if {pair.first, pair.second} <= tuned and pair.measured.quantity.name in sought(record)
-    ]
-    shown = replace(comparison, pairs=between, levels=[], judgements=[])
-    pairs = text_tables(shown, _WRITE)
-    if "pairs" in pairs:
+    tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
+    sought = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
+    pairs = dict[str, TextTable]()
+    if len(tuned) > 1:
+        comparison = compare(result, metrics=list(dict.fromkeys(sought)), labels=tuned)
+        pairs = text_tables(replace(comparison, levels=[], judgements=[]), _WRITE)
         ranking = _ranking(result, record["objectives"][0], tuned)
-        pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking])
-    winners = _winners(result, record, comparison, _marks(cases, record))
+        rule = f"A law is better where it is {RULE}, with p times the pairs."
+        pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking, rule])
+    names = list(dict.fromkeys([*record["objectives"], *result.compared_first]))
+    winners = _winners(result, record, names)
     searches = searches_table(result, record)
     made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
     return [table for table in made if table.blocks]
+
+
+def tuning_answer(result: Result, record: Record) -> list[TextTable]:
+    """Return the table with the answer alone: the winners, or fronts at the middle equal cost.
+
+    Its notes name the bounds that the winners violate, which laws are better, and the ranges that
+    are too narrow. `tuning_tables` returns the rest.
+    """
+    cases, result = cases_of(result, record), held_out(result, record)
+    bounds = _bounds(cases, record).rows
+    broken = [f"{law} ({what}: {reached})" for law, what, reached, _, ok in bounds if ok != "holds"]
+    notes = [f"Bounds violated on the held-out runs: {'; '.join(broken) or 'none'}."] * bool(bounds)
+    if len(record["objectives"]) > 1:
+        table = equal_cost_table(result, record, _WRITE, Resampling())
+        if not table.blocks:  # of a single law, or of fronts of different costs
+            return [_front_points(result, record)]
+        middle = Block("", table.rows[len(SHARES) // 2 :: len(SHARES)])
+        table = replace(table, blocks=[middle]).without(["error", "error of the other"])
+        notes = [f"better: the law that is {RULE}", *notes, *_notes(result, record, ())]
+        return [replace(table, notes=notes)]
+    tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
+    notes += _notes(result, record, tuned)
+    if len(tuned) > 1:
+        notes.insert(0, _ranking(result, record["objectives"][0], tuned))
+    return [replace(_winners(result, record, record["objectives"]), notes=notes)]
 
 
 def _ranking(result: Result, name: str, tuned: Collection[str]) -> str:
@@ -134,8 +153,7 @@ def _ranking(result: Result, name: str, tuned: Collection[str]) -> str:
             verdict = f"{both.pop(winner)} is better than"
         verdicts.setdefault(verdict, []).append(" – ".join(both))
     said = "; ".join(f"{verdict} {listed(laws)}" for verdict, laws in verdicts.items())
-    measure = result.quantity(name).described
-    return f"By {measure}, a law is better where it is {RULE}, with p times the pairs. {said}."
+    return f"By {result.quantity(name).described}: {said}."
 
 
 def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:
@@ -184,73 +202,60 @@ def _front_points(result: Result, record: Record) -> TextTable:
     )
 
 
-def compared(result: Result, record: Record) -> Comparison:
-    """Compare the laws by the objectives, the bounded metrics, and the errors of any comparison."""
-    metrics = list(dict.fromkeys([*sought(record), *result.compared_first]))
-    return compare(result, metrics=metrics, labels=result.labels)
-
-
-def sought(record: Record) -> list[str]:
-    """Return the metrics of a search: its objectives and bounds."""
-    return [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
-
-
-def _marks(cases: Mapping[str, Result], record: Record) -> dict[str, str]:
-    """Name the metrics whose bounds the held-out runs violate, in any case, by label."""
-    violated: dict[str, list[str]] = {}
-    for entry in record["constraints"]:
-        bound = Constraint(**entry)
-        for result in cases.values():
-            over = excess(bound, result.counted(bound.metric))
-            for label, share in zip(result.labels, over, strict=True):
-                if share > 0 and bound.metric not in violated.get(label, ()):
-                    violated.setdefault(label, []).append(bound.metric)
-    return {label: f" (violates {listed(metrics)})" for label, metrics in violated.items()}
-
-
-def _winners(
-    result: Result, record: Record, comparison: Comparison, marks: Mapping[str, str]
-) -> TextTable:
+def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
     blocks = []
-    for name in dict.fromkeys([*record["objectives"], *result.compared_first]):
-        levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
-        values = dict(zip(result.labels, result.counted(name), strict=True))
+    for name in names:
+        values = result.counted(name)
+        means = intervals_of_means(values.T, Resampling())
+        spreads = dict(zip(result.labels, _spreads(values), strict=True))
         rows = []
         for law in record["laws"]:
-            start = levels[law["start"]]
-            before = _WRITE.spread(start.mean, start.low, start.high)
-            before += marks.get(law["start"], "")
+            before = spreads[law["start"]]
             for winner in law["winners"]:
-                label = winner["label"]
-                level, title = levels[label], result.title_of[label] + marks.get(label, "")
-                after = _WRITE.spread(level.mean, level.low, level.high)
-                change = _relative(values[label], values[law["start"]])
-                means = [levels[label].mean for label in seed_labels(law)]
-                over = _range(means, (level.high - level.low) / 2)
-                rows.append([title, values_text(winner["values"]), before, after, over, change])
+                label, best = winner["label"], values_text(winner["values"])
+                k = result.labels.index(label)
+                several = [means.mean[result.labels.index(each)] for each in seed_labels(law)]
+                over = _range(several, (means.high[k] - means.low[k]) / 2)
+                rows.append([result.titles[k], best, before, spreads[label], over])
             if not law["winners"]:
-                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
+                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
         blocks.append(Block(measured(result, name), rows))
     return TextTable(
         "tuned",
         f"Tuned laws against their starting gains: {_means_over(result)}",
-        ["law", "tuned", "start", "found", "over searches", "change"],
+        ["law", "best values", "start", "tuned", "over searches"],
         blocks,
         list(_notes(result, record)),
     )
 
 
-def _notes(result: Result, record: Record) -> Iterator[str]:
-    """Notes on the size of the search, its cases, and failed or unsettled runs."""
-    yield (
-        f"{searched(record)} The best of these searches is shown; over searches: the smallest and "
-        "the largest mean of their winners."
+def _notes(result: Result, record: Record, of: Collection[str] | None = None) -> Iterator[str]:
+    """Notes on values at the end of their range, cases, and failed or unsettled runs of some laws.
+
+    Without labels, those of all laws follow the size of the search.
+    """
+    if of is None:
+        yield (
+            f"{searched(record)} The best of these searches is shown; over searches: the smallest "
+            "and the largest mean of their winners."
+        )
+    near = dict.fromkeys(
+        f"{key} {end:g} of {law_title(law['label'])}"
+        for law in record["laws"]
+        for key, (low, high) in law["over"].items()
+        for end, winner in product((low, high), law["winners"])
+        if abs(winner["values"][key] - end) <= AT_AN_END * min(abs(end) or np.inf, high - low)
     )
+    if near:
+        yield (
+            f"At the end of its range: {listed([*near])}; widen the range in tune.over, or bound "
+            "what the law may spend by tune.subject_to."
+        )
     if cases := record["cases"]:
         worst = "that of the case in which the mean over all runs is worst"
         each = worst if record["over_cases"] == "worst" else "the mean over the cases"
         yield f"Over the cases {listed(cases)}: each number is {each}."
-    yield from _counted(result)
+    yield from _counted(result, result.labels if of is None else of)
 
 
 def searched(record: Record) -> str:
@@ -264,14 +269,15 @@ def searched(record: Record) -> str:
     )
 
 
-def _counted(result: Result) -> Iterator[str]:
+def _counted(result: Result, labels: Collection[str]) -> Iterator[str]:
     """Count the held-out runs that failed, or had not settled at the end."""
     unsettled = result.censored("settling_time").sum(axis=-1)
     if (unsettled == result.runs).all():
         yield f"All {result.runs} runs of every law are unsettled at the end; see time.duration."
         unsettled = 0 * unsettled
     for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
-        listed = [f"{x}: {n}" for x, n in zip(result.titles, counts, strict=True) if n]
+        of_law = dict(zip(result.labels, counts, strict=True))
+        listed = [f"{result.title_of[x]}: {of_law[x]}" for x in labels if of_law[x]]
         if listed:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 
@@ -297,7 +303,7 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
     reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
     beyond = ~(values <= bound.bound if bound.above else values >= bound.bound)
     for law in record["laws"]:
-        for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
+        for label in [*(winner["label"] for winner in law["winners"]), law["start"]]:
             k = result.labels.index(label)
             known = np.isfinite(reached[k])
             by = f" by {100 * over[k]:.2g} %" if known else ": a run has no value"
@@ -308,14 +314,6 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
                 str(int(beyond[k].sum())),
                 "holds" if over[k] == 0 else f"violated{by}",
             ]
-
-
-def _relative(winner: Array, start: Array) -> str:
-    """Format the mean change relative to the mean at the starting gains, with its interval."""
-    shares = relative_difference(resolved_differences(winner, start), start, Resampling.confidence)
-    mean, low, high = (fixed(100 * share, 1, signed=True) for share in shares)
-    change = f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
-    return change.replace("- %", "-")
 
 
 def _range(means: Sequence[float], half: float) -> str:

@@ -154,7 +154,7 @@ def tune(
     After an interruption, run the same command again to continue. The exit code is 4 if a law has
     no feasible gains.
     """
-    from eqt_cli.analysis.search_tables import tuning_tables
+    from eqt_cli.analysis.search_tables import tuning_answer
     from eqt_cli.analysis.tune import Search
 
     search = Search.read(setup.document(config, handling))
@@ -167,7 +167,7 @@ def tune(
     ]
     first = next((law["winners"][0]["config"] for law in laws if law["winners"]), None)
     causes = [*lost, *(["some held-out runs failed"] if failed else [])]
-    _report(done, tuning_tables, causes, first, json=handling.json)
+    _report(done, tuning_answer, causes, first, json=handling.json)
     if causes:
         raise typer.Exit(4 if lost else 3)
 
@@ -310,9 +310,8 @@ def _report(
     with output.as_remark(), open_result(path) as result:
         for table in tables(result, done.record):
             output.print_text(output.laid_out(table), "")
-    output.print_text(
-        *causes, f"results  {path}", *([f"next     eqt run {path / config}"] if config else [])
-    )
+    commands = [*([f"eqt run {path / config}"] if config else []), f"eqt show {path}"]
+    output.print_text(*causes, f"results  {path}", "next     " + "\n         ".join(commands))
 
 
 # What these commands share: executors, the execution of studies, and the report on it -------------

@@ -1,5 +1,6 @@
 """Tuning over named cases: how they are joined, what is run, what is said of the winners."""
 
+import re
 from copy import deepcopy
 
 import numpy as np
@@ -11,7 +12,7 @@ from said import error_of
 from eqt_cli import api
 from eqt_cli.analysis.fronts import Population, Scores, held_out
 from eqt_cli.analysis.search_record import TUNE
-from eqt_cli.analysis.search_tables import tuning_tables
+from eqt_cli.analysis.search_tables import tuning_answer, tuning_tables
 from eqt_cli.analysis.tune import Search
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
@@ -101,7 +102,7 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
         tables = {table.name: table for table in tuning_tables(result, done.record)}
         [bound] = done.record["constraints"]
         strict = done.record | {"constraints": [bound | {"bound": 1e-7}]}
-        marked, *_ = tuning_tables(result, strict)
+        [answer] = tuning_answer(result, strict)
         page = Forest().subject([result], ())
     assert page.titles == ["stabilising", "stabilising, start"]
     assert (
@@ -118,13 +119,17 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
     blocks = ["mean ‖I − Q_E‖", "mean attitude error in deg", "mean ‖τ‖ in N m"]
     assert [block.title for block in tables["tuned"].blocks] == blocks
     assert [row[0] for row in tables["tuned"].rows] == ["stabilising"] * 3
-    assert [row[0] for row in marked.rows] == ["stabilising (violates final_pose_error)"] * 3
-    assert [row[2] for row in marked.rows] == [
-        row[2] + " (violates final_pose_error)" for row in tables["tuned"].rows
-    ]
+    assert answer.rows == tables["tuned"].blocks[0].rows
+    broken = re.findall(
+        r"([\w, ]+) \(final_pose_error ≤ 1e-07 in the mean: [\d.e-]+\)", answer.notes[0]
+    )
+    assert answer.notes[0].startswith("Bounds violated on the held-out runs: stabilising, ideal (")
+    assert answer.notes[1] == tables["tuned"].notes[1]
+    assert len(broken) == 4
     assert [row[0] for row in tables["cases"].blocks[0].rows] == ["ideal", "late"]
     bounds = [row[0] for row in tables["bounds"].blocks[0].rows]
-    assert bounds == ["stabilising, ideal", "stabilising, late"]
+    laws = ("stabilising", "stabilising, start")
+    assert bounds == [f"{law}, {case}" for case in ("ideal", "late") for law in laws]
 
 
 @pytest.mark.ci("draws the page")

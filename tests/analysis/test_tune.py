@@ -10,12 +10,13 @@ import yaml
 
 from eqt_cli import api
 from eqt_cli.analysis.fronts import Constraint, scores
+from eqt_cli.analysis.maps import RULE
 from eqt_cli.analysis.search_record import fits_tuning
-from eqt_cli.analysis.search_tables import _ranking, tuning_tables
+from eqt_cli.analysis.search_tables import _notes, _ranking, tuning_answer, tuning_tables
 from eqt_cli.api.comparing import compare
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import write_record
-from eqt_cli.base.reporting import Reporter, reporting
+from eqt_cli.base.reporting import Block, Reporter, TextTable, reporting
 from eqt_cli.config import shipped
 from eqt_cli.config.document import document_of
 from eqt_cli.results.metrics import QUANTITIES
@@ -215,9 +216,10 @@ def test_the_luck_of_the_searches_is_in_the_tables(searched_twice):
     folder, record = searched_twice
     with open_result(folder) as result:
         tuned, *_, luck = tuning_tables(result, record)
+        [answer] = tuning_answer(result, record)
         means = dict(zip(result.labels, result.means("mean_pose_error").tolist(), strict=True))
     two = sorted(means[search["label"]] for search in record["laws"][0]["searches"])
-    assert tuned.header == ["law", "tuned", "start", "found", "over searches", "change"]
+    assert tuned.header == ["law", "best values", "start", "tuned", "over searches"]
     low, _, high = tuned.blocks[0].rows[0][4].partition(" to ")
     assert [float(low), float(high)] == pytest.approx(two, abs=0.05)
     assert tuned.notes[0] == (
@@ -227,8 +229,52 @@ def test_the_luck_of_the_searches_is_in_the_tables(searched_twice):
     )
     unsettled = "All 3 runs of every law are unsettled at the end; see time.duration."
     assert tuned.notes[1:] == [unsettled]
+    assert (answer.header, answer.blocks) == (tuned.header, tuned.blocks[:1])
+    assert answer.notes[1:] == [unsettled]
     ends = [f"{end:.3g}" for end in (two[0] - two[1], two[1] - two[0])]
     assert luck.blocks[0].rows == [["EqT − family", *ends, "no"]]
+
+
+def test_the_answer_of_fronts_is_that_at_their_middle_cost(monkeypatch):
+    rows = [
+        [f"GT, {law}", f"{cost}", "1", "2", f"{cost} %", "GT", "3 %"]
+        for law in ("EqT", "nog")
+        for cost in (10, 20, 30)
+    ]
+    header = ["laws", "cost", "error", "error of the other", "less by", "better", "over searches"]
+    table = TextTable("fronts", "", header, [Block("", rows)], ["a note"])
+    monkeypatch.setattr("eqt_cli.analysis.search_tables.equal_cost_table", lambda *_: table)
+    record = {"objectives": ["effort", "mean_pose_error"], "constraints": [], "cases": []}
+    [answer] = tuning_answer(LAW, record | {"laws": []})
+    assert answer.header == ["laws", "cost", "less by", "better", "over searches"]
+    assert answer.rows == [[f"GT, {law}", "20", "20 %", "GT", "3 %"] for law in ("EqT", "nog")]
+    assert answer.notes == [f"better: the law that is {RULE}"]
+
+
+LAW = SimpleNamespace(
+    censored=lambda name: np.zeros((1, 1)), runs=1, failed={"gt": 0}, labels=["gt"]
+)
+
+
+@pytest.mark.parametrize(
+    ("ends", "value", "end"),
+    [
+        ([0.05, 0.5], 0.4973, "0.5"),  # that of tune_so2
+        ([0.05, 0.5], 0.4949, ""),
+        ([0.1, 10], 0.15, ""),  # near in the range, but half as large again as its end
+        ([0.1, 10], 0.1009, "0.1"),
+        ([0, 2], 0.019, "0"),  # of an end at 0, a share of the range
+        ([-2, 0], -0.021, ""),
+        ([100, 101], 100.5, ""),  # near 100, but in the middle of the range
+    ],
+)
+def test_a_best_value_within_a_hundredth_of_the_end_of_its_range_is_named(ends, value, end):
+    winner = {"label": "gt", "values": {"gains.kp": value}}
+    law = {"label": "gt", "over": {"gains.kp": ends}, "winners": [winner, winner]}
+    assert list(_notes(LAW, {"laws": [law], "cases": []}, ())) == [
+        f"At the end of its range: gains.kp {end} of GT; widen the range in tune.over, or bound "
+        "what the law may spend by tune.subject_to."
+    ] * bool(end)
 
 
 @pytest.mark.parametrize(
@@ -253,7 +299,7 @@ def test_tuned_laws_are_ranked_by_the_rule_of_maps(runs, said):
         quantity=lambda name: QUANTITIES[name],
     )
     note = _ranking(result, "mean_pose_error", {"a", "b", "c"})
-    assert note.partition("times the pairs. ")[2] == said
+    assert note == f"By mean ‖I − Q_E‖: {said}"
 
 
 @pytest.mark.parametrize(

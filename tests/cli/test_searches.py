@@ -46,14 +46,21 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt, config):
     assert re.fullmatch(r"runs     \d+ \(3 runs at each .*to judge the outcome\n", done.err)
     for line in (
         "Tuned laws against their starting gains: means over 6 held-out runs ± half the 95 %",
-        "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0.",
-        "Constraints on the held-out runs",
-        "Paired differences from the same initial states",
-        "GT against EqT, in % of EqT",
+        "By mean ‖I − Q_E‖: ",
+        "Bounds violated on the held-out runs: none.",
         "results  results/t-tuned",
         "next     eqt run results/t-tuned/tuned/eqt.yaml",
     ):
         assert line in done.out
+    assert len(done.out.splitlines()) <= 16
+    for line in (
+        "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0.",
+        "Constraints on the held-out runs",
+        "Paired differences from the same initial states",
+        "GT against EqT, in % of EqT",
+    ):
+        assert line not in done.out
+        assert line in eqt("show", "results/t-tuned").out
     assert eqt("run", "results/t-tuned/tuned/eqt.yaml").code == 0
     assert eqt("compare", "results/t-tuned").code == 0
     assert "Tuned laws on held-out runs" in _report(eqt)
