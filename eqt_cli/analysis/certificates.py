@@ -602,11 +602,9 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
             notes.append(f"{verdict}: {meaning}{names}.")
     if not (blocks or notes):
         return None
-    doubts = doubtful(rows)
-    assumed = f"; of the hypotheses {'; '.join(doubts)}" if doubts else ""
     return TextTable(
         "certificates",
-        f"The paper's statements, checked on this experiment: {tally(rows)}{assumed}",
+        f"The paper's statements, checked on this experiment: {tally(rows)}",
         ["statement", "what", "law", "measured", "bound", "verdict", "remark"],
         blocks,
         notes,
@@ -630,13 +628,23 @@ def tally(rows: Sequence[Row]) -> str:
     return ", ".join([f"{holding} hold", *others, f"{failing} fail"])
 
 
-def doubtful(rows: Sequence[Row]) -> list[str]:
-    """List the hypotheses that are violated or in doubt: ``growing: Q_d is bounded``."""
-    return [
-        f"{row.verdict}: {row.name}{f' ({row.controller})' if row.controller else ''}"
-        for row in rows
-        if row.kind == "hypothesis" and row.verdict in (Verdict.VIOLATED, Verdict.GROWING)
-    ]
+def open_rows(rows: Sequence[Row]) -> list[str]:
+    """Return a line for all rows of one cause that neither hold nor fail, the undecided first.
+
+    ``? undecided: Q → Q_d (EqT 16, GT 3); P → P_d (EqT 3) of 20 runs not converged at 20 s``.
+    """
+    alike = dict[tuple[str, str], list[Row]]()
+    for row in sorted(rows, key=lambda row: row.verdict is not Verdict.UNDECIDED):
+        if row.verdict in (Verdict.HOLDS, Verdict.PROVED, Verdict.FAILS) and not row.not_proved:
+            continue
+        cause = "" if row.kind == "hypothesis" else row.not_proved or row.remark.split("; ")[0]
+        number, _, runs = cause.partition(" of ")
+        cause = f": {cause}" if cause else ""
+        if number.isdecimal():  # so many runs of this law
+            row, cause = replace(row, controller=f"{row.controller} {number}"), f" of {runs}"
+        verdict = "not proved" if row.not_proved else str(row.verdict)
+        alike.setdefault((verdict, cause), []).append(row)
+    return [f"? {verdict}: {_named(of)}{cause}" for (verdict, cause), of in alike.items()]
 
 
 def _cells(row: Row) -> list[str]:

@@ -53,6 +53,9 @@ SHOWN = ("lyapunov", "pose_error", "velocity_error")
 OF_ESTIMATE = ("nees", "nees_dof", "innovations", "innovation_square", "innovation_correlation")
 """Those of a law that reads the estimate of a filter with a covariance."""
 
+_MARKS = {"hold": "✓ ", "proved": "✓ ", "fail": ""}
+"""What stands before the number of rows of a verdict; before all others a question mark."""
+
 INTEGRATED = "runs integrated again"
 """Title of the step that computes states which a result does not hold."""
 
@@ -102,15 +105,16 @@ class Verification(InNotebook):
         return causes
 
     def answer(self) -> list[str]:
-        """Return how many statements hold, the doubts about hypotheses, and what fails."""
+        """Return how many statements hold, what fails, and what is open, a line for each cause."""
         name, group = self.experiment.name, self.experiment.group.name
-        tally, engines = certificates.tally(self.titled), " and ".join(self.engines)
+        counts, engines = certificates.tally(self.titled).split(", "), " and ".join(self.engines)
         titles = self.experiment.titles
         return [
-            f"{name} on {group}: {tally}, {self.runs} runs with engine {engines}",
-            *(f"hypothesis {doubt}" for doubt in certificates.doubtful(self.titled)),
+            "   ".join(_MARKS.get(count.split(" ", 1)[1], "? ") + count for count in counts),
+            *self.causes(titles),
+            *certificates.open_rows(self.titled),
             *(f"small errors of {titles[law]}: {words}" for law, words in self.departing.items()),
-            *self.causes(self.experiment.titles),
+            f"{name} on {group}, {self.runs} runs with engine {engines}",
         ]
 
     def records(self) -> list[dict[str, Any]]:

@@ -55,7 +55,8 @@ def verify(
 ) -> None:
     """Test the paper's theorems on an experiment; exit 4 if one fails.
 
-    This prints the totals and every statement that does not hold; --verbose prints all statements.
+    This prints the totals, what fails, and the open statements, a line for each cause; --verbose
+    prints all statements.
 
     Options
     -------
@@ -157,21 +158,19 @@ def _check_options(
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
-    """Yield the printed text: the rows that do not hold, or all; then totals, doubts and causes."""
-    from eqt_cli.analysis.certificates import certificate_table
+    """Yield the printed text: the answer, then the rows that fail, or all."""
+    from eqt_cli.analysis.certificates import certificate_table, with_titles
 
+    yield from result.answer()
     rows = result.titled
-    if (made := certificate_table(rows, brief=not verbose)) is not None:
+    if not verbose:
+        yield f"{len(rows)} statements and hypotheses were checked; --verbose lists them all"
+    shown = rows if verbose else with_titles(result.failures, result.experiment.titles)
+    if shown and (made := certificate_table(shown)) is not None:
         for block in made.blocks:
             notes = made.notes if block is made.blocks[-1] else []
-            yield block.title
+            yield from ("", block.title)
             yield laid_out(replace(made, caption="", blocks=[Block("", block.rows)], notes=notes))
-            yield ""
-    yield from result.answer()
-    if not verbose:
-        assumed = sum(row.kind == "hypothesis" for row in rows)
-        checked = f"{len(rows) - assumed} statements and {assumed} hypotheses were checked"
-        yield f"{checked}; --verbose lists them all"
 
 
 # Margins ------------------------------------------------------------------------------------------

@@ -1,11 +1,14 @@
 """`eqt verify`, within this process: what it prints where, and how it ends."""
 
 import json
+import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
 from plugin_sources import ESCAPE, component
 
+from eqt_cli.analysis.certificates import Row, Verdict, open_rows
 from eqt_cli.config import shipped
 
 DRIVES_AWAY = component("""
@@ -56,19 +59,19 @@ def test_a_configuration(eqt):
     done = eqt("verify", "c.yaml", "-v")
     assert (done.code, done.err) == (0, "")
     blocks = done.out.split("\n\n")
-    assert [block.split(",")[0].split(":")[0] for block in blocks] == [
+    assert [block.split(",")[0].split(":")[0] for block in blocks[1:]] == [
         "Identities",
         "Trajectories",
         "Hypotheses",
         "undecided",
-        "c on SO3",
     ]
-    header, rule, first, *_ = blocks[0].splitlines()[1:]
-    assert header.split() == "statement what law measured bound verdict remark".split()
+    assert re.match(r"✓ \d+ hold   \? \d undecided   0 fail\n\? undecided: ", blocks[0])
+    assert blocks[0].endswith("\nc on SO3, 6 runs with engine solve_ivp")
+    header, rule, first, *_ = blocks[1].splitlines()[1:]
+    assert header.split() == "statement what law measured bound verdict".split()
     assert set(rule) == {"─", " "}
     assert first.startswith("eq. (1)  ") and first.endswith("  holds")
-    assert "Morse-Bott" in blocks[2]
-    assert done.out.splitlines()[-2].endswith(" 0 fail, 6 runs with engine solve_ivp")
+    assert "Morse-Bott" in blocks[3]
 
 
 def test_json_has_every_row_and_without_verbose_only_what_does_not_hold_is_listed(eqt):
@@ -91,25 +94,44 @@ def test_json_has_every_row_and_without_verbose_only_what_does_not_hold_is_liste
     rows = document["rows"]
     done = eqt("verify", "c.yaml")
     assert (done.code, done.err) == (0, "")
-    blocks = done.out.split("\n\n")
-    listed = [line for block in blocks[:2] for line in block.splitlines()[3:]]
-    assert len(listed) == sum(row["verdict"] != "holds" for row in rows)
-    assert not any("  holds" in line for line in listed)
-    *_, totals, _, hint = done.out.splitlines()
-    assert totals.endswith(" 0 fail, 6 runs with engine solve_ivp")
-    assumed = sum(row["kind"] == "hypothesis" for row in rows)
-    checked = f"{len(rows) - assumed} statements and {assumed} hypotheses were checked"
-    assert hint == f"{checked}; --verbose lists them all"
-    tally = totals.split(": ")[1].split(", ")[:-1]
-    assert sum(int(count.split()[0]) for count in tally) == len(rows) - assumed
+    totals, *lines, where, hint = done.out.splitlines()
+    assert all(line.startswith("? ") for line in lines)
+    assert where == "c on SO3, 6 runs with engine solve_ivp"
+    assert hint == f"{len(rows)} statements and hypotheses were checked; --verbose lists them all"
+    counts = dict(reversed(count.split()[-2:]) for count in totals.split("   "))
+    verdicts = Counter(row["verdict"] for row in rows if row["kind"] != "hypothesis")
+    assert counts.pop("hold") == str(verdicts.pop("holds"))
+    assert counts.pop("fail") == "0"
+    assert counts == {verdict: str(count) for verdict, count in verdicts.items()}
+
+
+def test_rows_of_one_cause_stand_in_one_line_with_the_runs_of_each_law():
+    def row(name, law, verdict="undecided", remark="", kind="trajectory"):
+        return Row(name, "Theorem 6.2", kind, law, 0.1, 0.05, Verdict(verdict), remark)
+
+    late = "{} of 20 runs not converged at 20 s; L decays at 0.36 1/s (median)"
+    rows = [
+        row("V_d is bounded", "", "unknown", "supremum over the horizon", "hypothesis"),
+        row("Q → Q_d", "EqT", remark=late.format(16)),
+        row("Q → Q_d", "GT", "holds"),
+        row("Q → Q_d", "nog", remark=late.format(20)),
+        row("P → P_d", "EqT", remark=late.format(3)),
+        row("energy balance", "EqT", "FAILS"),
+        row("decrease of L", "EqT", "not covered", "drag, sampled control"),
+        row("decrease of L", "GT", "not covered", "drag, sampled control"),
+    ]
+    assert open_rows(rows) == [
+        "? undecided: Q → Q_d (EqT 16, nog 20); P → P_d (EqT 3) of 20 runs not converged at 20 s",
+        "? unknown: V_d is bounded",
+        "? not covered: decrease of L (EqT, GT): drag, sampled control",
+    ]
 
 
 def test_what_is_not_claimed_is_named_in_one_line(eqt):
     off_plane = "controllers=[{kind: family, label: off, transport: 0.2}, {kind: family, label: b}]"
     done = eqt("verify", "c.yaml", "--set", off_plane)
-    [line] = [line for line in done.out.splitlines() if line.startswith("unclaimed: ")]
-    assert line.startswith("unclaimed: the paper does not claim this for the law: ")
-    assert "decrease of L (off)" in line
+    said = "? unclaimed: decrease of L (off): not claimed of this law"
+    assert said in done.out.splitlines(), done.out
 
 
 @pytest.mark.usefixtures("plugins")
@@ -190,11 +212,14 @@ def test_a_result_is_verified_as_it_is(eqt, refused):
 def test_a_statement_that_does_not_hold_ends_with_4(eqt):
     done = eqt("verify", "c.yaml", *AWAY)
     assert done.code == 4
-    assert done.out.splitlines()[-4:-1] == [
+    assert re.match(r"✓ \d+ hold   \? \d unclaimed   3 fail\n", done.out)
+    assert done.out.splitlines()[1:4] == [
         "Theorems 3.2, 6.2: rate of L (Away) fails",
         "Theorems 3.2, 6.2: energy balance (Away) fails",
         "measured on the runs: tracks (Away) fails",
     ]
+    _, table, _ = done.out.split("\n\n")
+    assert [line.split()[-2] for line in table.splitlines()[2:5] if "FAILS" in line] != []
     document = json.loads(eqt("verify", "c.yaml", *AWAY, "--json").out)
     assert document["holds"] is False
     assert len(document["causes"]) == 3
@@ -217,7 +242,7 @@ def test_a_law_of_which_every_run_fails_is_not_asked_about_none(eqt):
         "verify", "c.yaml", "--set", "plugins=[nan.py]", "--set", "controllers=[eqt, escape]"
     )
     assert (done.code, done.err) == (3, "")
-    assert done.out.splitlines()[-2] == "some runs failed"
+    assert done.out.splitlines()[1] == "some runs failed"
 
 
 @pytest.mark.usefixtures("plugins")
@@ -251,13 +276,10 @@ def test_hypotheses_in_doubt_stand_in_the_summary(eqt):
     torque = 'reference={torque: ["exp(t)", "0", "0"]}'
     done = eqt("verify", "c.yaml", "--verbose", "--set", off_plane, "--set", torque)
     assert done.code == 0
-    summary, *doubts = done.out.splitlines()[-3:]
-    assert "hold, " in summary and " unclaimed, 0 fail, 3 runs" in summary
-    assert doubts == [
-        "hypothesis growing: V_d is bounded",
-        "hypothesis violated: the law is covered (off)",
-    ]
-    legend = done.out.split("\n\n")[3].splitlines()
+    summary, *lines = done.out.split("\n\n")[0].splitlines()
+    assert summary.endswith(" unclaimed   0 fail")
+    assert {"? growing: V_d is bounded", "? violated: the law is covered (off)"} < set(lines)
+    legend = done.out.split("\n\n")[4].splitlines()
     assert "violated: the theorems do not cover this experiment." in legend
     assert "unclaimed: the paper does not claim this for the law." in legend
     assert not any(line.startswith("unknown:") for line in legend)
