@@ -108,7 +108,7 @@ _CORE = {
     "results": ("cli.show.results", READ, "results"),
     "diff": ("cli.compare.diff", READ, "results/paper results/again"),
     "verify": ("cli.verify.verify", READ, "configs/paper.yaml"),
-    "margins": ("cli.verify.margins", READ, "configs/paper.yaml"),
+    "margins": ("cli.verify.margins", READ, "paper --set 'reference={kind: constant}'"),
     "animate": ("cli.plot.animate", READ, "results/paper --run 1 --format gif"),
     "report": ("cli.plot.report", READ, "results/paper --out report.html"),
     "cite": ("cli.plot.cite", READ, "results/paper > refs.bib"),

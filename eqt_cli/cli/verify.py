@@ -12,7 +12,7 @@ import typer
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import is_intact_file
 from eqt_cli.base.registry import of_extension
-from eqt_cli.base.reporting import Block, TextTable
+from eqt_cli.base.reporting import Block, TextTable, listed
 from eqt_cli.cli import options
 from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
 
@@ -219,7 +219,7 @@ def margins(
     about = {"name": result.experiment.name, "group": result.experiment.group.name}
     loop = {"period": result.period, "left_out": result.left_out}
     findings = about | loop | {"causes": causes, "laws": result.records()}
-    print_findings(findings, laid_out(_margins_table(result)), json=json)
+    print_findings(findings, *_margins_pieces(result), json=json)
     if quiet and not json:
         for cause in causes:
             complain(f"eqt: {config}: {cause}")
@@ -227,35 +227,58 @@ def margins(
         raise typer.Exit(4)
 
 
-def _margins_table(result: Margins) -> TextTable:
-    """Return the table, and notes on how to read it."""
+def _margins_pieces(result: Margins) -> Iterator[str | Text]:
+    """Yield the printed text: which loops vary in time, then the table of the numbers."""
+    titles, varying = result.experiment.titles, [law for law in result.laws if law.changes]
+    laws = [law for law in result.laws if not law.changes or law.delay is not None]
+    if varying:
+        moves = result.experiment.reference_over_horizon().velocity.any()
+        proof = "--certified, which tries to prove a rate for all such references, or "
+        proof *= result.experiment.loop.vehicle.is_ideal
+        yield (
+            f"{'The reference moves' if moves else 'A force varies'}, so the loop of "
+            f"{listed([titles[law.label] for law in varying])} varies in time: eigenvalues at "
+            "single times are no rates, and do not decide whether it is stable. For a sure answer, "
+            f"add {proof}--set 'reference={{kind: constant}}', which gives the margins at rest."
+        )
+    if grown := [f"{titles[x.label]} at {x.growth.at:.3g} s" for x in varying if x.delay is None]:
+        yield f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}."
+    if laws:
+        yield from [""] * bool(varying)
+        yield laid_out(_margins_table(result, laws))
+
+
+def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
+    """Return the table of some laws, and notes on how to read it."""
     sampled, gains = result.period is not None, _gains(result)
-    eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
-    header, rows = ["law", eigenvalue, "delay margin", *gains, "verdict"], []
-    for law in result.laws:
-        size = "-" if law.changes else f"{law.size:.{6 if sampled else 3}g}"
-        factors = ["-"] * len(gains)
+    size = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
+    factors = [f"{'of' if k else 'multiples of'} {name}" for k, name in enumerate(gains)]
+    header, rows = ["law", size, "delay margin", *factors, "verdict"], []
+    for law in laws:
+        largest = "-" if law.changes else f"{law.size:.{6 if sampled else 3}g}"
+        ranges = ["-"] * len(gains)
         if law.growth.is_stable:
-            factors = [_factors(law.gains.get(name)) for name in gains]
+            ranges = [_factors(law.gains.get(name)) for name in gains]
         title = result.experiment.titles[law.label]
-        rows.append([title, size, _delay(law), *factors, law.verdict])
-    notes = list(_notes(result))
-    return TextTable("margins", "", header, [Block("", rows)], notes, spare=("both",))
+        rows.append([title, largest, _delay(law), *ranges, law.verdict])
+    notes = list(_notes(result, laws))
+    table = TextTable("margins", "", header, [Block("", rows)], notes, spare=("of both",))
+    return table.without([size] if all(law.changes for law in laws) else [])
 
 
-def _notes(result: Margins) -> Iterator[str]:
+def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     """Say what the columns mean, and what is left out."""
     from eqt_cli.analysis.margins import LARGEST_FACTOR
 
     titles = result.experiment.titles
     yield "delay margin: further delay of the command with which the loop is still stable"
     yield (
-        "kp, kd, both: factors of these gains with which the loop is stable; "
+        "multiples: the loop is stable for these multiples of kp, kd, or both; "
         f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
     )
     if "position" in _gains(result):
         yield "of a cascade, kp and kd are those of its attitude law, and position is kx, kv and ki"
-    for law in result.laws:
+    for law in laws:
         if beside := _beside(result, law):
             yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
     for cycle in sorted({law.cycle for law in result.laws if law.cycle} - {result.period}):
@@ -266,18 +289,16 @@ def _notes(result: Margins) -> Iterator[str]:
             "indicative: the loop without the parts that are left out decides nothing about the "
             "whole loop"
         )
-    frozen = [titles[law.label] for law in result.laws if law.delay_is_frozen and not law.changes]
-    if frozen:
+    single = [titles[law.label] for law in result.laws if law.delay_is_frozen and not law.changes]
+    if single:
         yield (
-            f"{', '.join(frozen)}: the errors of the law obey the same equation at all times, the "
+            f"{', '.join(single)}: the errors of the law obey the same equation at all times, the "
             "command does not; its delay margin is the least of nine times, and indicative"
         )
-    changing = [f"{titles[law.label]} {law.growth.at:.3g} s" for law in result.laws if law.changes]
-    if changing:
+    if frozen := [f"{titles[law.label]} {law.growth.at:.3g} s" for law in laws if law.changes]:
         yield (
-            "indicative: the loop changes in time; eigenvalues at single times are then no rates, "
-            "and do not decide whether it is stable. Delay and factors are those at the worst of "
-            f"nine times: {', '.join(changing)}"
+            "indicative: delay and multiples are those of the loop frozen at the worst of nine "
+            f"times: {', '.join(frozen)}"
         )
     if result.left_out:
         yield f"left out: {', '.join(result.left_out)}"

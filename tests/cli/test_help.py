@@ -6,6 +6,7 @@ The layout is that of the version of typer named in help/VERSION, and compared w
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from importlib.metadata import version
@@ -84,7 +85,7 @@ def test_help_names_and_explains_every_argument_and_option(eqt, words):
 def test_help_ends_with_an_example_that_parses(words):
     start, arguments = f"Example: eqt {words}".strip(), COMMANDS[words].epilog
     assert arguments.startswith(f"{start} ")
-    given = arguments.removeprefix(start).partition(">")[0].split()
+    given = shlex.split(arguments.removeprefix(start).partition(">")[0])
     COMMANDS[words].make_context(words, given)  # which refuses what is no option of it
 
 
