@@ -171,5 +171,5 @@ def test_every_figure_is_listed_with_a_sentence(eqt):
 
     done = eqt("plot", "--list")
     assert done.code == 0
-    names = re.findall(r"^  (\w+)  +[A-Z]", done.out, re.M)
+    names = re.findall(r"^(\w+)  +[A-Z]", done.out, re.M)
     assert sorted(names) == sorted(figures.names())
