@@ -220,13 +220,11 @@ class OutcomeSearch:
         """Follow the slope of a comparison until it has the other outcome."""
         reached = np.flatnonzero(seen.outcomes[:, decision])
         nearest = reached[np.argsort(np.abs(seen.apart[reached, decision]), kind="stable")]
-        others = self.random.permutation(reached)
-        x = states.of(np.unique([*nearest[:STARTS], *others[:STARTS]]))
+        x = states.of(np.unique([*nearest[:STARTS], *self.random.permutation(reached)[:STARTS]]))
         for _ in range(STEPS):
             here = self.watch(x).apart[:, decision]
             k = self.axes(x)
-            around = self.moved(_repeated(x, k), np.tile(SHORT * np.eye(k), (x.rows, 1)))
-            seen = self.watch(around)
+            seen = self.watch(self.moved(_repeated(x, k), np.tile(SHORT * np.eye(k), (x.rows, 1))))
             beside = np.where(seen.outcomes[:, decision] > 0, seen.apart[:, decision], np.nan)
             slope = np.nan_to_num((beside.reshape(-1, k) - here[:, None]) / SHORT)
             square = (slope * slope).sum(axis=-1, keepdims=True)
@@ -351,8 +349,7 @@ class Question:
 
     def of(self, where: Array) -> Question:
         """Return the question at some of the states."""
-        states = States(self.inputs, dict(self.memory)).of(where)
-        return Question(self.loop, *states)
+        return Question(self.loop, *States(self.inputs, dict(self.memory)).of(where))
 
     @property
     def forgetful(self) -> dict[str, Array]:
@@ -876,8 +873,7 @@ def explained_cascade(question: Question, wrench: Array, real: str) -> str:
         torque = wrench[:, turns] - (law.torque(s)[:, turns] - law.inner.torque(read))
         explanation = explained(attitude, torque, real)
         cost = explanation.cost + (ASSUMED if assumed else 0.0)
-        if not explanation.is_complete:
-            cost = np.inf
+        cost = cost if explanation.is_complete else np.inf
         candidates.append((cost, "; ".join(filter(None, [assumed, explanation.words]))))
     of_torque = min(candidates, key=lambda candidate: candidate[0])[1]
     for name, symbol in NAMES.items():

@@ -90,6 +90,13 @@ class Judged:
         """The law in code."""
         return self.loop.controller
 
+    def row(self, name: str, verdict: Verdict, words: list[str], *sizes: float) -> Row:
+        """Return a row about the code; of a difference, with its size and its bound."""
+        code, (measured, bound) = self.law.code, sizes or (None, None)
+        statement = f"{code.file}: {code.function}"
+        remark = "; ".join(words)
+        return Row(name, statement, "code", self.label, measured, bound, verdict, remark)
+
     def watched(self, states: States) -> Watched:
         """Return torque and outcomes at states, from the code that keeps its outcomes."""
         loop = self.loop
@@ -140,8 +147,7 @@ class Judged:
             return []
         decisions, unseen = self.law.decisions, []
         both = States.joined([self.states, self.states.of(slice(1)).not_finite()])
-        outcomes = self.watched(both).outcomes
-        reached = np.bitwise_or.reduce(outcomes) | 3 * self.of_pointers
+        reached = np.bitwise_or.reduce(self.watched(both).outcomes) | 3 * self.of_pointers
         had = list(zip(decisions, reached.tolist(), strict=True))
         entered = {each.function for each, outcome in had if outcome}
         for decision, outcome in had:
@@ -216,8 +222,7 @@ def answers(rows: Iterable[Row], experiment: Any) -> Iterator[dict[str, str]]:
             if row.controller == label and row.verdict is not Verdict.HOLDS:
                 said[row.verdict is Verdict.FAILS] += filter(None, [row.remark])
                 name = name or row.name.partition(NEAREST)[2]
-        others = [] if law.formula and said[True] else said[False]
-        words = "; ".join(said[True] + others)
+        words = "; ".join(said[True] + ([] if law.formula and said[True] else said[False]))
         # A coefficient of 0.00 is that of a term that is lacking.
         words = re.sub(r": coefficient 0\.00 of [^,;]+|; the same as in [^;]+", "", words)
         pieces = [each for each in words.split("; ") if each]
@@ -265,7 +270,7 @@ def _finite(judged: Judged) -> Iterator[Row]:
     if bad.any() and not known[bad].all():
         words.append("the law is not finite there either")
     verdict = Verdict.FAILS if np.any(bad & known) else Verdict.HOLDS
-    yield _row(judged, "finite torque at half turns and without an error", verdict, words)
+    yield judged.row("finite torque at half turns and without an error", verdict, words)
 
 
 def _repeatable(judged: Judged) -> Iterator[Row]:
@@ -299,7 +304,7 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
     elif functions:
         words = f"undecided: it calls {', '.join(functions)}, which may keep a state"
         verdict = Verdict.UNDECIDED
-    yield _row(judged, "equal inputs give equal torques", verdict, [words])
+    yield judged.row("equal inputs give equal torques", verdict, [words])
 
 
 NO_NUMBER = (
@@ -339,7 +344,7 @@ def _compared(judged: Judged) -> Iterator[Row]:
             undecided = judged.never or not (judged.is_watched or code.is_python)
             verdict = Verdict.UNDECIDED if undecided else Verdict.HOLDS
         name = f"torque of {law.title}, {code.real}, {place}"
-        yield _row(judged, name, verdict, words, differences.measured, differences.bound)
+        yield judged.row(name, verdict, words, differences.measured, differences.bound)
         if memories and place == "at random states" and loop.vehicle.control is not None:
             yield from _memory_rows(judged, question, memory, code.real)
 
@@ -350,7 +355,7 @@ def _unclaimed(judged: Judged) -> Row:
     torque, _ = loop.answer(*states, loop.period)
     if loop.controller.reads_flat_output or not np.isfinite(torque).all(axis=1).any():
         words = ["name the law that it claims to be with `as`"]
-        return _row(judged, "torque of the law", Verdict.UNCLAIMED, words)
+        return judged.row("torque of the law", Verdict.UNCLAIMED, words)
     still = states._replace(memory={name: 0 * z for name, z in states.memory.items()})
     without, signs = loop.answer(*still, loop.period)[0], limits(loop.group, torque)
 
@@ -364,7 +369,7 @@ def _unclaimed(judged: Judged) -> Row:
     words = [f"undecided: {'; '.join(judged.never)}"] if judged.never else []
     if differences.wrong.any():
         words = _description(judged, states, law, torque, differences)
-    return _row(judged, f"{NEAREST}{law.loop.controller.name}", Verdict.UNCLAIMED, words)
+    return judged.row(f"{NEAREST}{law.loop.controller.name}", Verdict.UNCLAIMED, words)
 
 
 def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
@@ -438,6 +443,7 @@ class _TorqueDifferences:
     by_float: bool
 
 
+@np.errstate(divide="ignore", invalid="ignore")  # a torque, or its bound, that is exactly 0
 def _differences(question: Question, torque: Array, real: str) -> _TorqueDifferences:
     """Compare torques within the bounds of their rounding errors.
 
@@ -448,12 +454,10 @@ def _differences(question: Question, torque: Array, real: str) -> _TorqueDiffere
     difference = np.abs(torque - law)
     difference = np.where(np.isnan(difference) & np.isfinite(law), np.inf, difference)
     size = np.abs(law).max(axis=-1, keepdims=True)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a torque that is exactly 0
-        relative = np.nan_to_num(np.where(difference == 0, 0.0, difference / size))
+    relative = np.nan_to_num(np.where(difference == 0, 0.0, difference / size))
     some = np.arange(len(law)) < BOUNDED
     bounds = ARRANGED * _rounding(question, some) * worse
-    with np.errstate(divide="ignore", invalid="ignore"):
-        least = np.nanmin(bounds / size[some], axis=0, initial=np.inf)  # of each entry
+    least = np.nanmin(bounds / size[some], axis=0, initial=np.inf)  # of each entry
     least = np.where(np.isfinite(least), least, 0.0)
     bound = np.where(np.isfinite(size), least * size, np.nan) + 0.0 * law
     bound[some] = bounds
@@ -464,8 +468,7 @@ def _differences(question: Question, torque: Array, real: str) -> _TorqueDiffere
     usable = np.isfinite(law) & np.isfinite(bound)
     if not usable.any():
         return _TorqueDifferences(np.zeros(len(law), dtype=bool), 0.0, 0.0, False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(usable & (difference > 0), difference / bound, 0.0)
+    ratio = np.where(usable & (difference > 0), difference / bound, 0.0)
     place = np.unravel_index(ratio.argmax(), ratio.shape)
     if not ratio.any():
         place = np.unravel_index(usable.argmax(), ratio.shape)
@@ -620,7 +623,7 @@ def _memory_rows(
                 said = in_parts(*advance, Tolerance(near, 10 * near)).words
                 words += [f"its {name} {x}" for x in said.split("; ") if not x.startswith("the")]
         verdict = Verdict.FAILS if words else Verdict.HOLDS
-        yield _row(judged, f"memory of {loop.controller.title} {when}", verdict, words, *worst)
+        yield judged.row(f"memory of {loop.controller.title} {when}", verdict, words, *worst)
 
 
 def _memory_bounds(question: Question, z: Array, real: str) -> Array:
@@ -628,16 +631,3 @@ def _memory_bounds(question: Question, z: Array, real: str) -> Array:
     parts = (*(part for part in question.inputs[1:] if part is not None), z)
     sizes = [np.abs(part).reshape(len(z), -1).max(axis=-1, initial=1.0) for part in parts]
     return ROUNDOFF[real] * MEMORY_ROUNDINGS * np.maximum.reduce(sizes)
-
-
-def _row(
-    judged: Judged,
-    name: str,
-    verdict: Verdict,
-    words: list[str],
-    measured: float | None = None,
-    bound: float | None = None,
-) -> Row:
-    code = judged.law.code
-    statement = f"{code.file}: {code.function}"
-    return Row(name, statement, "code", judged.label, measured, bound, verdict, "; ".join(words))
