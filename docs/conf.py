@@ -42,7 +42,9 @@ napoleon_use_ivar = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
-autodoc_type_aliases = {name: name for name in ("Array", "Configuration", "ResultPath", "Shown")}
+autodoc_type_aliases = {
+    name: name for name in ("Array", "Arrays", "Configuration", "ResultPath", "Shown")
+}
 autodoc_preserve_defaults = True
 nitpick_ignore_regex = [  # types of parameters and attributes; references stay strict
     ("py:(class|exc)", ".*"),

@@ -1,6 +1,6 @@
 """Identities of the paper, checked at random states."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -9,7 +9,7 @@ import numpy as np
 from eqt_cli.analysis import certificates
 from eqt_cli.analysis.exact import UNIT, floats, lifted, rate_of, value_of, with_rate
 from eqt_cli.analysis.sample import Sample
-from eqt_cli.base.arrays import Array, apply_matrix, dot, norm, stack, transpose
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, norm, stack, transpose
 from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import FactoredInertia, Inertia, critical_sets
@@ -519,7 +519,7 @@ def _memory_rates(law: Controller, s: Tracking) -> dict[str, Array]:
     return {name: rate_of(rates[name] + 0 * z) for name, z in s.memory.items()}
 
 
-def _with_memory_rates(s: Tracking, rates: Mapping[str, Array]) -> Tracking:
+def _with_memory_rates(s: Tracking, rates: Arrays) -> Tracking:
     return replace(s, memory={name: with_rate(z, rates[name]) for name, z in s.memory.items()})
 
 

@@ -17,6 +17,9 @@ from eqt_cli.base.errors import TraceError
 Array = NDArray[Any]
 """A float array, or an object array of symbols, with any leading batch axes."""
 
+Arrays = Mapping[str, Array]
+"""Arrays by their names, such as the states of a vehicle or the memory of a law."""
+
 FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log sqrt abs".split()
 """Elementwise functions of one argument; the names are also those of the expression grammar."""
 

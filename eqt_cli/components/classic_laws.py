@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, absolute, dot, exp, log, stack, tanh
+from eqt_cli.base.arrays import Array, Arrays, absolute, dot, exp, log, stack, tanh
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
@@ -349,7 +349,7 @@ class Goodarzi2013(Controller):
         """Return the length of the integral e_I."""
         return {"integral": G.dimension}
 
-    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+    def memory_rate(self, s: Tracking) -> Arrays:
         """ė_I = e + c₂ e_R, and what an anti-windup makes of it."""
         rate = self.velocity_error(s)
         if self.anti_windup == "none":
@@ -389,7 +389,7 @@ class Goodarzi2013(Controller):
         changed = self.memory_rate(s)["integral"] - self.velocity_error(s)
         return mixed - dot(self.ki * self._bounded(s), changed)
 
-    def memory_gradient(self, s: Tracking) -> Mapping[str, Array]:
+    def memory_gradient(self, s: Tracking) -> Arrays:
         """∂L/∂e_I, k_I times the bounded integral."""
         return {"integral": self.ki * self._bounded(s)}
 

@@ -1,14 +1,14 @@
 """Estimators of pose and velocity: base class, schedule, complementary and Kalman filters."""
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix, less, sqrt, transpose, where
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, less, sqrt, transpose, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, VELOCITY, Scale, Unit
 from eqt_cli.base.registry import Registry
@@ -265,9 +265,7 @@ class Estimator(VehiclePart):
             }
         return {name: length for name, length in sizes.items() if length}
 
-    def after(
-        self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
-    ) -> dict[str, Array]:
+    def after(self, schedule: Schedule, measured: Measurement, states: Arrays) -> dict[str, Array]:
         """Return the states after an instant."""
         G, depth, begun = schedule.G, schedule.depth, states["begun"]
         has_start = self.initial_error is not None  # the start, else it is the first fix
@@ -313,7 +311,7 @@ class Estimator(VehiclePart):
             first[channel.entries] = measured.pose[channel.entries]
         return self.first(G, first)
 
-    def _loaded(self, G: MatrixLieGroup, states: Mapping[str, Array], prefix: str) -> Estimate:
+    def _loaded(self, G: MatrixLieGroup, states: Arrays, prefix: str) -> Estimate:
         pose, bias = G.unpack(states[f"{prefix}pose"]), states[f"{prefix}bias"]
         age = states.get(f"{prefix}age", 0.0)
         if not self.has_covariance:
@@ -334,9 +332,7 @@ class Estimator(VehiclePart):
 class _Past:
     """The measurements known at an instant, of the steps from the oldest instant kept to now."""
 
-    def __init__(
-        self, schedule: Schedule, measured: Measurement, states: Mapping[str, Array]
-    ) -> None:
+    def __init__(self, schedule: Schedule, measured: Measurement, states: Arrays) -> None:
         self._schedule, self._measured, self._begun = schedule, measured, states["begun"]
         m, depth, parts = schedule.G.dimension, schedule.depth, len(schedule.timed)
         self._velocities = [*_cut(states["past_velocity"], m, depth + 1), measured.velocity]
@@ -418,7 +414,7 @@ def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
     return [ring[..., k * length : (k + 1) * length] for k in range(count)]
 
 
-def _summed(innovations: Array, arrived: Array, states: Mapping[str, Array]) -> dict[str, Array]:
+def _summed(innovations: Array, arrived: Array, states: Arrays) -> dict[str, Array]:
     """Return the states of the innovations: count, squares and products, and the last ones."""
     last, sums = states["last_innovation"], states["innovations"]
     counted = innovations * arrived

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, dot
+from eqt_cli.base.arrays import Array, Arrays, dot
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, Scale
 from eqt_cli.base.registry import Component, Registry
@@ -311,7 +311,7 @@ class Controller(TimeVarying, Component):
         return x.rows(self.code_call.reads)
 
     def answer_rows(
-        self, G: MatrixLieGroup, rows: Array, memory: Mapping[str, Array]
+        self, G: MatrixLieGroup, rows: Array, memory: Arrays
     ) -> tuple[Array, dict[str, Array]] | None:
         """Return what the code answers to its rows; None where they are parts of the input.
 
@@ -359,7 +359,7 @@ class Controller(TimeVarying, Component):
         """The law whose formulas apply: this one, or the one that its code claims to be."""
         return self
 
-    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Return the commanded torque at a control instant, and the memory one period later.
 
         The memory z is advanced by an Euler step.
@@ -373,14 +373,14 @@ class Controller(TimeVarying, Component):
         """Return the lengths of the law's own states by name."""
         return {}
 
-    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+    def initial_memory(self, s: Tracking) -> Arrays:
         """Return the states at the start of a run, ``(..., length)`` each; 0 for those left out.
 
         In `s`, all states of the law are 0.
         """
         return {}
 
-    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+    def memory_rate(self, s: Tracking) -> Arrays:
         """Return the time derivatives of all states, which are in `s.memory`."""
         return {}
 
@@ -394,7 +394,7 @@ class Controller(TimeVarying, Component):
     output_units: ClassVar[Mapping[str, str]] = {}
     """Units of these numbers by their name, where they have one."""
 
-    def output(self, s: Tracking) -> Mapping[str, Array]:
+    def output(self, s: Tracking) -> Arrays:
         """Return the numbers that a result stores, ``(..., length)`` each."""
         return s.memory
 
@@ -402,7 +402,7 @@ class Controller(TimeVarying, Component):
         """Return the states that count control instants, at each instant of the law's cycle."""
         return [{}]
 
-    def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
+    def memory_gradient(self, s: Tracking) -> Arrays | None:
         """Return ∂L/∂z of all states z; None where it is not known.
 
         With it, the energy balance also holds where the states change only at instants.

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from eqt_cli.base.arrays import Array, apply_matrix, as_array, dot
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, as_array, dot
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.option_types import Matrix
 from eqt_cli.components.groups import MatrixLieGroup
@@ -284,7 +284,7 @@ class Lqr(Controller):
         model = self.actuators
         return {} if model is None else {"actuators": model.transition.shape[-1]}
 
-    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+    def memory_rate(self, s: Tracking) -> Arrays:
         """ż = Fz + Gu of a continuous loop."""
         model, u = self.actuators, self.torque(s) - self.feedforward_torque(s)
         if model is None:
@@ -292,7 +292,7 @@ class Lqr(Controller):
         moved = apply_matrix(model.transition, s.memory["actuators"])
         return {"actuators": moved + apply_matrix(model.inputs, u)}
 
-    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Return the command, and z one period later, which is Fz + Gu of a sampled loop."""
         return self.torque(s), self.memory_rate(s)
 

@@ -1,14 +1,14 @@
 """The parts between a law and the motion: actuators, sensors, estimators, forces, plant."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, absolute, apply_matrix, less, stack, where
+from eqt_cli.base.arrays import Array, Arrays, absolute, apply_matrix, less, stack, where
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
 from eqt_cli.components.forces import GRAVITY, Force, in_currents
@@ -202,9 +202,7 @@ class Vehicle:
         started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
         return {**started, CLOCKS: self.ticks_left(0)} if self.clocks else started
 
-    def read(
-        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
-    ) -> tuple[Array, dict[str, Array]]:
+    def read(self, G: MatrixLieGroup, V: Array, states: Arrays) -> tuple[Array, dict[str, Array]]:
         """Return the velocity that sensors measure before errors, and the rates of their states."""
         rates = {}
         for k, sensor in enumerate(self.moving_sensors):
@@ -266,7 +264,7 @@ class Vehicle:
         return Errors(n[POSE], n[VELOCITY], flags, bias, n[FLUX][..., : 3 * bool(self.magnet)])
 
     def after_measuring(
-        self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Mapping[str, Array]
+        self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Arrays
     ) -> dict[str, Array]:
         """Return the states of sensors and estimator after a tick with the true Q and V."""
         Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
@@ -306,14 +304,12 @@ class Vehicle:
                 bias[:, axes] += np.array(drift)[:, columns] ** 2
         return Deviations(np.sqrt(squares[POSE]), np.sqrt(squares[VELOCITY]), *np.sqrt(bias))
 
-    def estimated(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> tuple[Array, Array]:
+    def estimated(self, G: MatrixLieGroup, states: Arrays) -> tuple[Array, Array]:
         """Return Q̂ and V̂."""
         estimate = estimator_states(states)
         return G.unpack(estimate["pose"]), estimate["velocity"]
 
-    def as_arrived(
-        self, G: MatrixLieGroup, measured: Sequence[Any], states: Mapping[str, Array]
-    ) -> list[Any]:
+    def as_arrived(self, G: MatrixLieGroup, measured: Sequence[Any], states: Arrays) -> list[Any]:
         """Return pose, velocity and field, with the held measurements of the parts that hold."""
         arrived = list(measured)
         for channel in self.holding(G):
@@ -389,7 +385,7 @@ class Vehicle:
         return {"thruster": self.thruster_names, "wheel": wheels[1].wheel_names if wheels else ()}
 
     def wheel_states(
-        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+        self, G: MatrixLieGroup, V: Array, states: Arrays
     ) -> tuple[Array, Array, Array]:
         """Return momenta and speeds of the wheels, ``(..., k)``, NaN if unknown, and `stored`."""
         if self.wheels is None:
@@ -400,7 +396,7 @@ class Vehicle:
         speeds = h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
         return h, speeds, self.stored(G, V, states)
 
-    def stored(self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]) -> Array:
+    def stored(self, G: MatrixLieGroup, V: Array, states: Arrays) -> Array:
         """Return the momentum A h of the wheels in the body frame, ``(..., m)``; 0 without any."""
         if self.wheels is None:
             return 0.0 * V
@@ -408,7 +404,7 @@ class Vehicle:
         return apply_matrix(wheels.matrix, wheels.momenta(states.get(place, V[..., :0])))
 
     def reactions(
-        self, G: MatrixLieGroup, V: Array, states: Mapping[str, Array]
+        self, G: MatrixLieGroup, V: Array, states: Arrays
     ) -> Iterator[tuple[str, Array, Array]]:
         """Yield the names of states, forces that depend on the velocity, and rates beside them."""
         for place, actuator in self._chain():
@@ -468,9 +464,7 @@ class Vehicle:
             held[CLOCKS] = len(self.clocks)
         return {**commands, **held, **lengths, **measured, **self.estimator_lengths(G)}
 
-    def running(
-        self, G: MatrixLieGroup, command: Array, x: Mapping[str, Array]
-    ) -> dict[str, Array]:
+    def running(self, G: MatrixLieGroup, command: Array, x: Arrays) -> dict[str, Array]:
         """Return the states at the start of a run that are not 0, if anything `runs`, from those x.
 
         The first command has then been given before, too.
@@ -512,14 +506,14 @@ class Vehicle:
         ticks = [(clock.offset - tick) % clock.every for clock in self.clocks.values()]
         return np.array(ticks, dtype=float)
 
-    def acts(self, states: Mapping[str, Array], place: str = CONTROL) -> Any:
+    def acts(self, states: Arrays, place: str = CONTROL) -> Any:
         """Return whether law or actuator acts at the tick of these states; None: at every one."""
         if place not in self.clocks:
             return None
         k = list(self.clocks).index(place)
         return less(states[CLOCKS][..., k : k + 1], 0.5)
 
-    def if_due(self, states: Mapping[str, Array], new: Array, old: Array, place: str) -> Array:
+    def if_due(self, states: Arrays, new: Array, old: Array, place: str) -> Array:
         """Return new values of law or actuator at a tick at which it acts, else the old ones."""
         due = self.acts(states, place)
         return new if due is None else where(due, new, old)
@@ -537,7 +531,7 @@ class Vehicle:
             yield f"{ACTUATORS}_{index}", actuator
 
     def passed(
-        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+        self, G: MatrixLieGroup, command: Array, states: Arrays
     ) -> tuple[Array, dict[str, Array]]:
         """Return the torque that a command leads to, and the rates of the states.
 
@@ -566,16 +560,12 @@ class Vehicle:
             rates[PROPELLANT] = stack([flow.sum(axis=-1)])
         return command, rates
 
-    def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
+    def last_command(self, G: MatrixLieGroup, states: Arrays) -> Array:
         """Return the command of a sampled law at the last instant."""
         return states[COMMANDS][..., -G.dimension :]
 
     def after_instant(
-        self,
-        G: MatrixLieGroup,
-        torque: Array,
-        states: Mapping[str, Array],
-        solved: Array | None = None,
+        self, G: MatrixLieGroup, torque: Array, states: Arrays, solved: Array | None = None
     ) -> dict[str, Array]:
         """Return the states after a tick, at which the law commands a torque if it acts.
 
@@ -611,14 +601,14 @@ class Vehicle:
                 command = actuator.output(G, command, x)
         return {**changed, HELD: command} if self._at_instants else changed
 
-    def solution(self, G: MatrixLieGroup, torque: Array, states: Mapping[str, Array]) -> Array:
+    def solution(self, G: MatrixLieGroup, torque: Array, states: Arrays) -> Array:
         """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
         after = self.after_instant(G, torque, states, np.zeros((len(torque), self.solves)))
         inputs = self._inputs(G, torque, after)
         return next(each.solution(G, command) for each, command, _ in inputs if each.solves)
 
     def _inputs(
-        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+        self, G: MatrixLieGroup, command: Array, states: Arrays
     ) -> Iterator[tuple[Actuator, Array, Array]]:
         """Yield the actuators, each with the command that it gets and its states."""
         if self.control is not None:
@@ -629,14 +619,14 @@ class Vehicle:
             yield actuator, command, x
             command = actuator.output(G, command, x)
 
-    def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+    def thrust(self, G: MatrixLieGroup, command: Array, states: Arrays) -> Array:
         """Return the thrust of each thruster, ``(..., k)``."""
         for actuator, u, x in self._inputs(G, command, states):
             if actuator.thruster_names:
                 return actuator.thrust(G, u, x)
         return command[..., :0]
 
-    def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+    def at_limit(self, G: MatrixLieGroup, command: Array, states: Arrays) -> Array:
         """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
         beyond = np.zeros(command.shape[:-1])
         for actuator, u, x in self._inputs(G, command, states):
@@ -644,7 +634,7 @@ class Vehicle:
                 beyond = where(less(0.5, flags), 1.0, beyond)
         return beyond
 
-    def cut(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+    def cut(self, G: MatrixLieGroup, command: Array, states: Arrays) -> Array:
         """Return 1 along axes where limits change the input of any actuator, else 0, ``(..., m)``.
 
         A difference of the size of rounding is none.
@@ -677,7 +667,7 @@ class Vehicle:
         return self.inertia.at(s.inertia, s.t)
 
 
-def estimator_states(states: Mapping[str, Array]) -> dict[str, Array]:
+def estimator_states(states: Arrays) -> dict[str, Array]:
     """Return the states of the estimator, by its own names."""
     start = f"{ESTIMATOR}_"
     names = (name for name in states if name.startswith(start))

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Protocol, final
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import CountOrNone, Positive
 from eqt_cli.base.registry import Component, Registry
@@ -125,7 +125,7 @@ class Problem:
     loop: ClosedLoop
     states: Array
     times: Array
-    varying: Mapping[str, Array] = field(default_factory=dict)
+    varying: Arrays = field(default_factory=dict)
     errors: ErrorsOfRuns | None = None
     halved: bool = False
     draws: Array | None = None

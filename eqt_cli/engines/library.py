@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.engines import compiler
 from eqt_cli.numbers.program import (
     FUNCTIONS_HEADER,
@@ -396,9 +396,7 @@ class Walk:
         The steps of each run before the last span.
     """
 
-    def __init__(
-        self, field: Program, spans: Array, arrays: Mapping[str, Array], **span: Any
-    ) -> None:
+    def __init__(self, field: Program, spans: Array, arrays: Arrays, **span: Any) -> None:
         self._function = _walk(field)
         runs, row = span["states"].shape
         buffers = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}

@@ -20,7 +20,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import EqtError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.components.laws import CodeCall
@@ -51,7 +51,6 @@ from eqt_cli.loop.law_program import (
     MEMORY,
     NUMBER,
     TORQUE,
-    Arrays,
     LawProgram,
     RunningPrograms,
     inputs_of,
@@ -104,7 +103,7 @@ def programs(loop: ClosedLoop) -> LoopPrograms:
     """
 
     # A law is promised a leading run axis; here it has one entry.
-    def field(inputs: Arrays) -> Mapping[str, Array]:
+    def field(inputs: Arrays) -> Arrays:
         rates = symbolic_loop(loop, inputs).vector_field(inputs["time"][0], inputs["state"][None])
         return {"derivative": rates[0]}
 
@@ -188,7 +187,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         If a component does what programs cannot, as in `programs`.
     """
 
-    def law_input(inputs: Arrays) -> Mapping[str, Array]:
+    def law_input(inputs: Arrays) -> Arrays:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
         errors = _errors(loop, inputs)
         state = symbolic.measured(t, state, errors)
@@ -204,7 +203,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
             signals[ROWS] = loop.controller.code_rows(loop.group, law)[0]
         return signals
 
-    def after(inputs: Arrays) -> Mapping[str, Array]:
+    def after(inputs: Arrays) -> Arrays:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
         lengths = loop.controller.memory(loop.group)
         parts = np.split(inputs["memory"][None], np.cumsum([*lengths.values()]), axis=1)
@@ -256,7 +255,7 @@ def sampled(
     Lyapunov function.
     """
 
-    def arrays(inputs: Arrays) -> Mapping[str, Array]:
+    def arrays(inputs: Arrays) -> Arrays:
         rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
         computed = function(symbolic_loop(loop, inputs), inputs["time"][0], *rows)
         return {name: np.asarray(values)[0] for name, values in computed.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.engines.engine import Engine, Failure, Integrator, Problem, Span, SpanResult, Status
@@ -191,7 +191,7 @@ def _traced(loop: ClosedLoop, varying: tuple[str, ...]) -> Program | None:
     numbers = leaves(loop)
     lengths = {path: numbers[path].size for path in (*varying, *loop.held_leaves)}
 
-    def field(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+    def field(inputs: Arrays) -> Arrays:
         # A law is promised a leading run axis; here it has one entry.
         values = {
             path: inputs.get(path, number).reshape(1, *number.shape)
@@ -244,7 +244,7 @@ class TracedField:
                 self._program = None  # the field depends on more than it is given
         return rates
 
-    def _write(self, numbers: Mapping[str, Array]) -> None:
+    def _write(self, numbers: Arrays) -> None:
         """Write numbers, shared or with a leading axis of runs, to the program."""
         if self._program is not None:
             for path, number in numbers.items():

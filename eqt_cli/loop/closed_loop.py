@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, dot, stack
+from eqt_cli.base.arrays import Array, Arrays, dot, stack
 from eqt_cli.base.errors import KeyPath, parse_key
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.components.actuators import Actuator
@@ -190,7 +190,7 @@ class ClosedLoop:
             return np.zeros(s.P.shape[:-1])
         return self.vehicle.at(s).at_limit(self.group, self.command(s), s.vehicle)
 
-    def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
+    def acting_and_rates(self, s: Tracking) -> tuple[Array, Arrays]:
         """Return the force that moves the law's model as the true plant, and actuator rates.
 
         The force, ``(..., m)`` in the body frame, is τ if nothing else acts and the law knows the
@@ -419,7 +419,7 @@ class ClosedLoop:
         }
         return self.layout.join(rates, state)
 
-    def _desired_rates(self, s: Tracking) -> Mapping[str, Array]:
+    def _desired_rates(self, s: Tracking) -> Arrays:
         Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
         Pd_dot = Pd_dot + s.inertia.leaving(s.Vd)
         return dict(zip(DESIRED, (self.group.pack(Qd_dot), Pd_dot), strict=True))
@@ -462,7 +462,7 @@ class ClosedLoop:
         return inputs._replace(pose=Q, velocity=V, flux=B)
 
     def answer(
-        self, inputs: LawInput, memory: Mapping[str, Array], period: Any
+        self, inputs: LawInput, memory: Arrays, period: Any
     ) -> tuple[Array, dict[str, Array]]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
         force = known_force(self, inputs.t, inputs.pose)
@@ -471,12 +471,7 @@ class ClosedLoop:
         return s.command(torque) + 0.0 * inputs.velocity, dict(later)
 
     def after_answer(
-        self,
-        t: Any,
-        state: Array,
-        torque: Array,
-        memory: Mapping[str, Array],
-        solved: Array | None = None,
+        self, t: Any, state: Array, torque: Array, memory: Arrays, solved: Array | None = None
     ) -> Array:
         """Return a flat state after a tick; a law that acts has commanded a torque.
 
@@ -556,7 +551,7 @@ def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {prefix + name: value for name, value in values.items()}
 
 
-def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
+def _of(prefix: str, stretches: Arrays) -> dict[str, Array]:
     """Return the stretches whose names begin with a prefix, without it; undoes `_named`."""
     return {
         name.removeprefix(prefix): values

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import LATER, LawInput
@@ -138,7 +138,7 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
     reads = tuple(adapter.entries(G, units)) if adapter else entries
     groups = sizes({known: entries, INPUT: reads, NUMBER: numbers, MEMORY: memory})
 
-    def symbols(inputs: Mapping[str, Array]) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
+    def symbols(inputs: Arrays) -> tuple[ClosedLoop, LawInput, dict[str, Array]]:
         """Return the loop with symbols for the law's numbers, its input, and its memory."""
 
         # A law is promised a leading run axis; here it has one entry.
@@ -154,7 +154,7 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
         symbolic = with_leaves(loop, {entry.source: one(NUMBER, entry) for entry in numbers[:-1]})
         return symbolic, law_input, {each.source: one(MEMORY, each) for each in memory}
 
-    def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+    def step(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
         torque, after = symbolic.answer(law_input, state, inputs[NUMBER + numbers[-1].name][0])
         if adapter:
@@ -162,14 +162,14 @@ def law_program(loop: ClosedLoop, adapter: Any = None, with_outputs: bool = Fals
             torque = adapter.output.returned(s, torque)
         return {TORQUE: torque[0], **_flat(memory, after)}
 
-    def start(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+    def start(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
         unset = {name: 0 * z for name, z in state.items()}
         s = law_input.tracking(G, symbolic.inertia, symbolic.gains, unset)
         zero = {name: np.zeros(z.shape) for name, z in state.items()}
         return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
 
-    def output(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+    def output(inputs: Arrays) -> Arrays:
         symbolic, law_input, state = symbols(inputs)
         s = law_input.tracking(G, symbolic.inertia, symbolic.gains, state)
         values = symbolic.controller.output(s)
@@ -255,16 +255,14 @@ def _numbers_of_law(law: Controller, lengths: Mapping[str, int]) -> tuple[Entry,
     )
 
 
-def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:
+def _flat(memory: tuple[Entry, ...], values: Arrays) -> dict[str, Array]:
     return {MEMORY + entry.name: values[entry.source][0] for entry in memory}
 
 
 # A loop with symbols for its numbers, and the programs that measure its runs on the way -----------
-
-
-Arrays = Mapping[str, Array]
-"""Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
-at a control instant ``errors``, the numbers of `Errors` one after the other."""
+#
+# The symbols stand by the names of the groups of inputs: ``state``, ``time``, ``parameters``,
+# ``held``, and at a control instant ``errors``, the numbers of `Errors` one after the other.
 
 
 @dataclass(frozen=True)
@@ -296,7 +294,7 @@ class RunningPrograms:
 
 @lru_cache(maxsize=64)
 def running(
-    function: Callable[..., Mapping[str, Array]],
+    function: Callable[..., Arrays],
     reduction: Callable[..., Mapping[str, Any]],
     loop: ClosedLoop,
     lengths: tuple[int, ...],
@@ -313,7 +311,7 @@ def running(
     memory, shapes = Memory(np.empty(0), np.empty(0)), dict[str, tuple[int, ...]]()
     over = np.array(times)
 
-    def at_sample(inputs: Arrays) -> Mapping[str, Array]:
+    def at_sample(inputs: Arrays) -> Arrays:
         nonlocal memory
         rows = np.split(inputs["state"][None], np.cumsum(lengths)[:-1], axis=1)
         computed = function(symbolic_loop(loop, inputs), inputs["time"][0], *rows)
@@ -326,7 +324,7 @@ def running(
             "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
         }
 
-    def ended(inputs: Arrays) -> Mapping[str, Array]:
+    def ended(inputs: Arrays) -> Arrays:
         blank = {name: np.zeros(shape) for name, shape in shapes.items()}
         behind = Memory(inputs["memory"], np.zeros(len(memory.columns)), ended=True)
         numbers = reduction(Running(over, behind), blank)

@@ -7,13 +7,13 @@ leading axis of runs, or by symbols.
 """
 
 import dataclasses
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 
 T = TypeVar("T")
 
@@ -34,7 +34,7 @@ def leaves(component: Any, fields: Iterable[str] | None = None) -> dict[str, Arr
     }
 
 
-def with_leaves(component: T, values: Mapping[str, Array]) -> T:
+def with_leaves(component: T, values: Arrays) -> T:
     """Return the component with other numbers at some of its paths.
 
     Raises

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from eqt_cli.base.arrays import FUNCTIONS, Array, register_symbols
+from eqt_cli.base.arrays import FUNCTIONS, Array, Arrays, register_symbols
 
 # A straight-line program: inputs, then operations one after another, and outputs ------------------
 
@@ -338,9 +338,7 @@ register_symbols(
 )
 
 
-def traced(
-    function: Callable[[dict[str, Array]], Mapping[str, Array]], inputs: Mapping[str, int]
-) -> Program:
+def traced(function: Callable[[dict[str, Array]], Arrays], inputs: Mapping[str, int]) -> Program:
     """Trace a function to a program.
 
     Parameters

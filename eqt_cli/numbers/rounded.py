@@ -7,14 +7,14 @@ computed here does not, so a configuration fixes the same numbers on every machi
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from fractions import Fraction
 from functools import cache, lru_cache, reduce
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import FUNCTIONS, Array, inverse_spd
+from eqt_cli.base.arrays import FUNCTIONS, Array, Arrays, inverse_spd
 from eqt_cli.numbers.program import COMPARISONS, Constant, Input, Program, traced
 
 # Matrices in exact fractions ----------------------------------------------------------------------
@@ -77,7 +77,7 @@ def rounded(function: Callable[..., Array], *arrays: Array) -> Array:
     It must be one that can be traced, as laws are.
     """
 
-    def of_symbols(inputs: dict[str, Array]) -> Mapping[str, Array]:
+    def of_symbols(inputs: dict[str, Array]) -> Arrays:
         # With a batch axis of one: without any, a symbol is no array.
         pairs = zip(inputs.values(), arrays, strict=True)
         return {"result": function(*(each.reshape(1, *array.shape) for each, array in pairs))[0]}
@@ -88,7 +88,7 @@ def rounded(function: Callable[..., Array], *arrays: Array) -> Array:
     return np.array([*map(float, values)]).reshape(program.outputs[0].shape)
 
 
-def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[Any]]:
+def evaluated(program: Program, inputs: Arrays) -> dict[str, list[Any]]:
     """Return the outputs of a program for doubles as `mpf`, entry by entry; NaN where undefined.
 
     Values that no `select` chooses may be undefined: no comparison with NaN holds.

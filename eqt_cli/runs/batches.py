@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, maximum, sqrt, stack
+from eqt_cli.base.arrays import Array, Arrays, maximum, sqrt, stack
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.groups import MatrixLieGroup
@@ -54,7 +54,7 @@ class Batch:
     experiment: Experiment
     problem: Problem
     kind: Hashable
-    start: Mapping[str, Array] = field(repr=False)
+    start: Arrays = field(repr=False)
 
     @property
     def engine(self) -> Engine:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, less, minimum, sqrt, where
+from eqt_cli.base.arrays import Array, Arrays, less, minimum, sqrt, where
 from eqt_cli.base.errors import ComponentError, ResultError, TraceError
 from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
@@ -73,7 +73,7 @@ VELOCITIES, STILL = "velocities that may stay", "least change of velocities at f
 MOTION = "pose and velocity"
 """Inputs of metrics at every sample that are not signals. Names of signals have no spaces."""
 
-Desired = Mapping[str, Array]
+Desired = Arrays
 """The quantities `DESIRED` at every sample, ``(samples, …)``, with an axis for several points."""
 
 
@@ -212,7 +212,7 @@ class PartArrays:
         if (checked >= 0).any():
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
-    def _keep(self, batch: Batch, name: str, stored: Array, values: Mapping[str, Array]) -> None:
+    def _keep(self, batch: Batch, name: str, stored: Array, values: Arrays) -> None:
         """Store a signal of the runs with trajectories; of a law, the numbers that it has."""
         dataset, rows = self.data[name], stored[stored >= 0]
         if name != LAW_OUTPUT:

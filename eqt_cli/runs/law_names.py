@@ -1,12 +1,12 @@
 """Names of registered laws among the points of a sweep over the options of laws."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems, parse_key
 from eqt_cli.base.option_types import Kind, option_names
 from eqt_cli.components.laws import Controller, controllers
@@ -62,7 +62,7 @@ def law_names(study: Study, sweep: Sweep) -> Array | None:
     return names
 
 
-def _law_of_torque(law: Controller, base: Experiment, torques: Mapping[str, Array]) -> str:
+def _law_of_torque(law: Controller, base: Experiment, torques: Arrays) -> str:
     """Return the first of some laws with the same torque, up to rounding; "" if there is none."""
     # Without memory: at random states, one with memory is compared at none.
     if not torques or law.code is not None or type(law).memory is not Controller.memory:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix
 from eqt_cli.base.reporting import fixed
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
@@ -324,7 +324,7 @@ class Question:
 
     loop: ClosedLoop
     inputs: LawInput
-    memory: Mapping[str, Array]
+    memory: Arrays
     adapted: bool = False
 
     def torque(
@@ -334,7 +334,7 @@ class Question:
         inputs: LawInput | None = None,
         K: float = 1.0,
         K_d: float = 1.0,
-        memory: Mapping[str, Array] | None = None,
+        memory: Arrays | None = None,
     ) -> Array:
         """Return the torque of this or another law with scaled gains, ``(rows, m)``."""
         loop, inputs, law = self.loop, inputs or self.inputs, law or self.loop.controller
@@ -459,7 +459,7 @@ def _fitted(torque: Array, basic: dict[str, Array], moving: dict[str, Array]) ->
     return columns, expected
 
 
-def least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
+def least_squares(columns: Arrays, torque: Array) -> dict[str, float]:
     """Return the least-squares coefficients of the columns with the smallest norm."""
     if not columns:
         return {}

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.base.arrays import Array, apply_matrix, dot, transpose
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
 from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
@@ -187,7 +187,7 @@ class Adapter:
             of, shape = each.signal.partition(".")[0], each.values(G, first).shape[1:]
             yield Entry(name, shape, of, each.words(known.get(of, "")))
 
-    def read(self, G: MatrixLieGroup, x: LawInput, values: Mapping[str, Array]) -> LawInput:
+    def read(self, G: MatrixLieGroup, x: LawInput, values: Arrays) -> LawInput:
         """Return the input of a law from what code has of it."""
         for name, signal in 2 * list(self.inputs.items()):  # first the pose, by which others turn
             x = signal.read(G, x, values[name])
@@ -401,7 +401,7 @@ class Code(_Numbers):
         """Return the torque of one call of the function."""
         return self.answer(s, 0.0)[0]
 
-    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self._rows(s)
         torque, updated = self.called.call(0, numbers, float(period), memory, inputs)
@@ -418,7 +418,7 @@ class Code(_Numbers):
         torque, *outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
         return self._adapted.output.torque_of(s, torque), *outcomes
 
-    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+    def initial_memory(self, s: Tracking) -> Arrays:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
         inputs, numbers, memory = self._rows(s)
         return self._named(self.called.call(1, numbers, 0.0, np.zeros_like(memory), inputs)[1], s)

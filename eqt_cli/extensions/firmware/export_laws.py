@@ -1,14 +1,14 @@
 """Laws, references and filters as programs for export."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import EqtError, EqtWarning, Remedy, suggestion
 from eqt_cli.base.registry import description
 from eqt_cli.base.reporting import reporter, step
@@ -158,7 +158,7 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
         Entry(name, (length,), name) for name, length in lengths.items() if name not in QUALITY
     )
 
-    def step(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+    def step(inputs: Arrays) -> Arrays:
         def values(prefix: str, entry: Entry) -> Array:
             return inputs[prefix + entry.name].reshape(1, *entry.shape)
 
@@ -251,7 +251,7 @@ def reference_program(loop: ClosedLoop, law: LawProgram) -> ReferenceProgram:
     rows = [values.reshape(len(at), -1) for values in numbers.values()]
     held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
 
-    def motion(inputs: Mapping[str, Array]) -> Mapping[str, Array]:
+    def motion(inputs: Arrays) -> Arrays:
         parts = np.split(inputs["held"], np.cumsum([row.shape[1] for row in rows]))
         held_leaves = {
             name: part.reshape(values.shape[1:])
@@ -299,7 +299,7 @@ class CheckedStates:
         Number of states from runs; the others are random.
     """
 
-    inputs: Mapping[str, Array]
+    inputs: Arrays
     runs: int
     along: int
 
@@ -358,9 +358,7 @@ def states_of(
     return CheckedStates(inputs, len(good), int(finite.sum()))
 
 
-def _random(
-    rows: Mapping[str, Array], G: MatrixLieGroup, random: np.random.Generator
-) -> dict[str, Array]:
+def _random(rows: Arrays, G: MatrixLieGroup, random: np.random.Generator) -> dict[str, Array]:
     """Return states with any error of the pose, and all else as large as in the runs."""
     chosen = random.integers(0, len(rows[f"{INPUT}t"]), RANDOM)
     errors = random.standard_normal((RANDOM, G.dimension))
@@ -482,7 +480,7 @@ class ExportedLaw:
             part = part[int(name)] if name.isdigit() else getattr(part, name)
         return part
 
-    def bounded(self, program: Program, states: Mapping[str, Array]) -> dict[str, BoundedOutput]:
+    def bounded(self, program: Program, states: Arrays) -> dict[str, BoundedOutput]:
         """Return the output of a program of the law at some states, with bounds of its errors.
 
         In float, the inputs and the numbers of the law are rounded too.

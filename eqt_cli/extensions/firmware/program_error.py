@@ -10,13 +10,12 @@ followed as computed; if rounding can change its outcome, the other branch adds 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.numbers.jets import slope
 from eqt_cli.numbers.program import COMPARISONS, Constant, Input, Operation, Output, Program
 
@@ -110,10 +109,7 @@ class _ProgramValue(NamedTuple):
 
 
 def bounded(
-    program: Program,
-    inputs: Mapping[str, Array],
-    by: Arithmetic = DOUBLE,
-    errors: Mapping[str, Array] | None = None,
+    program: Program, inputs: Arrays, by: Arithmetic = DOUBLE, errors: Arrays | None = None
 ) -> dict[str, BoundedOutput]:
     """Compute the outputs of a program, and bounds of their distance from exact results.
 
@@ -152,9 +148,9 @@ class _Analysis:
     """A program at `count` inputs, with a number for each of its values."""
 
     program: Program
-    inputs: Mapping[str, Array]
+    inputs: Arrays
     by: Arithmetic
-    errors: Mapping[str, Array]
+    errors: Arrays
     count: int
     numbers: list[_ProgramValue] = field(default_factory=list)
 

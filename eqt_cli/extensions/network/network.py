@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from eqt_cli.base.arrays import Array, apply_matrix, clip, transpose
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, clip, transpose
 from eqt_cli.base.errors import InputError, Problems, TraceError
 from eqt_cli.base.option_types import Keys, Positive, Real, Unit
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -563,7 +563,7 @@ class Network(Controller):
             lengths[LAST] = self.network.outputs
         return {name: length for name, length in lengths.items() if length}
 
-    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+    def initial_memory(self, s: Tracking) -> Arrays:
         """Return the states of recurrent units at the start."""
         start = np.array(self.network.start)
         return {"hidden": start + 0.0 * s.P[..., :1]} if len(start) else {}
@@ -572,7 +572,7 @@ class Network(Controller):
         """Return the command of one call of the network."""
         return self.answer(s, 0.0)[0]
 
-    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Return the command, and the memory a period later."""
         if np.asarray(s.P).dtype == object:
             raise TraceError(f"{self.file} is a network, which is called at instants of control")
@@ -587,7 +587,7 @@ class Network(Controller):
         return torques.reshape(*batch, -1), named
 
     def answer_rows(
-        self, G: MatrixLieGroup, rows: Array, memory: Mapping[str, Array]
+        self, G: MatrixLieGroup, rows: Array, memory: Arrays
     ) -> tuple[Array, dict[str, Array]]:
         """Return the command for each row of observations, and the memory a period later."""
         lengths, rows = self.memory(G), np.ascontiguousarray(rows, dtype=float)
