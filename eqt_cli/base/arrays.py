@@ -241,13 +241,6 @@ def cross(a: Array, b: Array) -> Array:
     return stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-def moment(point: Array, force: Array) -> Array:
-    """The torque of a force at a point, ``(..., 3)`` in space and ``(..., 1)`` in the plane."""
-    if point.shape[-1] == 3:
-        return cross(point, force)
-    return stack([point[..., 0] * force[..., 1] - point[..., 1] * force[..., 0]])
-
-
 def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 

@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple,
 import numpy as np
 from pydantic import AfterValidator
 
-from eqt_cli.base.arrays import (
-    Array,
-    apply_matrix,
-    dot,
-    exp,
-    frobenius,
-    less,
-    sqrt,
-    stack,
-    transpose,
-    where,
-)
+from eqt_cli.base.arrays import Array, apply_matrix, dot, exp, frobenius, less, sqrt, stack, where
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
@@ -616,7 +605,7 @@ class Rate(Controller):
     def torque(self, s: Tracking) -> Array:
         """ω_c, body frame."""
         r = s.relative
-        E = transpose(r.Q)
+        E = r.Q.swapaxes(-1, -2)
         e = r.G.vee(E - r.Q) / sqrt(1.0 + E[..., 0, 0] + E[..., 1, 1] + E[..., 2, 2])[..., None]
         if self.error == "reduced":
             c = sqrt(2.0 / (1.0 + E[..., 2, 2]))

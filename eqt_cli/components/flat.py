@@ -8,17 +8,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import (
-    Array,
-    apply,
-    apply_matrix,
-    less,
-    norm,
-    sqrt,
-    stack,
-    transpose,
-    where,
-)
+from eqt_cli.base.arrays import Array, apply, apply_matrix, less, norm, sqrt, stack, where
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Keys, Kind, Real, Unit
@@ -128,7 +118,7 @@ class FlatReference(ClosedReference):
         ahead, side = self._sides(G, t, position)
         body = motions.attitude(ahead, self.direction, turn, side=side)
         p, v, a = (position[..., k, :] for k in range(3))
-        back = transpose(body.R)
+        back = body.R.swapaxes(-1, -2)
         velocity = apply_matrix(back, v)
         turned = apply_matrix(G.rotation_group.hat(body.velocity), velocity)
         Q = G.assemble(body.R, p[..., None])

@@ -7,18 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import (
-    Array,
-    absolute,
-    apply_matrix,
-    as_array,
-    cos,
-    cross,
-    dot,
-    moment,
-    sin,
-    stack,
-)
+from eqt_cli.base.arrays import Array, absolute, apply_matrix, as_array, cos, cross, dot, sin, stack
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import DAMPING, TORQUE, Scale, Unit
@@ -548,6 +537,13 @@ def column(t: Any) -> Any:
 
 GRAVITY = 9.80665
 """Standard acceleration of free fall, m/s²; the mass of the displaced medium is B/g."""
+
+
+def moment(point: Array, force: Array) -> Array:
+    """The torque of a force at a point, ``(..., 3)`` in space and ``(..., 1)`` in the plane."""
+    if point.shape[-1] == 3:
+        return cross(point, force)
+    return stack([point[..., 0] * force[..., 1] - point[..., 1] * force[..., 0]])
 
 
 @dataclass(frozen=True)

@@ -68,13 +68,6 @@ NORMALISED = "normalised"
 TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
 
 
-def literal(kind: Any, option: str, text: str) -> Any:
-    """Return a text that is one of a `Literal`'s, or raise an `InputError`."""
-    if text not in get_args(kind):
-        raise InputError(f"{option}: expected one of {', '.join(get_args(kind))}, got {text!r}")
-    return text
-
-
 MAPPING = "mapping"
 """The key of a mapping in a configuration."""
 

@@ -52,14 +52,7 @@ from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
-from eqt_cli.config.schema import (
-    WORDS,
-    Config,
-    GainsSection,
-    InitialSection,
-    PointSection,
-    marks_of,
-)
+from eqt_cli.config.schema import Config, GainsSection, InitialSection, PointSection
 from eqt_cli.config.sections import (
     DesiredTrajectory,
     check_horizon,
@@ -280,7 +273,9 @@ def numeric(resolved: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, 
 
     The names of files do not count: the folder of a result holds them under names of its own.
     """
-    numbers = {key: value for key, value in resolved.items() if WORDS not in marks_of(key)}
+    numbers = {
+        key: value for key, value in resolved.items() if schema.WORDS not in schema.marks_of(key)
+    }
     return dict(renamed(numbers, hashes(files)))
 
 

@@ -32,17 +32,7 @@ from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
 from eqt_cli.config.document import Place, with_data
-from eqt_cli.config.schema import (
-    DEFAULTS,
-    AddedInertiaSection,
-    Config,
-    FactoredInertiaSection,
-    GainsSection,
-    PrescribedInertiaSection,
-    SensorsSection,
-    TargetSection,
-    UrdfInertiaSection,
-)
+from eqt_cli.config.schema import Config
 from eqt_cli.numbers.rounded import inverse
 
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
@@ -91,7 +81,7 @@ OF_ATTITUDES = {"k_R": ("kp", 0.5), "k_Omega": ("kd", 1.0)}
 
 
 def kp_and_kd(
-    section: GainsSection | None, G: MatrixLieGroup, problems: Problems
+    section: schema.GainsSection | None, G: MatrixLieGroup, problems: Problems
 ) -> dict[str, Any]:
     """Return the gains of a section as `kp` and `kd`, after noting what cannot be both."""
     gains = section.model_dump(exclude_none=True) if section else {}
@@ -229,16 +219,16 @@ def inertia_from(
     section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
 ) -> InertiaLaw | None:
     """Return the inertia of a section, or None after noting its problems."""
-    if isinstance(section, UrdfInertiaSection):
+    if isinstance(section, schema.UrdfInertiaSection):
         with problems.catching():
             return inertia_from(_of_urdf(section, G), G, horizon, problems)
         return None
-    if isinstance(section, PrescribedInertiaSection):
+    if isinstance(section, schema.PrescribedInertiaSection):
         rows = _expressions(section.matrix, G, problems.at("matrix"))
         law: InertiaLaw | None = PrescribedInertia(rows, section.leaves is True) if rows else None
-    elif isinstance(section, FactoredInertiaSection):
+    elif isinstance(section, schema.FactoredInertiaSection):
         law = _factored(section, G, problems)
-    elif isinstance(section, AddedInertiaSection):
+    elif isinstance(section, schema.AddedInertiaSection):
         rigid = _constant(section.rigid, G, problems.at("rigid"))
         with problems.catching("added"):
             added = square(section.added, G.dimension, G)
@@ -262,7 +252,7 @@ BODY = [(slice(0, 3), True), (slice(3, 6), False)]
 """The axes of a rotation in space, which turns, and of a translation."""
 
 
-def _of_urdf(section: UrdfInertiaSection, G: MatrixLieGroup) -> list[list[float]]:
+def _of_urdf(section: schema.UrdfInertiaSection, G: MatrixLieGroup) -> list[list[float]]:
     """Return the tensor of a body in space."""
     parts = [(part.axes, bool(part.turns)) for part in G.parts]
     if parts not in (BODY[:1], BODY):
@@ -278,7 +268,7 @@ def _of_urdf(section: UrdfInertiaSection, G: MatrixLieGroup) -> list[list[float]
 
 
 def _factored(
-    section: FactoredInertiaSection, G: MatrixLieGroup, problems: Problems
+    section: schema.FactoredInertiaSection, G: MatrixLieGroup, problems: Problems
 ) -> FactoredInertia | None:
     initial = _constant(section.initial, G, problems.at("initial"))
     rows = _expressions(section.factor, G, problems.at("factor"))
@@ -430,7 +420,7 @@ def desired_from(
     if task == "stabilise":
         if entry is not None:
             at_reference.add("is a key of task: track; give a target for task: stabilise")
-        target = (config.target or TargetSection()).pose
+        target = (config.target or schema.TargetSection()).pose
         if (pose := pose_from(target, G, at_target.at("pose"))) is None:
             return None
         section = {"target": {"pose": _as_floats(target)}}
@@ -451,7 +441,7 @@ def desired_from(
     if at_reference:
         return None
     section = as_section(reference) | entry.starts
-    section |= {key: _as_floats(section[key]) for key in DEFAULTS if key in section}
+    section |= {key: _as_floats(section[key]) for key in schema.DEFAULTS if key in section}
     pose, velocity = reference.initial(G, entry.pose, entry.velocity)
     return DesiredTrajectory(reference, pose, velocity, {"reference": section}, texts)
 
@@ -580,7 +570,10 @@ def vehicle_from(
     config: Config, G: MatrixLieGroup, problems: Problems, model: InertiaLaw | None = None
 ) -> Vehicle:
     """Return the vehicle of the sections and of the model's inertia; problems are noted."""
-    plant, measured = config.plant or schema.PlantSection(), config.sensors or SensorsSection()
+    plant, measured = (
+        config.plant or schema.PlantSection(),
+        config.sensors or schema.SensorsSection(),
+    )
     clock, horizon, at_plant = config.control, config.time.duration, problems.at("plant")
     inertia = None
     if plant.inertia is not None:

@@ -20,13 +20,7 @@ from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.laws import BODY_ENERGY, Controller
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
 from eqt_cli.components.motions import FlatOutput
-from eqt_cli.components.references import (
-    ClosedReference,
-    Desired,
-    Reference,
-    ReferenceAhead,
-    TorqueReference,
-)
+from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
 from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
@@ -277,8 +271,8 @@ class ClosedLoop:
 
     @property
     def _ahead(self) -> ReferenceAhead:
-        assert isinstance(self.reference, ClosedReference)  # as the configuration was checked for
-        return ReferenceAhead(self.reference, tuple(self.controller.preview))
+        reference: Any = self.reference  # a ClosedReference, as the configuration was checked for
+        return ReferenceAhead(reference, tuple(self.controller.preview))
 
     @cached_property
     def holds(self) -> bool:

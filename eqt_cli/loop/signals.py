@@ -669,8 +669,7 @@ class Metric(Component):
 
     def signals_at(self, loop: ClosedLoop, states: Array, times: Array) -> list[Array]:
         """Return the values of its signals in some states."""
-        s = loop.tracking(times, states)
-        values = outputs_at(loop, s) | dict(at_state(loop, s, loop.work(states), self.signals))
+        values = values_at(loop, loop.tracking(times, states), states, self.signals)
         return [values[name] for name in self.signals]
 
 
@@ -682,9 +681,16 @@ def outputs_of(loop: ClosedLoop) -> Mapping[str, int]:
     return loop.controller.outputs(loop.group)
 
 
-def outputs_at(loop: ClosedLoop, s: Tracking) -> dict[str, Array]:
-    """Return the numbers of a law by name, of floats or symbols; a single one has no last axis."""
-    ends = list(accumulate(outputs_of(loop).values()))[:-1]
-    values = np.split(_output(loop, s), ends, axis=-1)
-    pairs = zip(outputs_of(loop), values, strict=False)
-    return {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in pairs}
+def values_at(
+    loop: ClosedLoop, s: Tracking, states: Array, names: Collection[str]
+) -> dict[str, Array]:
+    """Return signals, and numbers of the law, by these names, as floats or symbols.
+
+    A single number of the law has no last axis.
+    """
+    lengths = outputs_of(loop)
+    pieces = np.split(_output(loop, s), list(accumulate(lengths.values()))[:-1], axis=-1)
+    pairs = zip(lengths, pieces, strict=False)  # no numbers are one empty piece
+    values = {name: v[..., 0] if v.shape[-1] == 1 else v for name, v in pairs}
+    values |= dict(at_state(loop, s, loop.work(states), names))
+    return {name: value for name, value in values.items() if name in names}

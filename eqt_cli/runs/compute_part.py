@@ -24,15 +24,7 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Measured, Problem, Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
-from eqt_cli.loop.signals import (
-    LAW_OUTPUT,
-    at_state,
-    holds,
-    knows_energy,
-    of_pose,
-    output_names,
-    outputs_at,
-)
+from eqt_cli.loop.signals import LAW_OUTPUT, holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
@@ -402,9 +394,7 @@ class SampledSignals:
             The flat desired pose, followed by the desired velocity.
         """
         s, G = loop.tracking(t, states), loop.group
-        signals = at_state(loop, s, loop.work(states), self.names)
-        known = outputs_at(loop, s) | dict(signals)
-        sampled = {name: values for name, values in known.items() if name in self.names}
+        sampled = values_at(loop, s, states, self.names)
         if SETTLING in self.names:
             sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.most), loop.axis, s.V_tilde)
         if ESTIMATE_SETTLING in self.names:

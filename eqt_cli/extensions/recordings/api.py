@@ -7,22 +7,16 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from eqt_cli.analysis.law_search import without_search
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
 from eqt_cli.base import yaml_source
-from eqt_cli.base.errors import EqtError, Problems
+from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.log_table import (
-    LogMapping,
-    MappingError,
-    TrajectoryFormat,
-    literal,
-    recording_text,
-)
+from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, recording_text
 from eqt_cli.components.recording_check import Recording, read_recording
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
@@ -47,6 +41,13 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 
 LOG_BYTES = 400_000_000
 """Largest size of a recording, bytes: a million rows of 20 numbers."""
+
+
+def _literal(kind: Any, option: str, text: str) -> Any:
+    """Return a text that is one of a `Literal`'s, or raise an `InputError`."""
+    if text not in get_args(kind):
+        raise InputError(f"{option}: expected one of {', '.join(get_args(kind))}, got {text!r}")
+    return text
 
 
 def check_log(
@@ -125,7 +126,7 @@ def _read(
     flight: Flight | None = None,
 ) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
     """Yield text, name, format and mapping; note a problem of the mapping at its place."""
-    kind, file = literal(TrajectoryFormat, "format", format), path_from("path", path)
+    kind, file = _literal(TrajectoryFormat, "format", format), path_from("path", path)
     columns, problems = LogMapping(), Problems()
     if mapping is not None:
         if isinstance(mapping, Mapping):
@@ -211,8 +212,8 @@ def log_errors(
     >>> round(size.rms, 3), round(size.delay, 3), round(size.remains, 3)
     (0.1, 0.1, 0.0)
     """
-    literal(Literal["linear", "nearest", "held"], "association", association)
-    literal(Literal["rigid", "similarity", "origin"], "align", align or "rigid")
+    _literal(Literal["linear", "nearest", "held"], "association", association)
+    _literal(Literal["rigid", "similarity", "origin"], "align", align or "rigid")
     if relative is not None and relative < 1:
         raise EqtError(f"relative: expected 1 instant or more, got {relative}")
     flight, spans, of = _flight(path), logs.NO_SPANS, " setpoint"
@@ -435,7 +436,7 @@ def _opened(
         horizon = length / parts
     if not horizon > 0:
         raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
-    law = Replay(file=recording.name, hold=literal(Hold, "hold", hold)).with_recording(recording)
+    law = Replay(file=recording.name, hold=_literal(Hold, "hold", hold)).with_recording(recording)
     return base, Windows(recording, horizon), lambda one: driven(one, law)
 
 
