@@ -437,8 +437,7 @@ class TrajectoryCheck(Certificate):
 
     def undecided(self, runs: Runs, reason: str = "") -> Row:
         """Return a row without a verdict; the reason is that runs failed unless it is given."""
-        remark = reason or runs.remark
-        return self.row(Verdict.UNDECIDED, remark=remark, controller=runs.label)
+        return self.row(Verdict.UNDECIDED, remark=reason or runs.remark, controller=runs.label)
 
     @abstractmethod
     def check(self, runs: Runs) -> Row:

@@ -72,8 +72,7 @@ def floats(numbers: Array) -> Array:
 
 def entrywise(function: Any, *arrays: Any) -> Array:
     """Return the values of a function at the entries of arrays, broadcast against each other."""
-    results = np.frompyfunc(function, len(arrays), 1)(*arrays)
-    return np.asarray(results, dtype=object)
+    return np.asarray(np.frompyfunc(function, len(arrays), 1)(*arrays), dtype=object)
 
 
 UNIT = 2.0**-53
@@ -198,8 +197,7 @@ class Bounded(Number):
 
 def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0) -> Array:
     """Convert floats to `Bounded` numbers with given errors and rates."""
-    parts = [np.asarray(part, dtype=float) for part in (values, errors, rates)]
-    return entrywise(Bounded, *parts)
+    return entrywise(Bounded, *[np.asarray(part, dtype=float) for part in (values, errors, rates)])
 
 
 def value_of(numbers: Array) -> tuple[Array, Array]:
@@ -505,8 +503,7 @@ class Exact(Number):
         quotient = _quotient(self, other)
         if other.rate is not None:
             # (a/b)˙ = (ȧ − (a/b) ḃ) / b.
-            change = -_product(quotient, other.rate)
-            quotient.rate = _quotient(_added(self.rate, change), other)
+            quotient.rate = _quotient(_added(self.rate, -_product(quotient, other.rate)), other)
         elif self.rate is not None:
             quotient.rate = _quotient(self.rate, other)
         return quotient
@@ -654,8 +651,7 @@ def _root(x: Exact) -> Exact:
     degree = x.degree + _degree(x.factors)
 
     def new() -> Exact:
-        root = Surd({frozenset([Root(square)]): 1})
-        return Exact(root, -(-degree // 2), x.factors)
+        return Exact(Surd({frozenset([Root(square)]): 1}), -(-degree // 2), x.factors)
 
     return _noted("sqrt").value("sqrt", x, new)
 

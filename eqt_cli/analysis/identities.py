@@ -15,14 +15,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import FactoredInertia, Inertia, critical_sets
 from eqt_cli.components.laws import Controller, Family
 from eqt_cli.components.matrix_groups import turn_of_distance
-from eqt_cli.components.mechanics import (
-    Gains,
-    Semidirect,
-    Tracking,
-    gradient,
-    lie_poisson,
-    potential,
-)
+from eqt_cli.components.mechanics import Semidirect, Tracking, gradient, lie_poisson, potential
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 # The group, its algebra and their duals (§2), and the semidirect product G ⋉ g* (§4) --------------
@@ -50,8 +43,7 @@ class DualAdjoint(certificates.Identity):
         """Both contractions, and the inverse that they use."""
         G, (U, P) = sample.G, sample.inputs[0]
         Q = sample.states[0][0]
-        conjugate = G.vee(Q @ G.hat(U) @ G.inverse(Q))
-        yield dot(G.Ad_star(Q, P), U), dot(P, conjugate)
+        yield dot(G.Ad_star(Q, P), U), dot(P, G.vee(Q @ G.hat(U) @ G.inverse(Q)))
         yield Q @ G.inverse(Q), G.identity
 
 
@@ -65,8 +57,7 @@ class DualBracket(certificates.Identity):
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Both contractions."""
         G, ((V, P), (U, _)) = sample.G, sample.inputs
-        bracket = G.hat(V) @ G.hat(U) - G.hat(U) @ G.hat(V)
-        yield dot(G.ad_star(V, P), U), dot(P, G.vee(bracket))
+        yield dot(G.ad_star(V, P), U), dot(P, G.vee(G.hat(V) @ G.hat(U) - G.hat(U) @ G.hat(V)))
 
 
 class Exponential(certificates.Identity):
@@ -352,7 +343,7 @@ class FeedforwardPower(certificates.Identity):
         gains, point = sample.s.gains, claimed_point(sample.loop.controller)
         assert point is not None
         _, c, n, _, error, _ = point
-        loose = replace(sample.s, gains=Gains(0 * gains.K, 0 * gains.K_d))
+        loose = replace(sample.s, gains=replace(gains, K=0 * gains.K, K_d=0 * gains.K_d))
         s = seen_from_body(loose) if error == "body" else loose
         transport = (c + n) * dot(s.P_tilde, bracket(s.G, s.V, s.Vd))
         inertia = dot(s.inertia_force + 0 * s.P, s.V_tilde)
@@ -434,7 +425,7 @@ def sides_of_W(sample: Sample) -> Iterator[tuple[Array, Array]]:
     """
     gains, (u, v), G = sample.loop.gains, sample.inputs[0], sample.G
     law, k, k_d = sample.loop.controller, gains.K[:1, :1], gains.K_d[:1, :1]
-    s = replace(sample.resting, gains=Gains(ONE * k, ONE * k_d))
+    s = replace(sample.resting, gains=replace(gains, K=ONE * k, K_d=ONE * k_d))
     P_dot = G.ad_star(s.V, s.P) + law.torque(s)
     moving = replace(sample.s, gains=s.gains, P=with_rate(s.P, P_dot))
 

@@ -281,8 +281,7 @@ def sign_test(ahead: Array | int, runs: Array | int) -> Array:
     """Return the exact p-value that a law is ahead in half of all runs at most, for either law."""
     from scipy.special import bdtr  # unlike scipy.stats, quick to import
 
-    behind = np.asarray(runs) - ahead
-    return np.minimum(1.0, 2 * bdtr(behind, np.maximum(runs, 1), 0.5))
+    return np.minimum(1.0, 2 * bdtr(np.asarray(runs) - ahead, np.maximum(runs, 1), 0.5))
 
 
 def median_of_runs(values: Array, confidence: float) -> Interval:
@@ -659,8 +658,7 @@ def median_difference(
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = differences / np.abs(values[1])
         differences = np.where(differences == 0, 0.0, relative)  # not 0/0
-    ends = quantity.cost(np.array([-np.inf, np.inf]))
-    lost = np.repeat(ends, _alone(values, failed))
+    lost = np.repeat(quantity.cost(np.array([-np.inf, np.inf])), _alone(values, failed))
     return median_of_runs(np.r_[differences[np.isfinite(values).all(axis=0)], lost], confidence)
 
 

@@ -74,8 +74,7 @@ class CutLoop(NamedTuple):
     def gain(self, frequency: Array) -> Array:
         """Return G = C (p − A)⁻¹ B, p = iω, or e^(iωT) for a sampled loop, ``(k, m, m)``."""
         p = 1j * frequency if self.period is None else np.exp(1j * frequency * self.period)
-        identity = np.eye(len(self.A))
-        return self.C @ np.linalg.solve(p[:, None, None] * identity - self.A, self.B)
+        return self.C @ np.linalg.solve(p[:, None, None] * np.eye(len(self.A)) - self.A, self.B)
 
 
 def delay_margin(loop: CutLoop) -> float:
@@ -371,8 +370,7 @@ def margins_of(experiment: Experiment) -> Margins:
         for label, loop in experiment.loops.items():
             laws.append(_of_law(label, loop, along))
             reporter().advance(1)
-    period = experiment.loop.period
-    return Margins(experiment, laws, period or None)
+    return Margins(experiment, laws, experiment.loop.period or None)
 
 
 def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:

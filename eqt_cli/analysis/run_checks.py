@@ -429,8 +429,9 @@ class GroupDrift(TrajectoryCheck):
         """The largest distance from the group over runs and samples."""
         if not runs.count:
             return self.undecided(runs)
-        bound = STATES_PER_RTOL * runs.rtol
-        return self.compared(largest(runs.group_drift), bound, runs.remark, runs.label)
+        return self.compared(
+            largest(runs.group_drift), STATES_PER_RTOL * runs.rtol, runs.remark, runs.label
+        )
 
 
 class EnergyBalance(LyapunovCheck):
@@ -656,8 +657,7 @@ def _start_on_reference(runs: Runs) -> bool:
     pose, velocity = runs.pose_error, runs.velocity_error
     assert pose is not None and velocity is not None
     small = LEFT * max(runs.desired_speed, SMALLEST_SCALE)
-    near = np.median(pose[:, 0]) <= runs.threshold and np.median(velocity[:, 0]) <= small
-    return bool(near)
+    return bool(np.median(pose[:, 0]) <= runs.threshold and np.median(velocity[:, 0]) <= small)
 
 
 # Checks of loops that are not ideal: the plant's momentum, the noise, and the estimates -----------
@@ -811,8 +811,7 @@ def rare_deviation(mean: float, n: float) -> float:
     """Return how far such a mean of n squares of normals is from 1 one time in a million."""
     from scipy.special import gammaincinv  # slow to import
 
-    share = RARE if mean < 1 else 1 - RARE
-    return abs(float(2 * gammaincinv(n / 2, share) / n) - 1)
+    return abs(float(2 * gammaincinv(n / 2, RARE if mean < 1 else 1 - RARE) / n) - 1)
 
 
 def _off_identity(z: Array) -> Iterator[Excess]:

@@ -92,8 +92,7 @@ class Sample:
     @cached_property
     def s(self) -> Tracking:
         """The law's arguments; every rate is the time derivative along the closed loop."""
-        field = self.loop.vector_field(self.times, self.flat)
-        moving = with_rate(self.flat, field)
+        moving = with_rate(self.flat, self.loop.vector_field(self.times, self.flat))
         return self.loop.tracking(with_rate(self.times, 1.0), moving)
 
     @property
@@ -328,8 +327,7 @@ class ExactStates:
             loop = replace(loop, reference=loop.reference.with_functions(parameters.function))
         any_force = FreeForce(parameters.array(1, m))
         if not loop.vehicle.is_ideal:
-            vehicle = Vehicle(forces=(any_force,), control=loop.vehicle.control)
-            loop = replace(loop, vehicle=vehicle)
+            loop = replace(loop, vehicle=Vehicle(forces=(any_force,), control=loop.vehicle.control))
         loop = with_leaves(loop, _freed(loop, parameters))
         poses = [G.cayley(parameters.array(1, m)) for _ in range(5)]
         vectors = parameters.array(9, 1, m)

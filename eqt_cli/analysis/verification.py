@@ -255,8 +255,7 @@ class _Verifier:
     @property
     def _of_estimate(self) -> tuple[str, ...]:
         """The signals of a filter with a covariance, where the laws read its estimate."""
-        vehicle = self.experiment.loop.vehicle
-        return OF_ESTIMATE if vehicle.knows_covariance else ()
+        return OF_ESTIMATE if self.experiment.loop.vehicle.knows_covariance else ()
 
     @property
     def _threshold(self) -> float:

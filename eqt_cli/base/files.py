@@ -149,8 +149,7 @@ def text_in(path: Path, limit: int = TEXT_BYTES) -> str:
     UnicodeDecodeError
         If the file is not in UTF-8.
     """
-    text = content_of(path, limit).decode("utf-8")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return content_of(path, limit).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _require_regular(status: os.stat_result) -> None:

@@ -52,8 +52,7 @@ def number_schema(above: float | None = None) -> dict[str, Any]:
     """Return the JSON schema of a number greater than `above`, or of a constant expression."""
     limit = {} if above is None else {"exclusiveMinimum": above}
     words = "a constant expression such as -pi/2, or a number with a unit such as 20 ms"
-    expression = {"type": "string", "description": words}
-    return {"anyOf": [{"type": "number", **limit}, expression]}
+    return {"anyOf": [{"type": "number", **limit}, {"type": "string", "description": words}]}
 
 
 @dataclass(frozen=True)

@@ -250,8 +250,7 @@ class _Reader:
             key_path = (*path, key)
             if key in mapping:
                 first = f"; the first is at {self._place(self.keys[key_path])}"
-                message = f"duplicate key{first if self._located else ''}"
-                self._report(key_path, message, position)
+                self._report(key_path, f"duplicate key{first if self._located else ''}", position)
                 continue
             self.keys[key_path] = position
             position = _mark(value_node.start_mark)

@@ -430,8 +430,7 @@ class Cascade(Controller):
         inputs = LawInput(s.t, R, turning, *desired)
         n = len(ATTITUDE)
         memory = {name[n:]: z for name, z in s.memory.items() if name.startswith(ATTITUDE)}
-        J = _of_rotation(s.G, s.inertia)
-        return inputs.tracking(G.rotation_group, J, s.gains, memory)
+        return inputs.tracking(G.rotation_group, _of_rotation(s.G, s.inertia), s.gains, memory)
 
     def _filter_rate(self, s: Tracking, acceleration: Array) -> Any:
         w: Any = self.bandwidth

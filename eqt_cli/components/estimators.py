@@ -512,8 +512,7 @@ class Complementary(Estimator):
         self, schedule: Schedule, now: Estimate, velocity: Array, duration: Array
     ) -> Estimate:
         """Return the estimate with Q̂ exp(hV̂)."""
-        step = schedule.G.exp(duration * (velocity - now.bias))
-        return now._replace(pose=now.pose @ step)
+        return now._replace(pose=now.pose @ schedule.G.exp(duration * (velocity - now.bias)))
 
     def corrected(self, schedule: Schedule, now: Estimate, fix: Fix) -> tuple[Estimate, None]:
         """Return the estimate corrected by σ in the measured coordinates."""

@@ -50,8 +50,7 @@ class Force(vehicle_parts.VehiclePart):
         if self.frame == "body":
             return self.acting(G, t, Q, V)
         place = at_origin(G, Q)
-        force = self.acting(G, t, Q, G.Ad(place, V))
-        return G.Ad_star(place, force + 0 * V)
+        return G.Ad_star(place, self.acting(G, t, Q, G.Ad(place, V)) + 0 * V)
 
     @property
     def turns(self) -> bool:
@@ -234,8 +233,7 @@ class Drag(PlacedForce):
         if self.current is not None:
             flow = self._flow(G, t)
             V = V - (flow if self.frame == "spatial" else G.Ad(G.inverse(Q), flow))
-        squares = apply_matrix(self.quadratic, absolute(V) * V)
-        return -apply_matrix(self.linear, V) - squares
+        return -apply_matrix(self.linear, V) - apply_matrix(self.quadratic, absolute(V) * V)
 
     def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Return the drag, and the force of the current on the masses."""

@@ -126,8 +126,7 @@ class FactoredInertia(InertiaLaw):
         S, rate = _matrix_and_rate(self.factor, t)
         image = self.initial @ S
         matrix = transpose(S) @ image
-        change = transpose(rate) @ image
-        return Inertia(matrix, inverse_spd(matrix), change, leaves=self.leaves)
+        return Inertia(matrix, inverse_spd(matrix), transpose(rate) @ image, leaves=self.leaves)
 
     def factor_at(self, t: Any) -> Array:
         """S_t."""
@@ -426,8 +425,7 @@ def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
 @lru_cache(maxsize=64)
 def _unstable_sets(G: MatrixLieGroup, weight: bytes) -> tuple[CriticalSet, ...]:
     """Return all sets but the identity, where they are known; cached for all runs of a weight."""
-    sets = critical_sets(G, np.frombuffer(weight).reshape(G.size, G.size))
-    return tuple(sets or ())[1:]
+    return tuple(critical_sets(G, np.frombuffer(weight).reshape(G.size, G.size)) or ())[1:]
 
 
 def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:

@@ -27,8 +27,7 @@ from eqt_cli.numbers.leaves import structure, with_fields
 @cache
 def _sources() -> list[str]:
     # Once for all laws; a path spares commands without HDF5 11 ms of importlib.resources.
-    text = Path(__file__).with_name("sources.bib").read_text(encoding="utf-8")
-    return text.strip().split("\n\n")
+    return Path(__file__).with_name("sources.bib").read_text(encoding="utf-8").strip().split("\n\n")
 
 
 def published(key: str) -> str:

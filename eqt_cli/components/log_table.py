@@ -38,8 +38,7 @@ _UNITS_BY_NAME: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 def units_of(name: str) -> tuple[str, ...]:
     """Return the units of eqt that a column may be in; the first is the default."""
-    matching = (units for pattern, units in _UNITS_BY_NAME if re.fullmatch(pattern, name))
-    return next(matching, ())
+    return next((units for pattern, units in _UNITS_BY_NAME if re.fullmatch(pattern, name)), ())
 
 
 def factor_of(name: str, unit: str, path: KeyPath = ()) -> float:

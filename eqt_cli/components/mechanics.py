@@ -119,8 +119,7 @@ class Semidirect:
     def Ad(self, Y: State, U: Input) -> Input:
         """(Ad_Q V, Ad*_{Q⁻¹}(ad*_V P + τ)), Hampsey et al. (2025), eq. (27)."""
         (Q, P), (V, tau) = Y, U
-        force = self.G.Ad_star(self.G.inverse(Q), self.G.ad_star(V, P) + tau)
-        return self.G.Ad(Q, V), force
+        return self.G.Ad(Q, V), self.G.Ad_star(self.G.inverse(Q), self.G.ad_star(V, P) + tau)
 
     def error(self, X: State, X_d: State) -> State:
         """E = X X_d⁻¹ = (Q Q_d⁻¹, Ad*_{Q_d⁻¹}(P − P_d)), Hampsey et al. (2025), eq. (17)."""
@@ -350,8 +349,7 @@ class Tracking:
         momentum = g * self.Pd
         if q is not None:
             momentum = momentum + q * self.P_tilde
-        gyroscopic = self.G.ad_star(self.V_tilde, momentum)
-        return self._driving(gyroscopic, c, n) + self.inertia_force
+        return self._driving(self.G.ad_star(self.V_tilde, momentum), c, n) + self.inertia_force
 
     def _driving(self, gyroscopic: Array, c: Any, n: Any) -> Array:
         """τ_d − gyroscopic − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d."""

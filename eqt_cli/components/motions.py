@@ -221,8 +221,7 @@ def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) ->
     first, last = h * velocities[:-1] / 3, h * velocities[1:] / 3
     step = G.inverse(poses[:-1]) @ poses[1:]
     vectors = np.stack([first, G.log(G.exp(-first) @ step @ G.exp(-last)), last], axis=1)
-    coefficients = CUBIC / h[:, :, None] ** np.arange(4)
-    return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
+    return Pieces.of(G, times[:-1], poses[:-1], vectors, CUBIC / h[:, :, None] ** np.arange(4))
 
 
 def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:

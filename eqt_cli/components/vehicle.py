@@ -138,8 +138,7 @@ class Vehicle:
         acting = tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces)))
         true = self.model if not self.model or not inertia else inertia.at(self.model.at(0.0), 0.0)
         if estimator is not None:
-            completed = estimator.completed(G, configured.deviations(G))
-            estimator = flying(ESTIMATOR, completed)
+            estimator = flying(ESTIMATOR, estimator.completed(G, configured.deviations(G)))
 
         return dataclasses.replace(
             self,
@@ -408,8 +407,7 @@ class Vehicle:
     ) -> Iterator[tuple[str, Array, Array]]:
         """Yield the names of states, forces that depend on the velocity, and rates beside them."""
         for place, actuator in self._chain():
-            x = states.get(place, V[..., :0])
-            reaction = actuator.reaction(G, V, x)
+            reaction = actuator.reaction(G, V, states.get(place, V[..., :0]))
             if reaction is not None:
                 yield place, *reaction
 

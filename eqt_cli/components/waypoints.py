@@ -334,8 +334,7 @@ class WaypointsReference(InFile, PiecewiseReference):
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """Yield the oddities of the file, and the residuals of smoothing."""
         if self.file is not None:
-            log = self.log(G)
-            yield from (f"{self.file}: {note}" for note in notes(log))
+            yield from (f"{self.file}: {note}" for note in notes(self.log(G)))
         if self.smoothing is None:
             if self.file and (sizes := proposed_smoothing(G, *self._waypoints(G))):
                 yield f"goes through every row, noise included; add `smoothing: {sizes}`"

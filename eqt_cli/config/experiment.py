@@ -174,8 +174,7 @@ class Experiment:
     def reference_over_horizon(self, also: Iterable[float] = ()) -> Horizon:
         """Compute Q_d, V_d, V̇_d and τ_d over the horizon, `also` at some times."""
         times = np.unique([*np.linspace(0.0, self.times[-1], SAMPLES), *also])
-        written = len(json.dumps(self.resolved))
-        most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / written))
+        most = int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / len(json.dumps(self.resolved))))
         start = self.desired.pose, self.desired.velocity
         return reference_over_horizon(self.loop, start, times, most)
 

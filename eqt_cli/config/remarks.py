@@ -311,8 +311,7 @@ def _radau_evaluations(experiment: Experiment, loop: ClosedLoop) -> tuple[float,
     Qd, Vd, stop = experiment.desired.pose, experiment.desired.velocity, experiment.times[-1]
     engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)
     states = loop.initial_state(Qd, Vd, Qd, Vd)[None]
-    problem = Problem(loop, states, np.linspace(0.0, stop, TRIAL_SAMPLES))
-    solution = engine.solve(problem)
+    solution = engine.solve(Problem(loop, states, np.linspace(0.0, stop, TRIAL_SAMPLES)))
     known = int(np.isfinite(solution.states[0]).all(axis=-1).sum()) - 1
     reached = known / (TRIAL_SAMPLES - 1)
     return (solution.steps[0] / reached if known else np.inf), reached

@@ -230,8 +230,7 @@ class Study:
     @cached_property
     def shapes(self) -> list[Sequence[int]]:
         """Points grouped by shape."""
-        keys = self.sweep.sets if self.sweep else ()
-        shaping = [key for key in keys if self._shapes(key)]
+        shaping = [key for key in (self.sweep.sets if self.sweep else ()) if self._shapes(key)]
         if self.sweep is None or not shaping:
             return [range(len(self))]
         by_shape: dict[str, list[int]] = {}
@@ -345,8 +344,7 @@ def _built_again(document: Document, sweep: Sweep | None, plans: Plans | None) -
     """Return a study in another process, whose parts are planned, or by another engine."""
     for path in document.data.get("plugins", []):
         load_plugin(Path(path), (document.home.plugins or {})[path])
-    base = build(at_point(document, sweep, 0))
-    return Study(sweep, base, document, plans)
+    return Study(sweep, build(at_point(document, sweep, 0)), document, plans)
 
 
 # Reads the sweep of a configuration, and checks every point of it ---------------------------------

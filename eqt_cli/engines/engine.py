@@ -579,8 +579,7 @@ def _at_instant(
     if span.tick is None:
         return states, {}
     problem = integrator.problem
-    errors = integrator.errors_at(span.tick)
-    states = integrator.at_instant(span.start, states, errors)
+    states = integrator.at_instant(span.start, states, integrator.errors_at(span.tick))
     gone = ~np.isfinite(states).all(axis=1)
     lost = dict.fromkeys(np.flatnonzero(gone).tolist(), (Status.NON_FINITE, NOT_FINITE))
     if np.max(steps) > SUSPECT or not span.tick:

@@ -289,8 +289,7 @@ def parameter_rows(problem: Problem) -> Array:
 
 def held_rows(loop: ClosedLoop, times: Array) -> Array:
     """Return the numbers held from each of these times to the next instant, a row each."""
-    held = loop.holding(times).held_leaves.values()
-    rows = [value.reshape(len(times), -1) for value in held]
+    rows = [value.reshape(len(times), -1) for value in loop.holding(times).held_leaves.values()]
     return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
 
 
@@ -513,8 +512,7 @@ class Lanes(Integrator):
         outputs = _at_one_time(around.input, runs, inputs)
         states = outputs.pop("state", states)
         rows = outputs.pop(ROWS, None)
-        law_input = LawInput(**outputs)._replace(t=t)
-        torque, memory = self.loop.answer_if_due(law_input, states, rows)
+        torque, memory = self.loop.answer_if_due(LawInput(**outputs)._replace(t=t), states, rows)
         return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:

@@ -143,8 +143,7 @@ def steps(coefficients: Sequence[float], rates: Array, duration: float) -> float
         from 0 along the direction of λ at which |R| exceeds 1.
     """
     decaying = np.where(rates.real < 0, rates, 0.0)
-    fastest = [_inverse_step(coefficients, at_once) for at_once in decaying]
-    return float(duration * np.mean(fastest))
+    return float(duration * np.mean([_inverse_step(coefficients, at_once) for at_once in decaying]))
 
 
 def _inverse_step(coefficients: Sequence[float], rates: Array) -> float:
@@ -197,8 +196,7 @@ def _traced(loop: ClosedLoop, varying: tuple[str, ...]) -> Program | None:
             path: inputs.get(path, number).reshape(1, *number.shape)
             for path, number in numbers.items()
         }
-        symbolic = with_leaves(loop, values)
-        rates = symbolic.vector_field(inputs["time"][0], inputs["state"][None])
+        rates = with_leaves(loop, values).vector_field(inputs["time"][0], inputs["state"][None])
         return {"rates": rates[0]}
 
     try:
@@ -313,8 +311,7 @@ class SolveIvp(Engine):
 
     def tightened(self, factor: float) -> SolveIvp:
         """Return the engine with both tolerances times `factor`."""
-        rtol = max(self.rtol * factor, SMALLEST_RTOL)
-        return replace(self, rtol=rtol, atol=self.atol * factor)
+        return replace(self, rtol=max(self.rtol * factor, SMALLEST_RTOL), atol=self.atol * factor)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return evaluations, as many per step as stages, for an explicit method; else 0."""

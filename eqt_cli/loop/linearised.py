@@ -435,8 +435,7 @@ class _About:
         parts = self.loop.layout.split(self.states)
         parts |= {name: parts[name] + x[:, where] for name, where in self.others.items()}
         states = self.loop.layout.join(parts, self.states)  # there is no estimator yet
-        Qd = self.loop.tracking(self.times, self.states).Qd
-        offset = G.log(G.inverse(Qd) @ poses)
+        offset = G.log(G.inverse(self.loop.tracking(self.times, self.states).Qd) @ poses)
         return dataclasses.replace(self, poses=poses, states=states, offset=offset)
 
     def charts(self) -> Iterator[tuple[Array, Array, int]]:

@@ -267,8 +267,7 @@ class Jet:
         (series,) = arguments
         if name == "sqrt":
             return series._root()
-        value = _of(name, series.value)
-        return series._with_rate(value, lambda u: slope(name, u) * series.rate)
+        return series._with_rate(_of(name, series.value), lambda u: slope(name, u) * series.rate)
 
     def _with_rate(self, value: Any, rate: Callable[[Jet], Jet]) -> Jet:
         """Return the function of this series with a value, and its rate from one order less."""

@@ -410,8 +410,7 @@ class Chain:
 
     def places_of(self, group: str, entries: slice = slice(None)) -> list[int]:
         """Return the places of some of a group of inputs."""
-        numbers = range(self._inputs[group])[entries]
-        return [self._place(Input(group, number)) for number in numbers]
+        return [self._place(Input(group, number)) for number in range(self._inputs[group])[entries]]
 
     def constant(self, number: float) -> list[int]:
         """Return the place of a constant."""

@@ -47,8 +47,7 @@ def columns(result: Result, names: Sequence[str] | None = None) -> dict[str, np.
                 shown = [printable(v) if isinstance(v, str) else v for v in values]
                 values = np.array(shown, dtype=object)
             arrays[name] = values
-    laws = np.array(result.labels, dtype=object)
-    arrays["controller"] = laws[places["controller"]].ravel()
+    arrays["controller"] = np.array(result.labels, dtype=object)[places["controller"]].ravel()
     arrays |= {"run": places["run"].ravel(), "status": result.status.ravel()}
     for name in result.comparable if names is None else names:
         arrays[name] = result.metric(name).ravel()
@@ -142,13 +141,11 @@ def _of_part(G: MatrixLieGroup, part: Part, angles: str) -> Iterator[Derived]:
         yield Derived(omega, "rad/s", words, "body", "", lambda Q, V: V[..., part.axes.start])
     elif part.turns:
         attitude = "attitude, from body to space"
-        values = partial(_quaternion, part)
-        yield Derived("quaternion", "1", attitude, "space", "wxyz", values)
+        yield Derived("quaternion", "1", attitude, "space", "wxyz", partial(_quaternion, part))
         yield Derived(omega, "rad/s", words, "body", "xyz", lambda Q, V: V[..., part.axes])
         yield Derived(f"{omega}_in_space", "rad/s", words, "space", "xyz", in_space)
         if angles:
-            title = f"Euler angles {angles}"
-            yield Derived("euler_angles", "rad", title, "space", "123", euler)
+            yield Derived("euler_angles", "rad", f"Euler angles {angles}", "space", "123", euler)
 
 
 def _quaternion(part: Part, Q: Array, V: Array) -> Array:

@@ -657,8 +657,7 @@ class Result(KnownResult):
 
     @property
     def _flies_papers_loop(self) -> bool:
-        papers = {"eqt", "gt"} <= set(self.kinds.values())
-        return papers and not self.described.departures
+        return {"eqt", "gt"} <= set(self.kinds.values()) and not self.described.departures
 
     @cached_property
     def headline(self) -> list[dict[str, Any]]:
@@ -673,8 +672,7 @@ class Result(KnownResult):
             good = self.good[..., c, :]
             row: dict[str, Any] = {"controller": label, "runs": good.size}
             row["failed"] = self.failed[label]
-            by_rounding = self.status[..., c, :] == Status.BY_ROUNDING
-            row["by_rounding"] = int(np.count_nonzero(by_rounding))
+            row["by_rounding"] = int(np.count_nonzero(self.status[..., c, :] == Status.BY_ROUNDING))
             for name in self.headlines:
                 values = self.metric(name, c)[good]
                 of = np.max if name == "energy_residual" else np.mean
@@ -859,8 +857,7 @@ def open_result(path: str | os.PathLike[str]) -> Result:
 def mean_over_runs(values: Array) -> Array:
     """Return the mean over the last axis without NaN; NaN if all values are NaN."""
     count = np.isfinite(values).sum(axis=-1)
-    total = np.nansum(values, axis=-1)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return np.where(count > 0, np.nansum(values, axis=-1) / np.maximum(count, 1), np.nan)
 
 
 def point_folder(*points: int) -> Path:

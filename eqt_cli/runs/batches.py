@@ -385,11 +385,9 @@ def cross_check(
         if not len(good):
             continue
         try:
-            work = max(longest[index][label] for label, _ in group)
-            samples = _samples(base, problem, work)
+            samples = _samples(base, problem, max(longest[index][label] for label, _ in group))
             begun = replace(problem.select(good), times=problem.times[:samples])
-            engine = independent(group[0][1].engine)
-            again = engine.solve(begun, progress=progress).states
+            again = independent(group[0][1].engine).solve(begun, progress=progress).states
         except _Skipped as skipped:
             if difference > bound:
                 break

@@ -246,8 +246,7 @@ def _positions(chosen: Array, count: int) -> Array:
 def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
     if quantity.dtype is None:
         return np.full(shape, "", dtype=object)
-    missing = np.nan if quantity.dtype.kind == "f" else 0
-    return np.full(shape, missing, dtype=quantity.dtype)
+    return np.full(shape, np.nan if quantity.dtype.kind == "f" else 0, dtype=quantity.dtype)
 
 
 StoredPart = Table | ResultFile

@@ -361,8 +361,7 @@ class Auto(Executor):
     def at_once(self, items: int, each: float) -> int:
         """Return the number of items at a time, after the switch to processes if there is one."""
         here, later = self._split(items, each)
-        in_processes = Local(self.workers)
-        return in_processes.at_once(later, each) if later else self._here.at_once(here, each)
+        return Local(self.workers).at_once(later, each) if later else self._here.at_once(here, each)
 
     def threads_for(self, items: int) -> int:
         """Return the threads per item before a switch to processes."""
@@ -371,13 +370,11 @@ class Auto(Executor):
     def wall_time(self, items: int, each: float) -> float:
         """Return the wall time: first in this process, then in processes, s."""
         here, later = self._split(items, each)
-        in_processes = Local(self.workers)
-        return self._here.wall_time(here, each) + in_processes.wall_time(later, each)
+        return self._here.wall_time(here, each) + Local(self.workers).wall_time(later, each)
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         waiting = deque(items)
-        threads = self.threads_for(len(items))
-        yield from self._here.take(task, self._until_switch(waiting), threads)
+        yield from self._here.take(task, self._until_switch(waiting), self.threads_for(len(items)))
         if waiting:
             yield from Local(self.workers).outcomes(task, list(waiting))
 

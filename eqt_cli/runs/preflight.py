@@ -206,8 +206,7 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
         for batch in problems:
             start, stop = batch.problem.times[[0, -1]]
             ends_of_beginning = np.array([start, start + share * (stop - start)])
-            beginning = replace(batch.problem, times=ends_of_beginning)
-            batch.engine.solve(beginning, threads, within)
+            batch.engine.solve(replace(batch.problem, times=ends_of_beginning), threads, within)
         return time.monotonic() - started
 
     solves, seconds, before, earlier = 1 + study.base.solver.estimates_errors, None, 0.0, 0.0

@@ -184,8 +184,7 @@ def execute(
                 if entry.failed == study.plans.runs_of(number):
                     entry.path.unlink()
         done = session.run(force, shard)
-        again = rerun_failed and done.failed and done.packed
-        return session.rerun(done.failed) if again else done
+        return session.rerun(done.failed) if rerun_failed and done.failed and done.packed else done
 
 
 def pack_folder(study: Study, out: Path) -> Execution:

@@ -33,8 +33,7 @@ _GUARD = re.compile(r"#(?:ifndef|define) EQT_\w+_H")
 def headers(real: str) -> str:
     """Return the types and functions of programs in ``double`` or ``float``, with one lane."""
     paths = [FLOAT_HEADER] if real == "float" else [LANES_HEADER, FUNCTIONS_HEADER]
-    texts = [path.read_text(encoding="utf-8") for path in paths]
-    return "\n".join(map(_of_one_lane, texts))
+    return "\n".join(map(_of_one_lane, [path.read_text(encoding="utf-8") for path in paths]))
 
 
 def needed(text: str, header: str) -> str:

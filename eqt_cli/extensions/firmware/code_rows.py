@@ -587,8 +587,7 @@ def _memory_rows(
     """Check that the memory changes over a period, and begins, as that of the law."""
     loop, period = question.loop, judged.loop.period
     of_loop = loop.group, loop.inertia, loop.gains
-    s = question.inputs.tracking(*of_loop, question.memory)
-    _, later = loop.controller.answer(s, period)
+    _, later = loop.controller.answer(question.inputs.tracking(*of_loop, question.memory), period)
     still = question.inputs.zeroed("velocity", "desired_velocity", "desired_acceleration")
     at_rest = loop.controller.memory_rate(still.tracking(*of_loop, question.memory))
     first = question.inputs.tracking(*of_loop, question.forgetful)

@@ -179,8 +179,7 @@ class _Analysis:
             else np.zeros((self.count, 0))
             for part in range(3)
         )
-        linear = SECOND_ORDER * self._to_first_order(output)
-        errors = np.fmin(linear, errors)
+        errors = np.fmin(SECOND_ORDER * self._to_first_order(output), errors)
         errors = np.where(np.isnan(errors), np.inf, errors)
         far = (lost <= SINGULAR * self.by.unit).all(axis=-1)
         return BoundedOutput(values, errors, np.asarray(~far))
@@ -213,8 +212,7 @@ class _Analysis:
         if name in ("divide", "sqrt", "log", "pow"):
             near = x[-1] if name == "divide" else x[0]
             # An exact value loses nothing, even if it is 0.
-            relative = np.where(near.error > 0, near.error / np.abs(near.value), 0.0)
-            lost = np.maximum(lost, relative)
+            lost = np.maximum(lost, np.where(near.error > 0, near.error / np.abs(near.value), 0.0))
         value, slopes = _value_and_slopes(name, x)
         error = sum(np.abs(_product(k, each.error)) for k, each in zip(slopes, x, strict=True))
         if name == "multiply":
@@ -258,8 +256,7 @@ def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[A
         return value, (by_base, value * np.log(np.abs(a.value)))
     value = getattr(np, name)(a.value)
     near = [slope(name, at) + 0.0 * at for at in (a.value, a.value - a.error, a.value + a.error)]
-    steepness = np.fmax.reduce([np.abs(each) for each in near])
-    return value, (np.copysign(steepness, near[0]),)
+    return value, (np.copysign(np.fmax.reduce([np.abs(each) for each in near]), near[0]),)
 
 
 def _product(a: Array, b: Array) -> Array:

@@ -337,8 +337,7 @@ def source_of(
             CALL.read_text(encoding="utf-8"),
         ]
     )
-    functions = needed(PRELUDE + text, headers("double"))
-    return "\n".join([PRELUDE, functions, *made.constants, text])
+    return "\n".join([PRELUDE, needed(PRELUDE + text, headers("double")), *made.constants, text])
 
 
 @lru_cache(maxsize=64)

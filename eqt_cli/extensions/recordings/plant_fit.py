@@ -307,8 +307,7 @@ class _FitProblem:
     def correct_states(self, fits: list[Linear]) -> float:
         """Correct the first states; return the largest correction in units of the noise."""
         G, noise = self.windows.recording.group, self.windows.noise
-        pairs = zip(self.cut, fits, strict=True)
-        self.cut = [window.moved(G, one.state) for window, one in pairs]
+        self.cut = [window.moved(G, one.state) for window, one in zip(self.cut, fits, strict=True)]
         corrections = np.abs([one.state for one in fits])[:, np.isfinite(noise)]
         return float((corrections / noise[np.isfinite(noise)]).max())
 
@@ -405,8 +404,7 @@ def write_fitted(result: PlantFit, folder: Path) -> Path:
     path, mark = folder / FITTED, CONFIG_MARK.format("fit")
     with refusals(path, "written", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
-        fitted = study(result.document)
-        ResultFolder(folder).write_config(fitted, path.name, mark.encode())
+        ResultFolder(folder).write_config(study(result.document), path.name, mark.encode())
     return path
 
 

@@ -81,8 +81,7 @@ class Replay(RecordingInFile, Controller):
         if self.hold == "zero":
             return HeldWrench(wrenches[row])
         row = np.minimum(row, len(times) - 2)
-        step = (times[row + 1] - times[row])[..., None]
-        slope = (wrenches[row + 1] - wrenches[row]) / step
+        slope = (wrenches[row + 1] - wrenches[row]) / (times[row + 1] - times[row])[..., None]
         return HeldWrench(wrenches[row], slope, np.asarray(times[row]))
 
     def with_held(self, held: HeldWrench | None) -> Self:
