@@ -1,7 +1,5 @@
 """Stability margins of linearised loops: eigenvalues, delay margins and gain margins."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction

@@ -7,8 +7,6 @@ with a leading zero, numbers that overflow, several documents, anchors set twice
 sizes.
 """
 
-from __future__ import annotations
-
 import codecs
 import json
 import math

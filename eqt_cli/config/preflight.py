@@ -25,8 +25,6 @@ Every command that builds an experiment begins with 1 and 2, at every point of a
 - `--dry-run` does 7, of a sweep after 5 for the memory.
 """
 
-from __future__ import annotations
-
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """Remarks on an experiment: numbers that look wrong, numerics, limits below the reference."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from math import log
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Compiles C on this machine in contained processes, and keeps what was compiled."""
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import hashlib

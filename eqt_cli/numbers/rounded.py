@@ -4,8 +4,6 @@ The last bits of BLAS, LAPACK and the C library's functions depend on the proces
 computed here does not, so a configuration fixes the same numbers on every machine.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """The definitions in C that an exported program needs, out of the headers of programs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compares laws in C with the laws that they claim to be: rows for `eqt verify`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """`eqt export`: control laws as C, for a vehicle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -6,8 +6,6 @@ less. What is written otherwise than that does not compile, or computes other nu
 uses it compares them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Iterator

@@ -1,7 +1,5 @@
 """Exports laws as C: headers, sources, checks and the README."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

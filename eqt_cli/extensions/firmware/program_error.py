@@ -7,8 +7,6 @@ each value, so that errors of the same origin can cancel. The smaller bound coun
 followed as computed; if rounding can change its outcome, the other branch adds to the error.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple

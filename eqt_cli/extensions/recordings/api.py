@@ -1,7 +1,5 @@
 """Reads and checks recordings, replays and fits a plant, compares a recording with runs."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Writes a run for programs that show flights: CSV, TUM, MATLAB, and MCAP of ROS 2."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

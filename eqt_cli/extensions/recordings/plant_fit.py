@@ -1,7 +1,5 @@
 """Fits numbers of a plant by least squares, so that it predicts windows of a recording best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

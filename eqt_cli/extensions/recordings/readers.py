@@ -6,8 +6,6 @@ px4_msgs that eqt ships. The definitions in a file are compared with these, and 
 because rosbags would make code of them and run it.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re
