@@ -546,8 +546,7 @@ def _numbers(label: str, loop: ClosedLoop) -> tuple[Any, ...]:
         raise InputError(f"{none}L falls if c + n is 1, and here c + n − 1 is {off:.3g}")
     if any((each != each[0, 0] * np.eye(3, dtype=int)).any() for each in (K, K_d)):
         raise InputError(f"{none}kp and kd must be multiples of the identity")
-    states = ExactStates(label, loop, np.random.default_rng(0))
-    if not isinstance(prove(sides_of_W, states), Proof):
+    if not isinstance(prove(sides_of_W, ExactStates(label, loop, np.random.default_rng(0))), Proof):
         raise InputError(f"{none}its torque is not the one of its weights")
     return weights_of(list(weights), K[0, 0], K_d[0, 0], J)
 

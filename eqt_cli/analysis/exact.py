@@ -179,8 +179,7 @@ class Bounded(Number):
 
     def apply(self, name: str) -> Bounded:
         """Apply a function of the expression grammar by name."""
-        value = float(getattr(np, name)(self.value))
-        return self._mapped(value, lambda x: slope(name, x))
+        return self._mapped(float(getattr(np, name)(self.value)), lambda x: slope(name, x))
 
     def _mapped(self, value: float, derivative: Callable[[Any], Any]) -> Bounded:
         """Return f(x) with the rate f′(x)ẋ; an error e of x changes f by |f′(x)| e."""

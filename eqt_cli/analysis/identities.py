@@ -234,8 +234,7 @@ def feedforward(s: Tracking, P_E: Array) -> Array:
     transport = -G.ad_star(G.Ad(s.Qd, s.Vd), P_E)
     if s.inertia.change is None:
         return transport
-    velocity = s.inertia.velocity(G.Ad_star(s.Qd, P_E))
-    of_reference = s.inertia.feedforward(velocity) + 0 * P_E
+    of_reference = s.inertia.feedforward(s.inertia.velocity(G.Ad_star(s.Qd, P_E))) + 0 * P_E
     return transport + G.Ad_star(G.inverse(s.Qd), of_reference)
 
 
@@ -426,8 +425,7 @@ def sides_of_W(sample: Sample) -> Iterator[tuple[Array, Array]]:
     gains, (u, v), G = sample.loop.gains, sample.inputs[0], sample.G
     law, k, k_d = sample.loop.controller, gains.K[:1, :1], gains.K_d[:1, :1]
     s = replace(sample.resting, gains=replace(gains, K=ONE * k, K_d=ONE * k_d))
-    P_dot = G.ad_star(s.V, s.P) + law.torque(s)
-    moving = replace(sample.s, gains=s.gains, P=with_rate(s.P, P_dot))
+    moving = replace(sample.s, gains=s.gains, P=with_rate(s.P, G.ad_star(s.V, s.P) + law.torque(s)))
 
     def sine(s: Tracking) -> Array:
         R = transpose(s.Qd) @ s.Q

@@ -218,8 +218,7 @@ def difference_of_shares(first: Array, second: Array, confidence: float) -> tupl
     x, y, n = first[known] > 0, second[known] > 0, int(known.sum())
     if not n:
         return Interval(math.nan, math.nan, math.nan), math.nan
-    outcomes = (x & y, x & ~y, ~x & y, ~x & ~y)
-    a, b, c, d = (int(np.count_nonzero(outcome)) for outcome in outcomes)
+    a, b, c, d = (int(np.count_nonzero(outcome)) for outcome in (x & y, x & ~y, ~x & y, ~x & ~y))
     value, p_value = (b - c) / n, float(sign_test(max(b, c), b + c))
     if n < FEWEST:
         return Interval(value, math.nan, math.nan), p_value

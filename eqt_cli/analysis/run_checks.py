@@ -615,8 +615,7 @@ class Tracks(TrajectoryCheck):
         both = ", ".join(f"{name} {ratio:.2g}" for name, (ratio, *_) in endings.items())
         doubts = dict.fromkeys(why for _, verdict, why in endings.values() if verdict is worst)
         remark = joined(both, *doubts, runs.remark)
-        bound = GROWN if runs.departures else TRACKED
-        return self.row(worst, left, bound, remark, runs.label)
+        return self.row(worst, left, GROWN if runs.departures else TRACKED, remark, runs.label)
 
     def _ending(
         self, runs: Runs, errors: Array, near: float, fifths: Fifths

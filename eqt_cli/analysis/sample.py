@@ -225,8 +225,7 @@ class Parameters:
 
     def one(self) -> Exact:
         """Draw a parameter."""
-        drawn = int(self._random.integers(self._count, dtype=np.uint64))
-        return free(drawn - self._count // 2)
+        return free(int(self._random.integers(self._count, dtype=np.uint64)) - self._count // 2)
 
     def array(self, *shape: int) -> Array:
         """Draw an array of parameters."""

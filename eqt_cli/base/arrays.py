@@ -249,8 +249,7 @@ def inverse_spd(matrix: Array) -> Array:
     """
     if matrix.dtype != object:
         return np.linalg.inv(matrix)
-    tables = (_symbol_tables.get(type(entry), {}) for entry in matrix.flat)
-    for table in tables:
+    for table in (_symbol_tables.get(type(entry), {}) for entry in matrix.flat):
         if "inverse" in table:
             return table["inverse"](matrix)
     n = matrix.shape[-1]

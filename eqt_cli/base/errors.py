@@ -248,8 +248,7 @@ class Problems:
 
     def add(self, message: str, *remedies: Remedy) -> None:
         """Note an error at this place; the same error is noted once."""
-        place = self._located(self._path)
-        problem = InputProblem(self.path, message, place, remedies)
+        problem = InputProblem(self.path, message, self._located(self._path), remedies)
         self._places.setdefault(problem, self._path)
         if len(self._places) > MAX_PROBLEMS:
             first = sorted(list(self._places)[:MAX_PROBLEMS], key=_position)

@@ -448,8 +448,7 @@ class Stabilising(_Compensation):
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
-        shaping = s.G.Ad_star(s.Qd, s.gradient)
-        return self.compensation * s.inertia_force - s.body_damping - shaping
+        return self.compensation * s.inertia_force - s.body_damping - s.G.Ad_star(s.Qd, s.gradient)
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d V, V⟩, and without feedforward also the power of the changing inertia."""

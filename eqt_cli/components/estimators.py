@@ -635,8 +635,7 @@ class ErrorStateFilter(Estimator):
         for part in G.parts:
             axes = list(range(G.dimension)[part.axes])
             fixed = set(axes) <= set(schedule.axes)
-            positive = ["velocity_std", *["pose_std"] * fixed, "initial_pose_std"]
-            for name in positive:
+            for name in ["velocity_std", *["pose_std"] * fixed, "initial_pose_std"]:
                 if name in values and (values[name][axes] <= 0).any():
                     problems.at(name).add(self._no_deviation(name, part.name))
             if fixed:

@@ -550,8 +550,7 @@ class Family(_FromOptions):
         if self.error == "body":  # the desired pose is I, and damping has one frame
             return feedforward - s.body_damping - s.gradient
         spatial_force = s.gradient + self.spatial * s.spatial_damping
-        body_force = (1 - self.spatial) * s.body_damping
-        return feedforward - body_force - s.G.Ad_star(s.Qd, spatial_force)
+        return feedforward - (1 - self.spatial) * s.body_damping - s.G.Ad_star(s.Qd, spatial_force)
 
     def feedforward_torque(self, s: Tracking) -> Array:
         """τ_d and the terms with g, c, n and q."""
@@ -568,8 +567,7 @@ class Family(_FromOptions):
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d V_E, V_E⟩ or ⟨K_d Ṽ, Ṽ⟩, and off the plane c + n = 1 the power of these terms."""
         s = self._in_error_frame(s)
-        off_plane = 1 - self.transport - self.connection
-        added = dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
+        added = dot((1 - self.transport - self.connection) * s.P_tilde, s.G.ad(s.V, s.Vd))
         if self.error == "body":
             return dot(s.body_damping, s.V_tilde) + added
         damping = dot(self.spatial * s.spatial_damping, s.V_E)

@@ -407,8 +407,7 @@ class Sheet:
             since, columns["t"] = self._nanoseconds()
             names.remove("t")
         if names:
-            numbers = self._numbers(names)
-            for column, name in zip(numbers.T, names, strict=True):
+            for column, name in zip(self._numbers(names).T, names, strict=True):
                 factor = factor_of(name, self.units.get(name, ""))
                 columns[name] = column if factor == 1.0 else column * factor
         return LogTable(self.name, columns, self.numbers, since).without(self.drop)

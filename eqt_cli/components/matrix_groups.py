@@ -543,8 +543,7 @@ def _rotation_generators(n: int) -> Array:
 
 def _frame_along(axis: Array) -> Array:
     """Return rotations that map e_z to these unit vectors, with as many zeros as possible."""
-    other = np.eye(3)[np.argmin(np.abs(axis), axis=-1)]
-    y = np.cross(axis, other)
+    y = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis), axis=-1)])
     y = y / norm(y)[..., None]
     return np.stack([np.cross(y, axis), y, axis], axis=-1)
 

@@ -141,8 +141,7 @@ def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) ->
             problems.at(key).add(f"unknown key; a pose of {G.name} takes {', '.join(known)}")
         elif key in G.columns:
             unit = dict(zip(G.columns, G.column_units, strict=True))[key]
-            kind = Annotated[Real | list[Real], Unit(unit)]
-            numbers = validated(kind, entry, problems.at(key))
+            numbers = validated(Annotated[Real | list[Real], Unit(unit)], entry, problems.at(key))
             if numbers is not None:
                 with problems.catching(key):
                     parts[key] = vector(numbers, lengths[key], G)

@@ -455,9 +455,8 @@ def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tupl
         inside = (begin - since <= times) & (times <= end - since)
         if not inside.any():
             low, high = float(times.min()) + since, float(times.max()) + since
-            key = "end" if end < low else "begin"
             raise MappingError(
-                ("time", key),
+                ("time", "end" if end < low else "begin"),
                 f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
             )
         table, times = table.part(inside), times[inside]

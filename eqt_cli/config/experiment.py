@@ -616,7 +616,6 @@ def with_model(
     laws, pushes = dict(laws), vehicle.pushes(G)
     acts, model = config.plant, config.model
     acting = acts is not None and acts.forces and not (model and model.forces == "plant")
-    parts = (vehicle.configured or vehicle).actuators
     plant = PlantModel(
         inertia,
         known,
@@ -626,7 +625,7 @@ def with_model(
         desired.reference.flat_output(G, 0.0),
         None,
         vehicle.control.period if vehicle.control else None,
-        tuple(part.nominal.of_run(G, None) for part in parts),
+        tuple(part.nominal.of_run(G, None) for part in (vehicle.configured or vehicle).actuators),
         isinstance(desired.reference, ClosedReference),
     )
     takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")

@@ -724,8 +724,7 @@ def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Probl
 
 def _check_samples(time: schema.TimeSection, vehicle: Vehicle, problems: Problems) -> None:
     """Note samples that miss pulses of jets, of which means of the torque would be wrong."""
-    pulsed = any(getattr(each, "jets", None) for each in vehicle.actuators)
-    if pulsed and vehicle.control:
+    if any(getattr(each, "jets", None) for each in vehicle.actuators) and vehicle.control:
         ticks = round(time.duration / vehicle.tick)
         if time.samples <= ticks:
             problems.add(f"means over pulses need a sample at each tick; give {ticks + 1} or more")

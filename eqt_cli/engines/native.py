@@ -432,13 +432,12 @@ class Lanes(Integrator):
         length = sum(place.stop - place.start for place in memory)
         states = outputs.get("state", self._whole).reshape(self._whole.shape)
         torques, memories = np.zeros((count, loop.group.dimension)), np.empty((count, length))
-        options = np.broadcast_to(call.options, (count, call.options.shape[-1])).copy()
         walk.set(
             code=ctypes.cast(call.function, ctypes.c_void_p).value,
             begins=call.begins,
             period=float(loop.period),
             measured=states,
-            options=options,
+            options=np.broadcast_to(call.options, (count, call.options.shape[-1])).copy(),
             law_inputs=outputs[ROWS],
             torques=torques,
             memory=memories,

@@ -796,8 +796,7 @@ def _grown(loop: Linearised, place: int) -> Growth:
     if loop.cycle is not None:
         rates = np.log(np.maximum(np.abs(eigenvalues), np.finfo(float).tiny)) / loop.cycle
     which = int(rates.argmax())
-    certain = beyond[~doubtful]
-    is_stable = False if (certain > 0).any() else None if doubtful.any() else True
+    is_stable = False if (beyond[~doubtful] > 0).any() else None if doubtful.any() else True
     return Growth(complex(eigenvalues[which]), 0.0, float(rates[which]), is_stable)
 
 

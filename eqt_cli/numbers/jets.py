@@ -262,8 +262,7 @@ class Jet:
             def chosen(pair: Sequence[Any]) -> Any:
                 return unwrapped(apply("where", _value(condition), *pair))
 
-            pairs = _aligned(choices, _order(arguments))
-            return cls([_of_known(chosen, pair) for pair in pairs])
+            return cls([_of_known(chosen, pair) for pair in _aligned(choices, _order(arguments))])
         (series,) = arguments
         if name == "sqrt":
             return series._root()
@@ -280,8 +279,7 @@ class Jet:
         root = _of("sqrt", self.value)
         terms = [root]
         for k, c in enumerate(self.coefficients[1:], 1):
-            known = _convolved((None, *terms[1:]), (*terms, None), k)
-            rest = _difference(c, known)
+            rest = _difference(c, _convolved((None, *terms[1:]), (*terms, None), k))
             terms.append(None if rest is None else rest / (2 * root))
         return Jet(terms)
 

@@ -192,8 +192,7 @@ def with_derived(dataset: xarray.Dataset, G: MatrixLieGroup, angles: str = "") -
                 axes[f"axis_{each.axes}"] = list(each.axes)
                 dims = (*dims, f"axis_{each.axes}")
             about = {"units": each.units, "long_name": each.long_name, "frame": each.frame}
-            values = _lazily(each, pose, velocity)
-            added[prefix + each.name] = Variable(dims, values, about)
+            added[prefix + each.name] = Variable(dims, _lazily(each, pose, velocity), about)
     return dataset.assign_coords(axes).assign(added)
 
 

@@ -192,8 +192,7 @@ class ResultFolder:
     def write_config(self, study: Study, name: str = CONFIG, mark: bytes = b"") -> None:
         """Write the complete configuration below a mark, and copies of the files it refers to."""
         plugins = self._copied(PLUGINS, study.base.plugins)
-        files = self._copied(FILES, study.files, ".csv")
-        data = renamed(study.resolved, files | plugins)
+        data = renamed(study.resolved, self._copied(FILES, study.files, ".csv") | plugins)
         replace_file(self.path / name, mark + dump(data).encode())
 
     def tidy(self) -> None:
@@ -223,10 +222,9 @@ class ResultFolder:
         inner = () if existing else self.path.glob(f"*/{MANIFEST}")
         if others := sorted(path.parent.name for path in inner):
             others[MOST_NAMES:] = ["…"] if len(others) > MOST_NAMES else []
-            hint = f"choose another folder with {{}}, such as {self.path / study.name}"
             raise EqtError(
                 f"{self.path}: is the folder of other results: {', '.join(others)}",
-                Remedy(hint, "out"),
+                Remedy(f"choose another folder with {{}}, such as {self.path / study.name}", "out"),
             )
         is_another = bool(manifest) and manifest["digest"] != study.digest
         begun = bool(self.parts.listed())
@@ -428,11 +426,10 @@ def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
         return Variable((dim,), values, {**units, "long_name": long_name})
 
     G, runs, labels = experiment.group, experiment.config.ensemble.runs, list(experiment.loops)
-    times = experiment.times[:: experiment.config.store.decimate]
     variables = [
         along("controller", np.array(labels, dtype=object), "control law"),
         along("run", np.arange(runs), "run, with its own initial state", units="1"),
-        along("time", times, "time", units="s"),
+        along("time", experiment.times[:: experiment.config.store.decimate], "time", units="s"),
         along("row", np.arange(G.size), "row of a pose matrix", units="1"),
         along("col", np.arange(G.size), "column of a pose matrix", units="1"),
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),

@@ -143,5 +143,4 @@ def _rate(plan: Plans, parts: dict[int, FinishedPart], since: str | None) -> flo
         return None
     end = time.time() if since else times[-1][0]
     first = times[0][0]
-    runs = sum(plan.runs_of(number) for _, number in times[1:])
-    return runs / max(end - first, 1e-3)
+    return sum(plan.runs_of(number) for _, number in times[1:]) / max(end - first, 1e-3)

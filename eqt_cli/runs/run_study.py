@@ -220,8 +220,7 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     manifest = folder.manifest
     if manifest.get("digest") != study.digest or not folder.results.exists():
         return None
-    left = folder.parts.listed() or kind_of(folder.path / LOCK)
-    if left or "finished" not in manifest:
+    if folder.parts.listed() or kind_of(folder.path / LOCK) or "finished" not in manifest:
         with open_results(folder.results) as results:
             manifest |= {"failed": int(np.count_nonzero(results["status"]))}
         with suppress(EqtError), locked(folder.path):

@@ -386,12 +386,11 @@ def parts_of(question: Question, pose: LawInput, rest: LawInput) -> list[LawPart
     stiffness = ask(inputs=pose) - ask(inputs=pose, K=0.0)
     damping = ask(inputs=rest) - ask(inputs=rest, K_d=0.0)
     of_velocity = ask(inputs=still) - ask(inputs=still, K_d=0.0)
-    unpushed = rest.zeroed("desired_acceleration")
     basic = {
         "stiffness": stiffness,
         "damping": of_velocity,
         "damping of the desired velocity": damping - of_velocity,
-        "desired acceleration": ask(inputs=rest) - ask(inputs=unpushed),
+        "desired acceleration": ask(inputs=rest) - ask(inputs=rest.zeroed("desired_acceleration")),
     }
     if question.loop.known_forces:
         blind = replace(question, loop=replace(question.loop, known_forces=()))

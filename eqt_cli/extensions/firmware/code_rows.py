@@ -92,8 +92,7 @@ class Judged:
         """Return a row about the code; of a difference, with its size and its bound."""
         code, (measured, bound) = self.law.code, sizes or (None, None)
         statement = f"{code.file}: {code.function}"
-        remark = "; ".join(words)
-        return Row(name, statement, "code", self.label, measured, bound, verdict, remark)
+        return Row(name, statement, "code", self.label, measured, bound, verdict, "; ".join(words))
 
     def watched(self, states: States) -> Watched:
         """Return torque and outcomes at states, from the code that keeps its outcomes."""
@@ -378,8 +377,7 @@ def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
     G, memory = loop.group, np.hstack([states.inputs.velocity[:, :0], *states.memory.values()])
     code: Any = loop.controller
     for kind in controllers.all():
-        other = type(code.formula) is not kind and kind.tasks
-        if other and kind().fits(G) and not kind().pieces:
+        if type(code.formula) is not kind and kind.tasks and kind().fits(G) and not kind().pieces:
             law: Any = kind().with_defaults(G, loop.gains, None).loaded(None, G, Problems())[0]
             lengths = law.memory(G)
             if [*lengths.values()] in ([], [memory.shape[1]]):
@@ -460,8 +458,7 @@ def _differences(question: Question, torque: Array, real: str) -> _TorqueDiffere
     bound = np.where(np.isfinite(size), least * size, np.nan) + 0.0 * law
     bound[some] = bounds
     others = np.flatnonzero(~some & (relative > least).any(axis=-1))
-    order = np.argsort(-relative[others].max(axis=-1), kind="stable")
-    others = others[order[:MOST_BOUNDED]]
+    others = others[np.argsort(-relative[others].max(axis=-1), kind="stable")[:MOST_BOUNDED]]
     bound[others] = ARRANGED * _rounding(question, others) * worse
     usable = np.isfinite(law) & np.isfinite(bound)
     if not usable.any():

@@ -495,8 +495,7 @@ class Code(_Numbers):
 
     def formula_of(self, loop: ClosedLoop, law: Controller) -> ClosedLoop:
         """Return a loop with this code as that of a formula, which counteracts known forces."""
-        known = self.forces if law.counteracts else ()
-        return replace(loop, controller=law, known_forces=known)
+        return replace(loop, controller=law, known_forces=self.forces if law.counteracts else ())
 
     def judged(
         self, label: str, loop: Any, horizon: float, random: Any, flown: Any

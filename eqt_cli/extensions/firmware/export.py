@@ -251,8 +251,7 @@ def meaning(law: ExportedLaw, entry: Entry) -> str:
 
 def _field(by: Arithmetic, entry: Entry, said: str) -> tuple[str, str, str]:
     size = f"[{entry.size}]" if entry.shape else ""
-    unit = "; ".join(part for part in (entry.unit, said) if part)
-    return by.name, f"{entry.name}{size}", unit
+    return by.name, f"{entry.name}{size}", "; ".join(part for part in (entry.unit, said) if part)
 
 
 # The source ---------------------------------------------------------------------------------------
@@ -337,11 +336,10 @@ def check(law: ExportedLaw) -> str:
         fields = [initialiser(state[INPUT + each.name], each, law.by) for each in program.inputs]
         before = [braced(state[name], law.by) for name in memory]
         outputs, output_bound = _exact(law, program.output, state, output_names)
-        torque = row(np.array([float(x) for x in exact[TORQUE]]))
         parts = [
             f"{{{', '.join(fields)}}}",
             f"{{{', '.join(before) or '0'}}}",
-            torque,
+            row(np.array([float(x) for x in exact[TORQUE]])),
             row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
             row(np.array([*after_bound, 0.0])),
@@ -423,13 +421,12 @@ def readme(laws: Sequence[ExportedLaw]) -> str:
 def _claim(law: ExportedLaw) -> str:
     """Say what the law claims of its L."""
     controller = law.loop.controller
-    claim = controller.claims(law.loop.group, law.loop.gains)
     return {
         True: f"L = {controller.energy} falls along every motion of the ideal loop, in "
         f"continuous time ({controller.theorem})",
         False: f"L = {controller.energy} is not claimed to fall",
         None: "nothing is claimed",
-    }[claim]
+    }[controller.claims(law.loop.group, law.loop.gains)]
 
 
 # Exports laws as C files into a folder ------------------------------------------------------------

@@ -530,10 +530,9 @@ class ExportedLaw:
         G, torque, apart = self.loop.group, self.judged[TORQUE], ~self.singular
         inputs, sizes = {"torque": torque.values[apart]}, {"torque": G.dimension}
         program = traced(lambda x: {"found": actuator.solution(G, x["torque"])}, sizes)
-        errors = {"torque": torque.errors[apart]}
         rounding, both = (
             float(bounded(program, inputs, self.by, each)["found"].errors.max(initial=0.0))
-            for each in ({}, errors)
+            for each in ({}, {"torque": torque.errors[apart]})
         )
         return Allocation("thrusts, N,", actuator.inverse, [], rounding, both - rounding, program)
 

@@ -186,8 +186,7 @@ class _Analysis:
         """Sum the first-order effects of the new error of each value on the output, backwards."""
         slopes: dict[int, Array] = {}
         for index, entry in enumerate(output.entries):
-            slope = slopes.setdefault(entry, np.zeros((len(output.entries), 1)))
-            slope[index] = 1.0
+            slopes.setdefault(entry, np.zeros((len(output.entries), 1)))[index] = 1.0
         total = np.zeros((len(output.entries), self.count))
         for place in reversed(range(len(self.numbers))):
             slope_of = slopes.pop(place, None)

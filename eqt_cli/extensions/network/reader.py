@@ -433,8 +433,7 @@ class _Checkpoint:
             return of
         if kind == "mlp":
             hidden = range(int(self._of(place, "num_layers") or 0) - 2)
-            names = ["input_layer", *(f"hidden_layer_{k}" for k in hidden), "output_layer"]
-            for each in names:
+            for each in ["input_layer", *(f"hidden_layer_{k}" for k in hidden), "output_layer"]:
                 of = self._dense(built, f"{place}/{each}", of)
             return of
         if kind == "dense":

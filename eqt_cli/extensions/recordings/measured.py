@@ -645,7 +645,6 @@ class Explanation:
 def explained(measured: MeasuredRun, shown_in: ShownIn) -> Explanation:
     """Compute the shares of the errors of a recording that the run explains, in units of a user."""
     seen, G = measured.recording, measured.recording.group
-    shares = [share for error in measured.errors for share in _shares(G, error, shown_in)]
     return Explanation(
         measured.label,
         measured.title,
@@ -653,7 +652,7 @@ def explained(measured: MeasuredRun, shown_in: ShownIn) -> Explanation:
         measured.alignment.offset,
         measured.alignment.error,
         len(seen.times),
-        shares,
+        [share for error in measured.errors for share in _shares(G, error, shown_in)],
         [*measured.notes, *(f"{seen.name}: {note}" for note in seen.notes)],
     )
 
