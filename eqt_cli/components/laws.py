@@ -311,7 +311,7 @@ class Controller(TimeVarying, Component):
 
     def answer_rows(
         self, G: MatrixLieGroup, rows: Array, memory: Arrays
-    ) -> tuple[Array, dict[str, Array]] | None:
+    ) -> tuple[Array, Arrays] | None:
         """Return what the code answers to its rows; None where they are parts of the input.
 
         A law that computes its rows answers to those of the engine, so that it has their bits.

@@ -411,9 +411,7 @@ class Walk:
         _set(self._c, members)
         self._lives.append(members)
 
-    def evaluate(
-        self, program: Program, inputs: Sequence[Rows], ticks: int = 0
-    ) -> dict[str, Array]:
+    def evaluate(self, program: Program, inputs: Sequence[Rows], ticks: int = 0) -> Arrays:
         """Have a program evaluated at instants; return the arrays that it fills in.
 
         Parameters

@@ -422,9 +422,9 @@ class Lanes(Integrator):
         walk: library.Walk,
         call: CodeCall,
         around: InstantPrograms,
-        outputs: dict[str, Array],
+        outputs: Arrays,
         inputs: list[Rows],
-    ) -> dict[str, Array]:
+    ) -> Arrays:
         """Have the user's code called in C, between both programs around it."""
         loop, count = self.problem.loop, len(self.runs)
         slices = loop.layout.slices.items()

@@ -455,9 +455,7 @@ class ClosedLoop:
             Q, V = self.vehicle.estimated(self.group, s.vehicle)
         return inputs._replace(pose=Q, velocity=V, flux=B)
 
-    def answer(
-        self, inputs: LawInput, memory: Arrays, period: Any
-    ) -> tuple[Array, dict[str, Array]]:
+    def answer(self, inputs: LawInput, memory: Arrays, period: Any) -> tuple[Array, Arrays]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
         force = known_force(self, inputs.t, inputs.pose)
         s = inputs.tracking(self.group, self.inertia, self.gains, memory, force)
@@ -502,7 +500,7 @@ class ClosedLoop:
 
     def answer_if_due(
         self, inputs: LawInput, state: Array, rows: Array | None = None
-    ) -> tuple[Array, dict[str, Array]]:
+    ) -> tuple[Array, Arrays]:
         """Return the `answer` at a tick; a law that does not act is not called.
 
         `rows` is the law's `code_rows` where an engine has computed it.

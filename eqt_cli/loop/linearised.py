@@ -670,8 +670,8 @@ class _About:
             states[..., loop.layout.slices[name]] = value
         errors = _at_instant(loop, None) if loop.changes_by_measuring else None
         inputs, memory = loop.law_input(t, states, errors), loop.memory(states)
-        command, memory = loop.answer(inputs, memory, loop.period)
-        after = loop.after_answer(t, states, command + x[..., self.dimension :], memory)
+        command, later = loop.answer(inputs, memory, loop.period)
+        after = loop.after_answer(t, states, command + x[..., self.dimension :], later)
         still = np.zeros((*command.shape[:-1], 2 * loop.group.dimension))
         still += x[..., : still.shape[-1]]
         return np.concatenate([still, *self._others(after, self.states), command], axis=-1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.exact import UNIT, lifted, value_of
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import LawInput
@@ -576,9 +576,7 @@ def _of_memory(judged: Judged, states: States, question: Question, real: str) ->
     return words
 
 
-def _memory_rows(
-    judged: Judged, question: Question, memory: dict[str, Array], real: str
-) -> Iterator[Row]:
+def _memory_rows(judged: Judged, question: Question, memory: Arrays, real: str) -> Iterator[Row]:
     """Check that the memory changes over a period, and begins, as that of the law."""
     loop, period = question.loop, judged.loop.period
     of_loop = loop.group, loop.inertia, loop.gains

@@ -585,9 +585,7 @@ class Network(Controller):
         named = {name: part.reshape(*batch, -1) for name, part in later.items()}
         return torques.reshape(*batch, -1), named
 
-    def answer_rows(
-        self, G: MatrixLieGroup, rows: Array, memory: Arrays
-    ) -> tuple[Array, dict[str, Array]]:
+    def answer_rows(self, G: MatrixLieGroup, rows: Array, memory: Arrays) -> tuple[Array, Arrays]:
         """Return the command for each row of observations, and the memory a period later."""
         lengths, rows = self.memory(G), np.ascontiguousarray(rows, dtype=float)
         parts = [np.empty((len(rows), 0)), *(memory[name] for name in lengths)]
