@@ -50,19 +50,10 @@ from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.recording import read_starts
 from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
-from eqt_cli.config import schema
+from eqt_cli.config import schema, sections
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
 from eqt_cli.config.schema import Config, GainsSection, InitialSection, PointSection
-from eqt_cli.config.sections import (
-    DesiredTrajectory,
-    check_horizon,
-    desired_from,
-    gains_from,
-    inertia_from,
-    known_forces,
-    kp_and_kd,
-    vehicle_from,
-)
+from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
 from eqt_cli.engines.engine import Engine
 from eqt_cli.engines.horizon import MOST_EVALUATIONS, Horizon, reference_over_horizon
@@ -432,18 +423,18 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     )
     desired: DesiredTrajectory | None = take(
         "desired",
-        lambda: desired_from(config, G, home, problems),
+        lambda: sections.desired_from(config, G, home, problems),
         *(task, config.reference, config.target),
     )
     at_inertia = problems.at("inertia")
     inertia: InertiaLaw | None = take(
         "inertia",
-        lambda: inertia_from(config.inertia, G, time.duration, at_inertia),
+        lambda: sections.inertia_from(config.inertia, G, time.duration, at_inertia),
         *(config.inertia, time),
     )
     vehicle: Vehicle = take(
         "vehicle",
-        lambda: vehicle_from(config, G, problems, inertia),
+        lambda: sections.vehicle_from(config, G, problems, inertia),
         *(getattr(config, name) for name in schema.marked(schema.VEHICLE)),
         *(inertia, time),
     )
@@ -458,7 +449,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     assert desired
     assert inertia
     laws = {label: law.with_gains(G, gains[label]) for label, law in laws.items()}
-    known = known_forces(config, vehicle, G)
+    known = sections.known_forces(config, vehicle, G)
     laws, desired = with_model(config, laws, G, inertia, vehicle, known, desired, problems)
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
     config = in_agreement(config, laws, G, desired, start, problems)
@@ -500,11 +491,11 @@ def _validated(
         config = validated(Config, data, problems, group=G)
     elif differing:
         kinds = {key: Config.model_fields[key].rebuild_annotation() for key in differing}
-        sections = {
+        changed = {
             key: validated(kind, data[key], problems.at(key), group=G)
             for key, kind in kinds.items()
         }
-        config = config.model_copy(update=sections)
+        config = config.model_copy(update=changed)
     problems.raise_if_any()
     last.data, last.config = data, config
     return G, config
@@ -549,7 +540,7 @@ def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) 
             held = f"an earlier controller has the label '{same}'"
             here.add(f"{held}; give this one another `label`{also}")
         else:
-            gains = kp_and_kd(entry.gains, law.gains_group(G), here.at("gains"))
+            gains = sections.kp_and_kd(entry.gains, law.gains_group(G), here.at("gains"))
             laws[label] = Law(law, index, gains, entry.known_forces, entry.written, files, code)
     return laws
 
@@ -559,14 +550,14 @@ def gains_of(
 ) -> tuple[Config, dict[str, Gains]]:
     """Return the gains of every law, and the configuration with the section as `kp` and `kd`."""
     here, task = problems.at("gains"), config.task
-    section = kp_and_kd(config.gains, G, here)
+    section = sections.kp_and_kd(config.gains, G, here)
     if config.gains is not None:
         for name in [] if here else {"kp", "kd"} - section.keys():
             here.at(name).add(f"{MISSING}: {known_keys(GainsSection, ())[name]}")
         config = config.model_copy(update={"gains": GainsSection.model_construct(**section)})
     elif any(law.law.reads_gains and len(law.gains) < 2 for law in laws.values()):
         here.add(f"{MISSING}: {known_keys(Config, ())['gains']}")
-    shared = cache(partial(gains_from, section, G, here))
+    shared = cache(partial(sections.gains_from, section, G, here))
     by_label = {}
     for label, law in laws.items():
         axes = task.axes(law.law) if isinstance(task, PointSection) else None
@@ -577,7 +568,7 @@ def gains_of(
             if gains is None and not (law.law.reads_gains or law.law.inside_reads_gains):
                 gains = _unread_gains(G)
         elif group is G:
-            gains = gains_from(section | law.gains, G, at_law, axes)
+            gains = sections.gains_from(section | law.gains, G, at_law, axes)
         else:
             gains = _gains_of_inner(law, group, axes, at_law)
         if gains is not None:
@@ -594,7 +585,7 @@ def _gains_of_inner(law: Law, group: MatrixLieGroup, axes: Any, problems: Proble
             f"{MISSING}: {law.law.name} needs its own gains, of its law on {group.name}, "
             "such as gains: {kp: 4, kd: 2}"
         )
-    return gains_from(law.gains, group, problems, axes)
+    return sections.gains_from(law.gains, group, problems, axes)
 
 
 def _unread_gains(G: MatrixLieGroup) -> Gains:
@@ -712,7 +703,7 @@ def in_agreement(
     over_time: dict[str, Any] = {"reference": desired.reference}
     over_time |= {f"controllers[{entry.index}]": entry.law for entry in laws.values()}
     for place, component in over_time.items():
-        check_horizon(component, place, G, config.time.duration, problems)
+        sections.check_horizon(component, place, G, config.time.duration, problems)
     if start is None or start.rows is None:
         return config
     if "runs" not in config.ensemble.model_fields_set:

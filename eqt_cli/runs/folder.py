@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import (
     OTHER_FOLDER,
@@ -29,25 +30,7 @@ from eqt_cli.base.errors import (
     Remedy,
     dotted,
 )
-from eqt_cli.base.files import (
-    FIGURES,
-    FILE_NAME,
-    LAW,
-    NO_SPACE,
-    REPORT,
-    Entry,
-    FilePattern,
-    FolderPattern,
-    check_entries,
-    kind_of,
-    point_group,
-    read_record,
-    refusals,
-    remove_left_over,
-    remove_written,
-    replace_file,
-    write_record,
-)
+from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
 from eqt_cli.base.yaml_source import dump
@@ -86,12 +69,14 @@ COPY_FOLDERS = tuple(FolderPattern(name, (FilePattern(r"\d+-.+"),)) for name in 
 """Copies of the files that a configuration refers to."""
 
 _ENTRIES: dict[str, Entry] = {
-    FILE_NAME: FilePattern(re.escape(FILE_NAME)),
+    files.FILE_NAME: FilePattern(re.escape(files.FILE_NAME)),
     PARTS: FolderPattern(PARTS, PART_ENTRIES),
     RERUN: FolderPattern(RERUN, PART_ENTRIES),
-    FIGURES: FolderPattern(FIGURES, (FolderPattern(r"point(_\d+)+", _PICTURES), *_PICTURES)),
+    files.FIGURES: FolderPattern(
+        files.FIGURES, (FolderPattern(r"point(_\d+)+", _PICTURES), *_PICTURES)
+    ),
     **{one.name: one for one in COPY_FOLDERS},
-    REPORT: FilePattern(re.escape(REPORT), marked=True),
+    files.REPORT: FilePattern(re.escape(files.REPORT), marked=True),
     CONFIG: FilePattern(re.escape(CONFIG)),
     MANIFEST: FilePattern(re.escape(MANIFEST)),
 }
@@ -113,7 +98,7 @@ class ResultFolder:
     @property
     def results(self) -> Path:
         """The result file."""
-        return self.path / FILE_NAME
+        return self.path / files.FILE_NAME
 
     @property
     def parts(self) -> PartFiles:
@@ -124,7 +109,7 @@ class ResultFolder:
     def manifest(self) -> dict[str, Any]:
         """Record of the folder's last experiment; empty if there is none."""
         with self._refusals():
-            return read_record(self.path / MANIFEST, "digest") or {}
+            return files.read_record(self.path / MANIFEST, "digest") or {}
 
     def begun(self, study: Study) -> Study:
         """Return the study by the engine that began this folder, if eqt chose another one."""
@@ -146,7 +131,7 @@ class ResultFolder:
             yield
         except EqtError as error:
             cause = error.__cause__
-            full = isinstance(cause, OSError) and cause.errno in NO_SPACE
+            full = isinstance(cause, OSError) and cause.errno in files.NO_SPACE
             if not full and not isinstance(error, FullDiskError):
                 raise
             finished, total = self.finished_runs(study), study.plans.total
@@ -169,7 +154,7 @@ class ResultFolder:
             If an entry that eqt would write or remove is a link, or was not written by eqt.
         """
         with self._refusals():
-            check_entries(self.path, RESULT_ENTRIES)
+            files.check_entries(self.path, RESULT_ENTRIES)
 
     def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
         """Claim the folder for this study; return the names of removed entries.
@@ -184,7 +169,7 @@ class ResultFolder:
             removed = self._clear(study, force)
             self.path.mkdir(parents=True, exist_ok=True)
             # The manifest comes first: it marks the folder as eqt's if this process dies.
-            write_record(self.path / MANIFEST, manifest)
+            files.write_record(self.path / MANIFEST, manifest)
             self.write_config(study)
             self.parts.folder.mkdir(exist_ok=True)
         return removed
@@ -193,29 +178,29 @@ class ResultFolder:
         """Write the complete configuration below a mark, and copies of the files it refers to."""
         plugins = self._copied(PLUGINS, study.base.plugins)
         data = renamed(study.resolved, self._copied(FILES, study.files, ".csv") | plugins)
-        replace_file(self.path / name, mark + dump(data).encode())
+        files.replace_file(self.path / name, mark + dump(data).encode())
 
     def tidy(self) -> None:
         """Remove unfinished files of killed processes."""
-        remove_left_over(self.path, RESULT_ENTRIES)
+        files.remove_left_over(self.path, RESULT_ENTRIES)
         self.parts.tidy()
 
     def remove(self, name: str) -> list[Path]:
         """Remove what eqt wrote under a name, and nothing else; return the removed paths."""
-        return remove_written(self.path / name, _ENTRIES[name])
+        return files.remove_written(self.path / name, _ENTRIES[name])
 
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write the final manifest, and remove the parts, which the result file now holds."""
         with self._refusals():
-            write_record(self.path / MANIFEST, manifest)
+            files.write_record(self.path / MANIFEST, manifest)
             with suppress(OSError):  # the result is complete even if parts remain
                 self.remove(PARTS)
 
     def _refusals(self) -> AbstractContextManager[None]:
-        return refusals(self.path, "used", OTHER_FOLDER)
+        return files.refusals(self.path, "used", OTHER_FOLDER)
 
     def _clear(self, study: Study, force: bool) -> list[str]:
-        existing = [name for name in _ENTRIES if kind_of(self.path / name)]
+        existing = [name for name in _ENTRIES if files.kind_of(self.path / name)]
         manifest = self.manifest
         if existing and not manifest:
             raise EqtError(f"{self.path}: holds {existing[0]} that eqt did not write", OTHER_FOLDER)
@@ -228,7 +213,7 @@ class ResultFolder:
             )
         is_another = bool(manifest) and manifest["digest"] != study.digest
         begun = bool(self.parts.listed())
-        precious = begun or self.results.exists() or (self.path / FIGURES).exists()
+        precious = begun or self.results.exists() or (self.path / files.FIGURES).exists()
         if is_another and precious and not force:
             # Parts are not to be computed twice, so nobody is told how to remove them.
             ways = () if begun else (Remedy("replace it with {}", "force"),)
@@ -260,7 +245,7 @@ class ResultFolder:
             name = Path(path).stem + suffix if suffix else Path(path).name
             copies[path] = f"{folder}/{index}-{name}"
             (self.path / folder).mkdir(exist_ok=True)
-            replace_file(self.path / copies[path], text.encode())
+            files.replace_file(self.path / copies[path], text.encode())
         return copies
 
 
@@ -551,12 +536,12 @@ def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
     laws = law_names(study, study.sweep) if study.sweep else None
     if laws is not None:
         meaning = {"long_name": "registered law without options that the law equals"}
-        blanks[LAW] = Blank(("point", "controller"), None, meaning)
+        blanks[files.LAW] = Blank(("point", "controller"), None, meaning)
     sizes = {"point": len(study)} if study.sweep else {}
     gzip = study.base.config.store.compression == "gzip"
     with assemble(path, sizes | _sizes(coords), coords, blanks, "gzip" if gzip else None) as file:
         if laws is not None:
-            file.put(LAW, laws)
+            file.put(files.LAW, laws)
         if not study.is_ragged:
             yield NewResultFile(file, [], [file])
             return
@@ -593,7 +578,7 @@ def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
 def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
     """Create the group of a point, with the layout of the result of a single experiment."""
     coords = layout.coordinates
-    group = file.group(point_group(point), _sizes(coords), coords, layout.blanks(single=True))
+    group = file.group(files.point_group(point), _sizes(coords), coords, layout.blanks(single=True))
     experiment = study.experiment(point)
     resolved = experiment.resolved | {"store": study.resolved["store"]}
     config = study.document.source.comment + dump(resolved)
