@@ -119,12 +119,6 @@ class PositionGains(Keys):
         if self.anti_windup != "none" and self.ki is None:
             problems.at("anti_windup").add("applies to the integral only; add ki")
 
-    def of_mass(self, mass: float) -> PositionGains:
-        """Return the gains with those of the force divided by the mass."""
-        of_force = {name: getattr(self, key) for name, key in OF_FORCE.items()}
-        per_mass = {name: gain / mass for name, gain in of_force.items() if gain is not None}
-        return with_fields(self, k_x=None, k_v=None, **per_mass)
-
     def bounded(self, u: Any) -> Any:
         """Return sat(u), of an array or a series."""
         if self.limit is None:
@@ -306,7 +300,9 @@ class Cascade(Controller):
             "across": tuple(drag for _, drag in parts if drag),
             "acting": max(acting, key=len, default=()),
         }
-        position = self.position.of_mass(mass)
+        of_force = {name: getattr(self.position, key) for name, key in OF_FORCE.items()}
+        per_mass = {name: gain / mass for name, gain in of_force.items() if gain is not None}
+        position = with_fields(self.position, k_x=None, k_v=None, **per_mass)
         return with_fields(self, position=position, **forces, direction=b, exact=plant.exact)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
