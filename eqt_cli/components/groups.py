@@ -353,8 +353,7 @@ class MatrixLieGroup(ABC):
     def violation(self, Q: Array) -> float:
         """Return the distance of a float matrix from the group; 0 on the group."""
         constant = np.abs(self.unpack(self.pack(Q)) - Q).max()
-        reflected = 2.0 if np.linalg.det(Q) < 0 else 0.0
-        return float(max(constant, reflected, self.drift(Q)))
+        return float(max(constant, 2.0 if np.linalg.det(Q) < 0 else 0.0, self.drift(Q)))
 
 
 groups = Registry(

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from zlib import crc32
 
 import numpy as np
+from numpy.random import Generator
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import Problems
@@ -34,16 +35,16 @@ class Stream(IntEnum):
     CODE = 6
 
 
-def generator(root: int, stream: Stream, run: int) -> np.random.Generator:
+def generator(root: int, stream: Stream, run: int) -> Generator:
     """Return the generator of one run in one stream."""
     sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run))
-    return np.random.Generator(np.random.PCG64DXSM(sequence))
+    return Generator(np.random.PCG64DXSM(sequence))
 
 
-def generator_at(root: int, stream: Stream, run: int, place: str) -> np.random.Generator:
+def generator_at(root: int, stream: Stream, run: int, place: str) -> Generator:
     """Return the generator of one run for the component at a place of the configuration."""
     sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run, crc32(place.encode())))
-    return np.random.Generator(np.random.Philox(sequence))
+    return Generator(np.random.Philox(sequence))
 
 
 Axis = Literal["random"] | list[Real]
@@ -54,10 +55,10 @@ class Distribution(Component):
     """A distribution drawn for each run: a frozen dataclass whose fields are its options."""
 
     @abstractmethod
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the random numbers of one run."""
 
-    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+    def draw_of_run(self, G: MatrixLieGroup, generator: Generator, run: int) -> Array:
         """Return the numbers of a run, in distributions that depend on its number."""
         return self.draw(G, generator)
 
@@ -80,7 +81,7 @@ class Spread:
 
     std: Real | list[Real] = 1.0
 
-    def draw(self, length: int, generator: np.random.Generator) -> Array:
+    def draw(self, length: int, generator: Generator) -> Array:
         """Return `length` independent normals."""
         return np.asarray(self.std) * generator.standard_normal(length)
 
@@ -102,7 +103,7 @@ class NormalCoordinates:
 
     std: Real | list[Real] = 1.0
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return std · N(0, 1)^m."""
         return Spread(self.std).draw(G.dimension, generator)
 
@@ -117,7 +118,7 @@ class Coordinates:
 
     coordinates: list[Real] | None = None
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the coordinates."""
         return np.zeros(G.dimension) if self.coordinates is None else np.array(self.coordinates)
 
@@ -137,9 +138,7 @@ def check_coordinates(values: list[Real] | None, G: MatrixLieGroup, problems: Pr
 # Vectors by size and axis -------------------------------------------------------------------------
 
 
-def directed(
-    size: float | list[float], axis: Axis, length: int, generator: np.random.Generator
-) -> Array:
+def directed(size: float | list[float], axis: Axis, length: int, generator: Generator) -> Array:
     """Return a vector of a fixed or a uniform size, ``(length,)``; a random axis is isotropic."""
     low, high = size if isinstance(size, list) else (size, size)
     size = generator.uniform(low, high)
@@ -203,7 +202,7 @@ class RotationDistribution(PoseDistribution):
     position: Annotated[Spread | None, Unit("m")] = None
     velocity: Annotated[Spread | None, Unit("m/s")] = None
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the numbers of the rotation, then those of the columns from left to right."""
         assert isinstance(G, EuclideanGroup)  # `check` lets no other group through
         numbers = [self.draw_rotation(G, generator)]
@@ -220,7 +219,7 @@ class RotationDistribution(PoseDistribution):
         return G.assemble(self.place_rotation(G, numbers[:, :k]), columns)
 
     @abstractmethod
-    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+    def draw_rotation(self, G: EuclideanGroup, generator: Generator) -> Array:
         """Return the random numbers of one run's rotation, ``(k,)``."""
 
     @abstractmethod
@@ -269,7 +268,7 @@ class AnglePose(RotationDistribution):
     angle: Annotated[Angle | list[Angle], Scale("initial angle", "rad")] = np.pi
     axis: Axis = "random"
 
-    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+    def draw_rotation(self, G: EuclideanGroup, generator: Generator) -> Array:
         """Return a rotation vector, the angle along the axis."""
         return directed(self.angle, self.axis, G.rotations, generator)
 
@@ -311,7 +310,7 @@ class Euler(RotationDistribution):
     low: Angle = -np.pi
     high: Angle = np.pi
 
-    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+    def draw_rotation(self, G: EuclideanGroup, generator: Generator) -> Array:
         """Return three angles."""
         return generator.uniform(self.low, self.high, size=3)
 
@@ -352,7 +351,7 @@ class ExpNormal(NormalCoordinates, PoseDistribution):
     std: Annotated[Real | list[Real], Unit(POSE)] = 1.0
     centre: Annotated[list[Real] | None, Unit(POSE)] = None
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the centre, if there is one, and std · N(0, 1)^m."""
         return np.concatenate([self.centre or [], super().draw(G, generator)])
 
@@ -393,7 +392,7 @@ class IdentityPose(PoseDistribution):
 
     name: ClassVar[str] = "identity"
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return zeros."""
         return np.zeros(G.dimension)
 
@@ -408,7 +407,7 @@ class Haar(RotationDistribution):
 
     name: ClassVar[str] = "haar"
 
-    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+    def draw_rotation(self, G: EuclideanGroup, generator: Generator) -> Array:
         """Return normals: four for rotations of space, two for those of the plane."""
         return generator.standard_normal(4 if G.space == 3 else 2)
 
@@ -502,7 +501,7 @@ class SpeedVelocity(VelocityDistribution):
     axis: Axis = "random"
     translation: Speed | None = None
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the coordinates; the rotation is drawn before the translation."""
         velocity = np.zeros(G.dimension)
         for part, motion in self._by_part(G):
@@ -548,11 +547,11 @@ class _Listed(Distribution):
     errors: Array
     notes: tuple[str, ...] = ()
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the error of the first run."""
         return self.draw_of_run(G, generator, 0)
 
-    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+    def draw_of_run(self, G: MatrixLieGroup, generator: Generator, run: int) -> Array:
         """Return the error of the run."""
         return self.errors[run]
 
@@ -575,7 +574,7 @@ class FactorPoses(PoseDistribution):
 
     factors: tuple[PoseDistribution, ...]
 
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+    def draw(self, G: MatrixLieGroup, generator: Generator) -> Array:
         """Return the numbers of all factors."""
         return np.concatenate([each.draw(factor, generator) for each, factor in self._by_factor(G)])
 

@@ -506,8 +506,7 @@ class LawInput(NamedTuple):
     @classmethod
     def of(cls, s: Tracking) -> LawInput:
         """Return the input of a law at a tracking state."""
-        later = s.ahead() if s.ahead else (None, None)
-        optional = *(s.flat or (None, None)), s.flux, *later
+        optional = *(s.flat or (None, None)), s.flux, *(s.ahead() if s.ahead else (None, None))
         return cls._make((s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *optional))
 
     def each(self, function: Callable[[Any], Any]) -> LawInput:

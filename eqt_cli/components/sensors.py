@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from eqt_cli.base.arrays import Array, less, where
 from eqt_cli.base.errors import Problems
@@ -55,9 +56,7 @@ class Sensor(vehicle_parts.VehiclePart):
     dropout: Real | None = field(default=None, kw_only=True)
 
     @abstractmethod
-    def errors(
-        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
-    ) -> Array:
+    def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return the errors of `instants` measurements, ``(instants, n)``, n from `coordinates`.
 
         Measurements are `period` seconds apart: the sensor's own period, or the control period. The
@@ -85,7 +84,7 @@ class Sensor(vehicle_parts.VehiclePart):
         """Whether measurements may be lost."""
         return bool(self.dropout)
 
-    def lost(self, measurements: int, random: np.random.Generator) -> Array:
+    def lost(self, measurements: int, random: Generator) -> Array:
         """Return which measurements are lost, ``(measurements,)`` booleans.
 
         The first entries do not depend on how many there are. The first measurement always arrives,
@@ -153,9 +152,7 @@ class Bias(Sensor):
     value: Annotated[vehicle_parts.Numbers, Unit(MEASURED)] = 0.0
     walk: vehicle_parts.Numbers = 0.0
 
-    def errors(
-        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
-    ) -> Array:
+    def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
         part = self.drawn(random)
         steps = random.standard_normal((instants, self.coordinates(G)))
@@ -193,9 +190,7 @@ class SensorLag(Sensor):
 
     time_constant: Annotated[vehicle_parts.Numbers, Scale("time constant", "s")]
 
-    def errors(
-        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
-    ) -> Array:
+    def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return 0: the lag depends on the motion."""
         return np.zeros((instants, self.coordinates(G)))
 
@@ -241,9 +236,7 @@ class Noise(Sensor):
     std: Annotated[vehicle_parts.Numbers | None, Unit(MEASURED)] = None
     density: vehicle_parts.Numbers | None = None
 
-    def errors(
-        self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
-    ) -> Array:
+    def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return std · N(0, 1)^n, or density/√period · N(0, 1)^n."""
         deviation = self.drawn(random).white_deviation(G, period)
         return deviation * random.standard_normal((instants, self.coordinates(G)))
@@ -384,7 +377,7 @@ class Channel:
         values[self.entries] = held[..., : self.size].reshape(*held.shape[:-1], *self.shape)
         return values
 
-    def arrivals(self, instants: int, random: np.random.Generator) -> Array:
+    def arrivals(self, instants: int, random: Generator) -> Array:
         """Return the events, ``(instants,)``; the first do not depend on how many there are."""
         flags, due = np.full(instants, NOTHING), self.clock.is_due(np.arange(instants))
         due[:1] = True

@@ -132,8 +132,7 @@ def read_config(
     ConfigError
         If the file is not valid YAML, or an override does not parse.
     """
-    is_file = path.exists() or path.with_suffix(".yaml").exists()
-    if not is_file and str(path) in shipped.names():
+    if not (path.exists() or path.with_suffix(".yaml").exists()) and str(path) in shipped.names():
         path = shipped.folder() / f"{path}.yaml"
     if path.is_dir() and not (path / FILE_NAME).exists() and (files := sorted(path.glob("*.yaml"))):
         listed = ", ".join(map(str, files[:_MAX_LISTED])) + (", …" if files[_MAX_LISTED:] else "")

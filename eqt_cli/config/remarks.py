@@ -1,6 +1,7 @@
 """Remarks on an experiment: numbers that look wrong, numerics, limits below the reference."""
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from math import log
 from typing import NamedTuple
 
@@ -400,12 +401,11 @@ POSES = 21
 
 def gains_flown(experiment: Experiment, shown: Horizon | None = None) -> dict[str, SmallErrors]:
     """Return the small errors of each law along the reference, where its torque tells them."""
-    times, horizon = np.linspace(0.0, experiment.times[-1], POSES), [shown] if shown else []
+    times = np.linspace(0.0, experiment.times[-1], POSES)
 
+    @cache  # the reference is integrated once, if at all
     def poses() -> Array | None:
-        if not horizon:
-            horizon.append(experiment.reference_over_horizon())
-        [desired] = horizon
+        desired = experiment.reference_over_horizon() if shown is None else shown
         is_whole = desired.finite.all() and desired.spent is None
         return desired.pose[np.searchsorted(desired.times, times)] if is_whole else None
 

@@ -772,8 +772,7 @@ class Engine(Component):
     def rehearse(self, problem: Problem) -> None:
         """Raise what `solve` would raise at its start, at little cost; no result is kept."""
         start, stop = problem.times[[0, -1]]
-        little = np.array([start, start + REHEARSED * (stop - start)])
-        self.solve(replace(problem, times=little))
+        self.solve(replace(problem, times=np.array([start, start + REHEARSED * (stop - start)])))
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
         """Return the runs best solved and evaluated together; they never change a result."""

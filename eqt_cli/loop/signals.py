@@ -421,8 +421,7 @@ def _covariance(s: Tracking) -> Array:
     """Return the covariance of (ε, b̃), ``(..., 2m, 2m)``; other errors stand behind them in Σ."""
     n = 2 * s.G.dimension
     entries = estimator_state(s, "covariance", stack([s.P[..., 0]] * (n * (n + 1) // 2)))
-    rows = (math.isqrt(8 * entries.shape[-1] + 1) - 1) // 2
-    return symmetric(entries, rows)[..., :n, :n]
+    return symmetric(entries, (math.isqrt(8 * entries.shape[-1] + 1) - 1) // 2)[..., :n, :n]
 
 
 @_estimate(r"\hat{Q}", "pose_unit", MATRIX, plain="Q̂")

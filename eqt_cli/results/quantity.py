@@ -606,8 +606,7 @@ def _differing(values: list[Any]) -> list[Any]:
     first, *others = values
     same = {key for key in first if all(key in one and one[key] == first[key] for one in others)}
     left = [{key: value[key] for key in value if key not in same} for value in values]
-    names = {key for value in left for key in value}
-    if len(names) == 1 and all(left):
+    if len({key for value in left for key in value}) == 1 and all(left):
         return _differing([value[key] for value in left for key in value])
     return left
 

@@ -633,8 +633,7 @@ def growth(
             left.append(linear(prediction, windows.noise))
             times = recording.times[window.rows]
             rows = np.abs(times[:, None] - times[0] - horizons).argmin(axis=0)
-            start = np.where(measured, variances, 0.0)
-            spread = prediction.by_state[rows] ** 2 @ start + variances
+            spread = prediction.by_state[rows] ** 2 @ np.where(measured, variances, 0.0) + variances
             norms.append([norm(prediction.values[rows][:, axes]) for _, _, axes in parts])
             by_noise.append([spread[:, axes].sum(axis=1) for _, _, axes in parts])
     if not norms:
