@@ -135,20 +135,15 @@ def require_symmetric(matrix: Array) -> None:
         )
 
 
-def require_definite(matrix: Array, also: str = "") -> None:
-    """Raise an `InputError` if the symmetric part of a matrix is not positive definite."""
-    eigenvalues = _eigenvalues((matrix + matrix.T) / 2)
-    if not _positive(eigenvalues):
-        got = f"got eigenvalues {_listed(eigenvalues)}"
-        raise InputError(f"expected a positive definite matrix{also}, {got}")
+def require_definite(matrix: Array, also: str = "", semi: str = "") -> None:
+    """Raise an `InputError` if a matrix is not positive definite, or not ``semi``definite.
 
-
-def require_semidefinite(matrix: Array) -> None:
-    """Raise an `InputError` if the symmetric part of a matrix has a negative eigenvalue."""
+    Its symmetric part counts.
+    """
     eigenvalues = _eigenvalues((matrix + matrix.T) / 2)
-    if eigenvalues.min() < -_rounding(eigenvalues):
+    if not (eigenvalues.min() >= -_rounding(eigenvalues) if semi else _positive(eigenvalues)):
         got = f"got eigenvalues {_listed(eigenvalues)}"
-        raise InputError(f"expected a positive semidefinite matrix, {got}")
+        raise InputError(f"expected a positive {semi}definite matrix{also}, {got}")
 
 
 def require_minimum(K: Array, group: MatrixLieGroup) -> None:
@@ -233,7 +228,7 @@ def inertia_from(
         with problems.catching("added"):
             added = square(section.added, G.dimension, G)
             require_symmetric(added)
-            require_semidefinite(added)
+            require_definite(added, semi="semi")
             if rigid is not None:
                 return Inertia(rigid + added, inverse(rigid + added), added=added)
         return None
@@ -565,10 +560,8 @@ def vehicle_from(
     config: Config, G: MatrixLieGroup, problems: Problems, model: InertiaLaw | None = None
 ) -> Vehicle:
     """Return the vehicle of the sections and of the model's inertia; problems are noted."""
-    plant, measured = (
-        config.plant or schema.PlantSection(),
-        config.sensors or schema.SensorsSection(),
-    )
+    plant = config.plant or schema.PlantSection()
+    measured = config.sensors or schema.SensorsSection()
     clock, horizon, at_plant = config.control, config.time.duration, problems.at("plant")
     inertia = None
     if plant.inertia is not None:
@@ -602,10 +595,8 @@ def vehicle_from(
     )
     if vehicle.flux_sensors and not vehicle.magnet:
         at_sensors.at("magnetometer").add("needs the field of magnetorquers; add them to actuators")
-    at_forces = (
-        at_plant.at("forces") if plant.forces is not None else problems.at("model", "forces")
-    )
-    _check_currents(vehicle.forces, at_forces)
+    section = "model" if plant.forces is None else "plant"
+    _check_currents(vehicle.forces, problems.at(section, "forces"))
     if vehicle.measures and clock is None:
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, clock is None, at_actuators)

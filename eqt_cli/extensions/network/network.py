@@ -263,10 +263,8 @@ class Emitted:
         """h ← (1 − z) n + z h, n = tanh(W_n x + b_n + r (U_n h + d_n)); in the order r, z, n."""
         W, U, b, d = (np.array(step[key]) for key in ("W", "U", "b", "d"))
         a, u, h = f"a_{name}", f"u_{name}", f"h_{name}"
-        self.lines += [
-            f"double {a}[{3 * size}], {u}[{3 * size}];",
-            f"double *{h} = h + {step['at']};",
-        ]
+        self.lines.append(f"double {a}[{3 * size}], {u}[{3 * size}];")
+        self.lines.append(f"double *{h} = h + {step['at']};")
         self._product(a, step["of"][0], W, b)
         self._product(u, h, U, d)
         self.lines += [

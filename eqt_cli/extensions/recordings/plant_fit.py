@@ -422,10 +422,8 @@ def fit_tables(result: PlantFit) -> list[TextTable]:
         f"Singular values of the scaled Jacobian: {values}. Near 0, the recording cannot "
         "distinguish the numbers."
     )
-    header, columns = (
-        ["key", "start", "found", "95 % interval"],
-        ["error", "before", "after", "noise"],
-    )
+    header = ["key", "start", "found", "95 % interval"]
+    columns = ["error", "before", "after", "noise"]
     return [
         TextTable("numbers", title, header, [Block("", numbers)], [note, *result.notes]),
         TextTable("residuals", "Root mean square of the errors", columns, [Block("", errors)]),
