@@ -313,9 +313,7 @@ class CheckedStates:
         return {name: values[states] for name, values in self.inputs.items()}
 
 
-def states_of(
-    experiment: Experiment, label: str, law: LawProgram, workers: int = 1
-) -> CheckedStates:
+def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int) -> CheckedStates:
     """Return the states of a law in the first runs of an experiment, and random ones of that size.
 
     Raises

@@ -605,9 +605,7 @@ class Growth:
     notes: tuple[str, ...] = ()
 
 
-def growth(
-    loop: ClosedLoop, engine: Engine, windows: Windows, count: int, delay: float = 0.0
-) -> Growth:
+def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int, delay: float) -> Growth:
     """Measure the growth of the error over at most `count` windows, spread over the recording.
 
     The wrench is recorded a `delay` late, s.
