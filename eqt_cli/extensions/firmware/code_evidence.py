@@ -224,7 +224,8 @@ class OutcomeSearch:
         for _ in range(STEPS):
             here = self.watch(x).apart[:, decision]
             k = self.axes(x)
-            seen = self.watch(self.moved(_repeated(x, k), np.tile(SHORT * np.eye(k), (x.rows, 1))))
+            steps = np.tile(SHORT * np.eye(k), (x.rows, 1))
+            seen = self.watch(self.moved(x.of(np.repeat(np.arange(x.rows), k)), steps))
             beside = np.where(seen.outcomes[:, decision] > 0, seen.apart[:, decision], np.nan)
             slope = np.nan_to_num((beside.reshape(-1, k) - here[:, None]) / SHORT)
             square = (slope * slope).sum(axis=-1, keepdims=True)
@@ -232,7 +233,7 @@ class OutcomeSearch:
             straight = [length * newton for length in LENGTHS]
             steps = np.stack([*straight, *(self._any_steps(x) for _ in range(3))], axis=1)
             count = steps.shape[1]
-            tried = self.moved(_repeated(x, count), steps.reshape(-1, k))
+            tried = self.moved(x.of(np.repeat(np.arange(x.rows), count)), steps.reshape(-1, k))
             seen = self.watch(tried)
             outcomes = seen.outcomes[:, decision]
             if (outcomes & outcome).any():
@@ -262,18 +263,11 @@ class OutcomeSearch:
         moved = [part + dz.reshape(part.shape) for part, dz in zip(more, moves, strict=True)]
         if not isinstance(self.loop.inertia, Inertia):
             dt = 0 * dt
-        turned, desired = Q @ G.exp(_short(q)), Qd @ G.exp(_short(qd))
+        # The steps of a pose are at most 1 long.
+        q, qd = (x / np.maximum(1.0, np.linalg.norm(x, axis=-1, keepdims=True)) for x in (q, qd))
+        turned, desired = Q @ G.exp(q), Qd @ G.exp(qd)
         rest = [turned, V + v, desired, Vd + vd, Vd_dot + vd_dot, *moved]
         return states.with_parts([t + dt[:, 0], *rest])
-
-
-def _repeated(states: States, times: int) -> States:
-    return states.of(np.repeat(np.arange(states.rows), times))
-
-
-def _short(steps: Array) -> Array:
-    """Return the steps of a pose, at most 1 long."""
-    return steps / np.maximum(1.0, np.linalg.norm(steps, axis=-1, keepdims=True))
 
 
 # Explains the torque of code in C by the parts of a law -------------------------------------------
@@ -521,7 +515,8 @@ def limits(
         above, below = held(y), held(-y)
         high = np.where(above.any(axis=0), np.nanmax(y, axis=0), np.inf)
         low = np.where(below.any(axis=0), np.nanmin(y, axis=0), -np.inf)
-        clip, words = partial(_clipped, low, high), words.format(_spans(G, low / per, high / per))
+        words = words.format(_spans(G, low / per, high / per))
+        clip = partial(lambda low, high, x, _: np.clip(x, low, high), low, high)
         signs.append(Limit(words, ~(above | below), clip, before))
     if zero.sum() >= REPEATED:
         least = np.where(zero, np.inf, np.abs(torque) * (1 - SAME)).min(axis=0)
@@ -532,10 +527,6 @@ def limits(
         signs += [zone, Limit(words, ~zero, _shifted, nothing)]
     signs = [x for x in signs if ENOUGH <= x.passes.sum() < x.passes.size]
     return [*signs, Limit("", np.ones_like(zero), lambda x, _: x, nothing)]
-
-
-def _clipped(low: Array, high: Array, x: Array, _: Array) -> Array:
-    return np.clip(x, low, high)
 
 
 def _shifted(x: Array, y: Array) -> Array:

@@ -594,7 +594,10 @@ def _memory_rows(judged: Judged, question: Question, memory: Arrays, real: str) 
         words, worst = [], (0.0, 0.0)
         for name, (value, expected, sizes) in parts.items():
             differences = np.abs(value - expected).max(axis=-1)
-            bounds = _memory_bounds(question, sizes, real)
+            # What rounding may change of a memory at each state
+            read = (*(part for part in question.inputs[1:] if part is not None), sizes)
+            largest = [np.abs(x).reshape(len(x), -1).max(axis=-1, initial=1.0) for x in read]
+            bounds = ROUNDOFF[real] * MEMORY_ROUNDINGS * np.maximum.reduce(largest)
             place = int((differences / bounds).argmax())
             difference, bound = float(differences[place]), float(bounds[place])
             if difference * worst[1] >= worst[0] * bound:
@@ -616,10 +619,3 @@ def _memory_rows(judged: Judged, question: Question, memory: Arrays, real: str) 
                 words += [f"its {name} {x}" for x in said.split("; ") if not x.startswith("the")]
         verdict = Verdict.FAILS if words else Verdict.HOLDS
         yield judged.row(f"memory of {loop.controller.title} {when}", verdict, words, *worst)
-
-
-def _memory_bounds(question: Question, z: Array, real: str) -> Array:
-    """Return what rounding may change of a memory at each state."""
-    parts = (*(part for part in question.inputs[1:] if part is not None), z)
-    sizes = [np.abs(part).reshape(len(z), -1).max(axis=-1, initial=1.0) for part in parts]
-    return ROUNDOFF[real] * MEMORY_ROUNDINGS * np.maximum.reduce(sizes)

@@ -125,7 +125,10 @@ class _Text:
             token = self.tokens[place]
             if token.text == "{" and token.other > place:
                 if token.is_users and self._text(place - 1) == ")":
-                    bodies[place] = self._name_of(place)
+                    name = self.tokens[place - 1].other - 1
+                    while self._text(name) == "__attribute__":
+                        name = self.tokens[name - 1].other - 1
+                    bodies[place] = self._text(name)
                 else:  # eqt's own calls, or a table of functions
                     others.update(self._words(place, token.other))
                 place = token.other
@@ -249,12 +252,6 @@ class _Text:
     def _shown(self, begin: int, end: int) -> str:
         text = self.text[self.tokens[begin].span[0] : self.tokens[end].span[1]]
         return " ".join(re.sub(r"^[ \t]*#.*$", "", text, flags=re.MULTILINE).split())
-
-    def _name_of(self, place: int) -> str:
-        """Return the name of the function whose body begins at a place."""
-        while self._text(name := self.tokens[place - 1].other - 1) == "__attribute__":
-            place = name
-        return self._text(name)
 
     def _after_fields(self, place: int) -> int:
         """Return the place behind the fields of a type, if they are given, which are constant."""

@@ -218,7 +218,11 @@ def _peak(signal: _ComparedSignal, begin: float, times: Array, step: float) -> _
         return _Peak(0.0, -1.0, doubt="they have too little in common")
     correlation = np.nan_to_num(correlation, nan=-1.0)
     best = int(np.argmax(correlation))
-    first, last = _slopes(correlation, best)
+    # The ends of the peak, beyond which the heights rise again
+    rises = np.diff(correlation) > 0
+    left, right = np.flatnonzero(~rises[:best]), np.flatnonzero(rises[best:])
+    first = int(left[-1]) + 1 if len(left) else 0
+    last = best + int(right[0]) if len(right) else len(correlation) - 1
     others = correlation.copy()
     others[first : last + 1] = -1.0
     other, top = int(np.argmax(others)), float(correlation[best])
@@ -265,14 +269,6 @@ def _correlations(measured: Array, simulated: Array) -> Array:
     total, squares, enough = both.sum(axis=1), squares.sum(axis=1), enough[:, 0]
     moves = squares > CONSTANT_WITHIN * squares.max()  # below this, only rounding is left
     return np.where(enough & moves, 2 * total / np.where(moves, squares, 1.0), np.nan)
-
-
-def _slopes(heights: Array, peak: int) -> tuple[int, int]:
-    """Return the ends of a peak, beyond which the heights rise again."""
-    rises = np.diff(heights) > 0
-    left, right = np.flatnonzero(~rises[:peak]), np.flatnonzero(rises[peak:])
-    first = int(left[-1]) + 1 if len(left) else 0
-    return first, peak + int(right[0]) if len(right) else len(heights) - 1
 
 
 # Refinement of one offset -------------------------------------------------------------------------

@@ -302,13 +302,6 @@ class _FitProblem:
         """The number of rows of all windows."""
         return sum(window.rows.stop - window.rows.start for window in self.cut)
 
-    def correct_states(self, fits: list[Linear]) -> float:
-        """Correct the first states; return the largest correction in units of the noise."""
-        G, noise = self.windows.recording.group, self.windows.noise
-        self.cut = [window.moved(G, one.state) for window, one in zip(self.cut, fits, strict=True)]
-        corrections = np.abs([one.state for one in fits])[:, np.isfinite(noise)]
-        return float((corrections / noise[np.isfinite(noise)]).max())
-
     def sizes(self, fits: list[Linear], fitted: int) -> Array:
         """Return the root mean square of each coordinate, if `fitted` numbers were fitted."""
         measured = np.isfinite(self.windows.noise)
@@ -353,9 +346,14 @@ def fit(
         )
     problem.require_distinct(first)
     before, numbers, fits = problem.sizes(first, 0), start, first
+    G, is_noisy = windows.recording.group, np.isfinite(windows.noise)
     for _ in range(ROUNDS):
         numbers, fits = problem.solved(numbers)
-        if problem.correct_states(fits) < SETTLED:
+        # Corrects the first states, by less than a part of the noise in the end
+        pairs = zip(problem.cut, fits, strict=True)
+        problem.cut = [window.moved(G, one.state) for window, one in pairs]
+        corrections = np.abs([one.state for one in fits])[:, is_noisy]
+        if (corrections / windows.noise[is_noisy]).max() < SETTLED:
             break
     singular = problem.require_distinct(fits)
     after = problem.sizes(fits, len(keys))
