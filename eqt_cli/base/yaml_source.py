@@ -341,7 +341,13 @@ class _Reader:
             if opening in ("[", "{"):
                 self.stop((), f"the '{opening}' is never closed", start)
             self.stop((), "a '[' or '{' is never closed", here)
-        if opening == "{" and (key := _bracketed_key(before, after)):
+        # The key around a bracket that the parser takes for the start of a list
+        begin, end = (
+            _KEY_START.search(before[-_LONGEST_KEY:]),
+            _KEY_REST.match(after[:_LONGEST_KEY]),
+        )
+        if opening == "{" and begin and end:
+            key = begin[0] + end[1]
             quoted = f'{{"{_short(key)}": …}}'
             at_key = here[0], here[1] - key.index("[")
             self.stop((), f"a key with a bracket must be quoted here: {quoted}", at_key)
@@ -353,12 +359,6 @@ class _Reader:
 _LONGEST_KEY: Final = 200  # the search takes time quadratic in this
 _KEY_START: Final = re.compile(r"[^\s,:\"'\[\]{}]+$")
 _KEY_REST: Final = re.compile(r"((?:\[[^\s,\[\]{}]*\][^\s,:\[\]{}]*)+)\s*:")
-
-
-def _bracketed_key(before: str, after: str) -> str | None:
-    """Return the key around a bracket that the parser takes for the start of a list."""
-    start, rest = _KEY_START.search(before[-_LONGEST_KEY:]), _KEY_REST.match(after[:_LONGEST_KEY])
-    return start[0] + rest[1] if start and rest else None
 
 
 _QUOTE: Final = "; quote text that starts with it"

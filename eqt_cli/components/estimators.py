@@ -292,7 +292,12 @@ class Estimator(VehiclePart):
         changed["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
         changed["begun"] = 1.0 + 0.0 * begun
         if innovations is not None:
-            changed |= _summed(innovations, fix.arrived, states)
+            # Count, squares and products of the innovations, and the last ones
+            last, counted = states["last_innovation"], innovations * fix.arrived
+            sums = fix.arrived, counted * counted, counted * last
+            new = [np.asarray(each.sum(axis=-1))[..., None] for each in sums]
+            changed["innovations"] = states["innovations"] + np.concatenate(new, axis=-1)
+            changed["last_innovation"] = where(less(0.5, fix.arrived), innovations, last)
             judged = slice(0, 2 * G.dimension)
             changed["lost"] = indefinite(here.covariance[..., judged, judged])[..., None]
         return changed
@@ -412,15 +417,6 @@ def _cut(ring: Array | None, length: int, count: int) -> list[Array]:
     if ring is None:
         return []
     return [ring[..., k * length : (k + 1) * length] for k in range(count)]
-
-
-def _summed(innovations: Array, arrived: Array, states: Arrays) -> dict[str, Array]:
-    """Return the states of the innovations: count, squares and products, and the last ones."""
-    last, sums = states["last_innovation"], states["innovations"]
-    counted = innovations * arrived
-    new = [arrived.sum(axis=-1), (counted * counted).sum(axis=-1), (counted * last).sum(axis=-1)]
-    sums = sums + np.concatenate([np.asarray(number)[..., None] for number in new], axis=-1)
-    return {"innovations": sums, "last_innovation": where(less(0.5, arrived), innovations, last)}
 
 
 def symmetric(upper: Array, n: int) -> Array:

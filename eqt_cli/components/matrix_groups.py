@@ -371,7 +371,11 @@ class EuclideanGroup(MatrixLieGroup):
         axis = np.where(rotates, omega / rates, 0.0)
         rotation = np.broadcast_to(np.eye(self.space), (*V.shape[:-1], self.space, self.space))
         if self.rotations == 3:
-            rotation, axis = _frame_along(np.where(rotates, axis, [0.0, 0.0, 1.0])), 1.0 * rotates
+            # Rotations that map e_z to the axes, with as many zeros as possible
+            z = np.where(rotates, axis, [0.0, 0.0, 1.0])
+            y = np.cross(z, np.eye(3)[np.argmin(np.abs(z), axis=-1)])
+            y = y / norm(y)[..., None]
+            rotation, axis = np.stack([np.cross(y, z), y, z], axis=-1), 1.0 * rotates
             columns = ordered_product(columns, rotation)
         frame = self.assemble(rotation, np.zeros((*V.shape[:-1], self.space, len(self.columns))))
         columns = (columns / rates[..., None]).reshape(*V.shape[:-1], -1)
@@ -459,7 +463,12 @@ class EuclideanGroup(MatrixLieGroup):
         if not self.rotations:
             return super().half_turn(Q)
         if self.space == 2:
-            return self._half_turn_in_plane(R[..., 0, 0], R[..., 1, 0])
+            c, s = R[..., 0, 0], R[..., 1, 0]
+            far = smooth_less(1 + 2 * c, FAR_TRACE)
+            square = where(far, 2 - 2 * c, 2 + 2 * c)
+            w, y = where(far, 2 * s, square), where(far, square, 2 * s)
+            scale = where(less(w, 0.0), -1.0, 1.0) / sqrt(square)
+            return scale * w / 2, stack([scale * y])
         diagonal = [R[..., k, k] for k in range(3)]
         trace = diagonal[0] + diagonal[1] + diagonal[2]
         sines = [R[..., k - 1, k - 2] - R[..., k - 2, k - 1] for k in range(3)]
@@ -482,13 +491,6 @@ class EuclideanGroup(MatrixLieGroup):
         ]
         scale = where(less(w, 0.0), -1.0, 1.0) / sqrt(square)
         return scale * w / 2, stack([scale * entry for entry in entries])
-
-    def _half_turn_in_plane(self, c: Array, s: Array) -> tuple[Array, Array]:
-        far = smooth_less(1 + 2 * c, FAR_TRACE)
-        square = where(far, 2 - 2 * c, 2 + 2 * c)
-        w, y = where(far, 2 * s, square), where(far, square, 2 * s)
-        scale = where(less(w, 0.0), -1.0, 1.0) / sqrt(square)
-        return scale * w / 2, stack([scale * y])
 
     def drift(self, Q: Array) -> Array:
         """Return ‖RᵀR − I‖_F; the other entries of a pose cannot drift."""
@@ -539,13 +541,6 @@ def _rotation_generators(n: int) -> Array:
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         generators[i, k, j], generators[i, j, k] = 1.0, -1.0
     return generators
-
-
-def _frame_along(axis: Array) -> Array:
-    """Return rotations that map e_z to these unit vectors, with as many zeros as possible."""
-    y = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis), axis=-1)])
-    y = y / norm(y)[..., None]
-    return np.stack([np.cross(y, axis), y, axis], axis=-1)
 
 
 class SO2(EuclideanGroup):

@@ -510,14 +510,10 @@ def read_starts(
     table = with_units(sheet, mapping, used).table(used)
     require_norms(table, columns)
     poses = table_poses(table, columns, G, mapping)
-    velocities = _in_body_axes(table.get(velocity), G, mapping) if velocity else None
+    velocities = None
+    if velocity:
+        velocities = table.get(velocity)
+        for part in G.parts:
+            if len(range(G.dimension)[part.axes]) == 3:  # in the plane, the axes stay
+                velocities[:, part.axes] = velocities[:, part.axes] @ mapping.axes("body").T
     return poses, velocities, tuple(f"{name}: {note}" for note in sheet.notes(table))
-
-
-def _in_body_axes(velocities: Array, G: MatrixLieGroup, mapping: LogMapping) -> Array:
-    """Return velocities in the wanted axes of the body; in the plane, the axes stay."""
-    rotated = velocities.copy()
-    for part in G.parts:
-        if (of_part := velocities[:, part.axes]).shape[1] == 3:
-            rotated[:, part.axes] = of_part @ mapping.axes("body").T
-    return rotated

@@ -410,12 +410,13 @@ class PathFactor:
     @cached_property
     def expression(self) -> Expression:
         """The parsed expression of `by`, in rad and m."""
-        text, unit = self._written
+        text, unit = self.written
         size = "pi/180" if unit == "deg" else repr(units.factor(unit, units.base_of(unit)))
         return formula(f"({text})*{size}" if unit else text)
 
     @property
-    def _written(self) -> tuple[str | float, str]:
+    def written(self) -> tuple[str | float, str]:
+        """The text of `by` and its unit, which may be empty."""
         parts = units.split(self.by) if isinstance(self.by, str) else None
         return parts or (self.by, "")
 
@@ -430,13 +431,6 @@ class PathFactor:
                 f"got '{self.axis}'"
             )
         return np.eye(G.dimension)[names.index(self.axis)]
-
-    def require_unit(self, G: MatrixLieGroup) -> None:
-        """Raise an `InputError` for a unit that is not that of the axis."""
-        axis, unit = self.vector(G), self._written[1]
-        for part in G.parts:
-            if unit and np.any(axis[part.axes]) and units.factor(unit, part.error_unit) is None:
-                raise InputError(f"expected {units.offered(part.error_unit)}, got '{self.by}'")
 
 
 @dataclass(frozen=True)
@@ -502,8 +496,11 @@ class PathReference(ClosedReference):
                 factor.vector(G)
             with here.catching("by"):
                 _ = factor.expression
-                if not here.at("axis"):
-                    factor.require_unit(G)
+                unit = "" if here.at("axis") else factor.written[1]
+                for part in G.parts if unit else ():
+                    needed, along = part.error_unit, factor.vector(G)[part.axes]
+                    if np.any(along) and units.factor(unit, needed) is None:
+                        raise InputError(f"expected {units.offered(needed)}, got '{factor.by}'")
 
 
 @dataclass(frozen=True)
