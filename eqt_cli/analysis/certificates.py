@@ -458,17 +458,14 @@ def _reason(error: Exception) -> str:
     """Return the reason why a law cannot be evaluated on exact numbers, with its line."""
     if isinstance(error, UnprovableError):
         return str(error)
-    place = place_of(error) or place_of(error, _is_law)
+    # In modules of eqt with formulas, rather than code that evaluates them
+    others = ("eqt_cli.analysis.", "eqt_cli.base.", "eqt_cli.numbers.", "eqt_cli.loop.")
+    place = place_of(error) or place_of(
+        error, lambda module: module.startswith("eqt_cli.") and not module.startswith(others)
+    )
     known = isinstance(error, NotRationalError)
     what = str(error) if known else f"cannot be evaluated on exact numbers: {described(error)}"
     return f"{what}, at {place}" if place else what
-
-
-def _is_law(module: str) -> bool:
-    """Whether a module of eqt contains formulas, rather than code that evaluates them."""
-    return module.startswith("eqt_cli.") and not module.startswith(
-        ("eqt_cli.analysis.", "eqt_cli.base.", "eqt_cli.numbers.", "eqt_cli.loop.")
-    )
 
 
 def _at_most(probability: float) -> str:

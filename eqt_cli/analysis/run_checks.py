@@ -636,7 +636,10 @@ class Tracks(TrajectoryCheck):
         if runs.rate is not None and runs.rate * span < -np.log(TRACKED):
             words = f"small errors decay at {runs.rate:.2g} 1/s, too slowly for this horizon"
             return Verdict.UNDECIDED, words
-        if _start_on_reference(runs):
+        assert runs.pose_error is not None and runs.velocity_error is not None
+        pose, velocity = (np.median(x[:, 0]) for x in (runs.pose_error, runs.velocity_error))
+        small = LEFT * max(runs.desired_speed, SMALLEST_SCALE)
+        if pose <= runs.threshold and velocity <= small:
             return Verdict.UNDECIDED, "the runs begin on the reference"
         # Runs that start at rest near an unstable equilibrium need time: their velocity error grows
         # at first, while L stays nearly constant.
@@ -649,14 +652,6 @@ class Tracks(TrajectoryCheck):
 
 
 _WORSE = (Verdict.HOLDS, Verdict.UNDECIDED, Verdict.FAILS)
-
-
-def _start_on_reference(runs: Runs) -> bool:
-    """Whether both errors are small at the start."""
-    pose, velocity = runs.pose_error, runs.velocity_error
-    assert pose is not None and velocity is not None
-    small = LEFT * max(runs.desired_speed, SMALLEST_SCALE)
-    return bool(np.median(pose[:, 0]) <= runs.threshold and np.median(velocity[:, 0]) <= small)
 
 
 # Checks of loops that are not ideal: the plant's momentum, the noise, and the estimates -----------

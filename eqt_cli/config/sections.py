@@ -53,9 +53,14 @@ def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = No
         with problems.catching("kp"):
             K = _weight(section["kp"], G)
             require_symmetric(K)
-            if of is None:
-                require_minimum(K, G)
-            else:
+            stiffness = np.ones(1) if of else _eigenvalues(mechanics.hessian_at_identity(G, K))
+            if not _positive(stiffness):  # Υ has no non-degenerate minimum at I
+                raise InputError(
+                    f"must be positive, so that small errors on {G.name} have a positive stiffness "
+                    "(on SO3: every sum of two eigenvalues); got the stiffness "
+                    f"{_listed(stiffness)}"
+                )
+            if of is not None:
                 K = _of_axis(K, np.array(of[0]), isinstance(section["kp"], list))
     if "kd" in section:
         with problems.catching("kd"):
@@ -144,16 +149,6 @@ def require_definite(matrix: Array, also: str = "", semi: str = "") -> None:
     if not (eigenvalues.min() >= -_rounding(eigenvalues) if semi else _positive(eigenvalues)):
         got = f"got eigenvalues {_listed(eigenvalues)}"
         raise InputError(f"expected a positive {semi}definite matrix{also}, {got}")
-
-
-def require_minimum(K: Array, group: MatrixLieGroup) -> None:
-    """Raise an `InputError` if Υ has no non-degenerate minimum at I."""
-    eigenvalues = _eigenvalues(mechanics.hessian_at_identity(group, K))
-    if not _positive(eigenvalues):
-        raise InputError(
-            f"must be positive, so that small errors on {group.name} have a positive stiffness (on "
-            f"SO3: every sum of two eigenvalues); got the stiffness {_listed(eigenvalues)}"
-        )
 
 
 def _eigenvalues(matrix: Array) -> Array:
@@ -600,7 +595,10 @@ def vehicle_from(
     if vehicle.measures and clock is None:
         at_sensors.add("act at control instants; set control.period")
     _check_order(acting, clock is None, at_actuators)
-    _check_samples(config.time, vehicle, problems.at("time", "samples"))
+    pulsed = any(getattr(each, "jets", None) for each in acting) and clock is not None
+    if pulsed and config.time.samples <= (ticks := round(horizon / vehicle.tick)):
+        means = f"means over pulses need a sample at each tick; give {ticks + 1} or more"
+        problems.at("time", "samples").add(means)
     for name, parts in sensing.items():
         check_sensors(name, parts, G, at_sensors.at(name))
     if vehicle.estimator is not None:
@@ -706,14 +704,6 @@ def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Probl
             )
         driven = driven or bool(actuator.thruster_names)
         moving = actuator.name if actuator.moves or actuator.changes else moving
-
-
-def _check_samples(time: schema.TimeSection, vehicle: Vehicle, problems: Problems) -> None:
-    """Note samples that miss pulses of jets, of which means of the torque would be wrong."""
-    if any(getattr(each, "jets", None) for each in vehicle.actuators) and vehicle.control:
-        ticks = round(time.duration / vehicle.tick)
-        if time.samples <= ticks:
-            problems.add(f"means over pulses need a sample at each tick; give {ticks + 1} or more")
 
 
 def _inertia(

@@ -327,11 +327,9 @@ class Study:
     def begun_by(self, engine: object, folder: Path) -> Study:
         """Return the study by the engine that began its folder, if eqt chose another one."""
         name = self.base.solver.begun_by(engine, folder)
-        return self if name is None else self.by_engine(name, str(folder))
-
-    def by_engine(self, name: str, place: str = AUTO) -> Study:
-        """Return the study by an engine."""
-        document = changed_at(self.document, ("solver", "engine"), name, place)
+        if name is None:
+            return self
+        document = changed_at(self.document, ("solver", "engine"), name, str(folder))
         return _built_again(document, self.sweep, None)
 
     # Pickling for other processes.

@@ -38,26 +38,6 @@ CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""
 
 
-def check_attributes(result: ResultFile) -> None:
-    """Refuse attributes of another kind than eqt writes.
-
-    Raises
-    ------
-    ResultError
-        For the first such attribute.
-    """
-    for name, (expected, kind) in _EXPECTED.items():
-        if name in result.attributes:
-            try:
-                kind.validate_python(result.attributes[name], strict=True)
-            except ValidationError:
-                raise result.refusal(f"its attribute '{name}' is not {expected}") from None
-    there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
-    if there and len(there) < len(CROSS_CHECK):
-        lacking = next(name for name in CROSS_CHECK if name not in there)
-        raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
-
-
 def check_coordinates(result: KnownResult) -> None:
     """Refuse times that do not increase, runs that are not numbered, and invalid labels.
 
@@ -243,7 +223,17 @@ class KnownResult(ResultFile):
     of_all_points = (*ResultFile.of_all_points, "custom_names", "loops_of")
 
     def _check(self) -> None:
-        check_attributes(self)
+        # Attributes of another kind than eqt writes are refused.
+        for name, (expected, kind) in _EXPECTED.items():
+            if name in self.attributes:
+                try:
+                    kind.validate_python(self.attributes[name], strict=True)
+                except ValidationError:
+                    raise self.refusal(f"its attribute '{name}' is not {expected}") from None
+        there = [name for name in CROSS_CHECK if f"cross_check_{name}" in self.attributes]
+        if there and len(there) < len(CROSS_CHECK):
+            lacking = next(name for name in CROSS_CHECK if name not in there)
+            raise self.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
         check_coordinates(self)
 
     def error(self, message: str) -> EqtError:

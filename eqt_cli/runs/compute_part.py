@@ -22,7 +22,7 @@ from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Measured, Problem, Solution, Status
+from eqt_cli.engines.engine import Measured, Solution, Status
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.signals import LAW_OUTPUT, holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
@@ -112,7 +112,8 @@ def compute_part(
     desired = None
     if shared is None:
         desired = solve_references(study, gathered.points)
-        gathered.add_references(desired)
+        for name in DESIRED.keys() & gathered.data.keys():
+            gathered.data[name][:] = desired[name][:, gathered.samples]
     laws = list(study.base.loops)
     which = f"law {laws.index(gathered.label) + 1} of {len(laws)} ({gathered.label})"
     with working_for(which):
@@ -166,12 +167,6 @@ class PartArrays:
         self.state_layout = base.loops[self.label].layout
         shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
         self.check_states = np.full(shape, np.nan)
-
-    def add_references(self, desired: Desired) -> None:
-        """Store the required quantities of the references of the points."""
-        for name in DESIRED:
-            if name in self.data:
-                self.data[name][:] = desired[name][:, self.samples]
 
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.
@@ -345,7 +340,10 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     metrics = [row for row in measured_of(batch.experiment) if row.name in names]
     own_metrics = [each for each in batch.experiment.metrics if each.name in names]
     without = {name for each in own_metrics for name in each.lacking(problem.loop)}
-    metrics = [_undefined(row) if without & set(row.signals) else row for row in metrics]
+    # A metric of a law without a number that it reads is NaN.
+    none: dict[str, Any] = {"of": lambda over, error: np.nan * over.final(error)}
+    none["signals"] = ("pose_error",)
+    metrics = [replace(row, **none) if without & set(row.signals) else row for row in metrics]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
     values = {key: getattr(config, key) for key in sorted(keys)}
@@ -362,11 +360,6 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[SampledSignals, Numb
     limits = config.settling_threshold
     thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
     return SampledSignals(tuple(sorted(wanted)), thresholds), numbers
-
-
-def _undefined(row: Quantity) -> Quantity:
-    """Return the row of a metric for a law without a number that it reads: NaN."""
-    return replace(row, signals=("pose_error",), of=lambda over, error: np.nan * over.final(error))
 
 
 @dataclass(frozen=True)
@@ -547,8 +540,13 @@ def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
         return
     problem, limit = batch.problem.select(near), max(LARGE, BOUND_PER_RTOL * batch.engine.rtol)
     motion, apart = [first.arrays[MOTION][near]], np.zeros(len(near))
+    loop, t = problem.batched_loop(), float(problem.times[0])
+    s = loop.tracking(t, problem.states)
     for error in (NEAR, -NEAR):  # of a law that jumps, one of them is on the other side
-        other = replace(problem, states=_moved(problem, error))
+        # In all directions of body and reference
+        x = error * np.cos(np.arange(loop.group.dimension))
+        start = loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
+        other = replace(problem, states=start)
         solved = batch.engine.measured(difference, largest_difference, other, motion, (), threads)
         ends = solved.solution.status == Status.OK  # or the error has made it diverge
         apart = np.fmax(apart, np.where(ends, solved.numbers[ERROR], np.inf))
@@ -558,13 +556,6 @@ def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
             f"rounding decides: at its start, an error of {NEAR:g} grows beyond {limit:g}; no "
             "solver.rtol helps; start it elsewhere"
         )
-
-
-def _moved(problem: Problem, error: float) -> Array:
-    """Return the initial states with errors in all directions of body and reference."""
-    loop, t = problem.batched_loop(), float(problem.times[0])
-    s, x = loop.tracking(t, problem.states), error * np.cos(np.arange(loop.group.dimension))
-    return loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
 
 
 def _judge(solution: Solution, estimate: Array, limit: float) -> None:

@@ -26,8 +26,10 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
     sections = [config.get(section) or {} for section in ("model", "plant")]
     forces = [force for section in sections for force in section.get("forces") or ()]
     ups = [force.get("up") for force in forces if force["kind"] == "restoring"]
+    listed = [up for up in ups if isinstance(up, list)]  # None is along the last axis
+    known = [up for up in listed if all(isinstance(x, int | float) for x in up)]
     return {
-        "down": any(map(_is_down, ups)),
+        "down": any(up[-1] == -max(map(abs, up)) < 0 for up in known),
         "kinds": {entry["label"]: entry["kind"] for entry in config["controllers"]},
         "rtol": rtol if isinstance(rtol, float) else None,
         "seed": config["ensemble"]["seed"],
@@ -49,13 +51,6 @@ def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
         experiment |= description(document.data, experiment["departures"])
     config = document.source.comment + dump(document.data)
     return {"config": config, "experiment": json.dumps(experiment, ensure_ascii=False)}
-
-
-def _is_down(up: Any) -> bool:
-    """Whether a direction is against the last axis, mostly; None is along it."""
-    if not isinstance(up, list) or not all(isinstance(x, int | float) for x in up):
-        return False
-    return up[-1] == -max(map(abs, up)) < 0
 
 
 def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
