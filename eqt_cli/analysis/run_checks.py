@@ -429,9 +429,8 @@ class GroupDrift(TrajectoryCheck):
         """The largest distance from the group over runs and samples."""
         if not runs.count:
             return self.undecided(runs)
-        return self.compared(
-            largest(runs.group_drift), STATES_PER_RTOL * runs.rtol, runs.remark, runs.label
-        )
+        bound = STATES_PER_RTOL * runs.rtol
+        return self.compared(largest(runs.group_drift), bound, runs.remark, runs.label)
 
 
 class EnergyBalance(LyapunovCheck):

@@ -63,6 +63,10 @@ class Piecewise:
     count: int | None
 
 
+def _sign(x: Any) -> Any:
+    return where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, where_number(x, 0.0)))
+
+
 def _where(a: Any, b: Any, x: Any, y: Any) -> Any:
     return where_number(a, where_number(b, where(less(a, b), x, y)))
 
@@ -84,12 +88,7 @@ def _atan2(y: Any, x: Any) -> Any:
 PIECEWISE = {
     "min": Piecewise(lambda *x: reduce(minimum, x), [], "two or more arguments", None),
     "max": Piecewise(lambda *x: reduce(maximum, x), [], "two or more arguments", None),
-    "sign": Piecewise(
-        lambda x: where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, where_number(x, 0.0))),
-        [(0, None)],
-        "one argument",
-        1,
-    ),
+    "sign": Piecewise(_sign, [(0, None)], "one argument", 1),
     "step": Piecewise(
         lambda x, start: _where(x, start, 0.0, 1.0),
         [(0, 1)],

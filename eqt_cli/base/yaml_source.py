@@ -342,10 +342,8 @@ class _Reader:
                 self.stop((), f"the '{opening}' is never closed", start)
             self.stop((), "a '[' or '{' is never closed", here)
         # The key around a bracket that the parser takes for the start of a list
-        begin, end = (
-            _KEY_START.search(before[-_LONGEST_KEY:]),
-            _KEY_REST.match(after[:_LONGEST_KEY]),
-        )
+        begin = _KEY_START.search(before[-_LONGEST_KEY:])
+        end = _KEY_REST.match(after[:_LONGEST_KEY])
         if opening == "{" and begin and end:
             key = begin[0] + end[1]
             quoted = f'{{"{_short(key)}": …}}'

@@ -165,25 +165,23 @@ class Choices:
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 
+def _listed_kind(value: Any) -> str | None:
+    return "list" if isinstance(value, list) else "range" if isinstance(value, dict) else None
+
+
+def _sampled_kind(value: Any) -> str | None:
+    return ("choices" if "values" in value else "range") if isinstance(value, dict) else None
+
+
 ListedAxis = Annotated[
     Annotated[Values, Tag("list")] | Annotated[Spaced, Tag("range")],
-    one_of(
-        lambda value: (
-            "list" if isinstance(value, list) else "range" if isinstance(value, dict) else None
-        ),
-        "a list of values, or {low: …, high: …, points: …}",
-    ),
+    one_of(_listed_kind, "a list of values, or {low: …, high: …, points: …}"),
     Field(description="A list of values, or a number of points in a range."),
 ]
 
 SampledAxis = Annotated[
     Annotated[DrawnRange, Tag("range")] | Annotated[Choices, Tag("choices")],
-    one_of(
-        lambda value: (
-            ("choices" if "values" in value else "range") if isinstance(value, dict) else None
-        ),
-        "{low: …, high: …} or {values: […]}",
-    ),
+    one_of(_sampled_kind, "{low: …, high: …} or {values: […]}"),
     Field(description="A range, or values that are equally likely."),
 ]
 
