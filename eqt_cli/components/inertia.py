@@ -452,25 +452,25 @@ def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
 
 def _of_product(G: ProductGroup, K: Array) -> list[CriticalSet] | None:
     """Υ is a sum over the factors, because off-diagonal blocks of K do not enter the trace."""
+    from scipy.linalg import block_diag  # slow to import, and not needed to read results
+
     sets = [CriticalSet("", 0, np.zeros((0, 0)), np.zeros(0))]
     for factor, place in zip(G.factors, G.places, strict=True):
         of_factor = critical_sets(factor, K[place, place])
         if of_factor is None:
             return None
-        sets = [_paired(left, right) for left in sets for right in of_factor]
+        sets = [
+            CriticalSet(
+                name=f"{left.name} × {right.name}" if left.name else right.name,
+                dimension=left.dimension + right.dimension,
+                Q=block_diag(left.Q, right.Q) if left.name else right.Q,
+                hessian=np.sort(np.concatenate([left.hessian, right.hessian])),
+                factors=(*left.factors, right),
+            )
+            for left in sets
+            for right in of_factor
+        ]
     return sets
-
-
-def _paired(left: CriticalSet, right: CriticalSet) -> CriticalSet:
-    from scipy.linalg import block_diag  # slow to import, and not needed to read results
-
-    return CriticalSet(
-        name=f"{left.name} × {right.name}" if left.name else right.name,
-        dimension=left.dimension + right.dimension,
-        Q=block_diag(left.Q, right.Q) if left.name else right.Q,
-        hessian=np.sort(np.concatenate([left.hessian, right.hessian])),
-        factors=(*left.factors, right),
-    )
 
 
 def _hessian(G: MatrixLieGroup, K: Array, Q: Array) -> Array:

@@ -6,7 +6,7 @@ those of a run.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, NamedTuple, Self, cast
@@ -504,7 +504,17 @@ class _About:
             else:
                 last, tick_later = phases[-1], after @ M
                 phases[-1] = Phase(tick_later @ last.A, tick_later @ last.B, last.C)
-        return Linearised(_moving(self._across(phases)), control.period, offset, is_constant, self)
+        across = self._across(phases)
+        # Without states that never change, as a bias that a filter takes for 0
+        one = np.eye(across[0].A.shape[-1])
+        changes = [np.abs(phase.closed - one).max(axis=(0, 2)) for phase in across]
+        pushed = [np.abs(phase.B).max(axis=(0, 2)) for phase in across]
+        # Also where it is not finite
+        moves = ~(np.max(np.add(changes, pushed), axis=0) <= STILL)
+        moving = (
+            Phase(A[:, moves][:, :, moves], B[:, moves], C[:, :, moves]) for A, B, C in across
+        )
+        return Linearised(tuple(moving), control.period, offset, is_constant, self)
 
     def _across(self, phases: Iterable[Phase]) -> tuple[Phase, ...]:
         """Return the phases without what `task: point` leaves free."""
@@ -687,17 +697,6 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     bias = still if loop.vehicle.estimator is not None else np.empty(0)
     flux = np.zeros(3 if loop.vehicle.magnet else 0)
     return Errors(G.identity, still, np.array(flags), bias, flux)
-
-
-def _moving(phases: Sequence[Phase]) -> tuple[Phase, ...]:
-    """Return the phases without states that never change, as a bias that a filter takes for 0."""
-    n = phases[0].A.shape[-1]
-    still = [
-        np.abs(phase.closed - np.eye(n)).max(axis=(0, 2)) + np.abs(phase.B).max(axis=(0, 2))
-        for phase in phases
-    ]
-    moves = ~(np.max(still, axis=0) <= STILL)  # also where it is not finite
-    return tuple(Phase(A[:, moves][:, :, moves], B[:, moves], C[:, :, moves]) for A, B, C in phases)
 
 
 # Whether small errors of a linearised loop decay --------------------------------------------------

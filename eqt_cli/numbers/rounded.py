@@ -101,19 +101,14 @@ def evaluated(program: Program, inputs: Arrays) -> dict[str, list[Any]]:
             elif isinstance(value, Constant):
                 values.append(mpmath.mpf(value.number))
             else:
-                values.append(_real(value.name, [values[operand] for operand in value.operands]))
+                operands = [values[operand] for operand in value.operands]
+                try:
+                    number = _operations()[value.name](*operands)
+                except ZeroDivisionError:
+                    number = mpmath.sign(operands[0]) * mpmath.inf  # NaN for 0/0
+                # NaN where it is not real
+                values.append(mpmath.nan if isinstance(number, mpmath.mpc) else number)
         return {output.name: [values[k] for k in output.entries] for output in program.outputs}
-
-
-def _real(name: str, operands: list[Any]) -> Any:
-    """Return the value of an operation; NaN where it is not real."""
-    import mpmath
-
-    try:
-        value = _operations()[name](*operands)
-    except ZeroDivisionError:
-        value = mpmath.sign(operands[0]) * mpmath.inf  # NaN for 0/0
-    return mpmath.nan if isinstance(value, mpmath.mpc) else value
 
 
 @cache

@@ -560,19 +560,15 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
     every = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
-    common = {
-        name: replace(every[0][name], attributes=_agreed([one[name].attributes for one in every]))
-        for name in (entry.name for entry in in_root(layouts))
-    }
+    common = {}
+    for name in (entry.name for entry in in_root(layouts)):
+        first, *rest = (one[name].attributes for one in every)
+        same = {key: x for key, x in first.items() if all(o.get(key) == x for o in rest)}
+        if "units" in first and "units" not in same:
+            same = {"units": MIXED, **same}
+        common[name] = replace(every[0][name], attributes=same)
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return common, shared | swept
-
-
-def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
-    """Return the attributes that all have in common; different units become `MIXED`."""
-    first, *rest = attributes
-    same = {key: value for key, value in first.items() if all(o.get(key) == value for o in rest)}
-    return same if "units" in same or "units" not in first else {"units": MIXED, **same}
 
 
 def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:

@@ -620,25 +620,21 @@ def paired(known: Series, wanted: Series, spans: tuple[Array, Array], how: str) 
     return Pair(wanted, known, 1, *spans)
 
 
-def umeyama(x: Array, y: Array, scale: bool) -> tuple[float, Array, Array]:
-    """Return c, R and p for which c R x + p is nearest to y, ``(n, 3)`` each (Umeyama 1991)."""
-    x0, y0 = x.mean(axis=0), y.mean(axis=0)
-    U, d, Vt = np.linalg.svd((y - y0).T @ (x - x0) / len(x))
-    if not d[1] > 1e-12 * d[0]:
-        raise EqtError("align: the positions are on a line; use origin, or leave it out")
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = (U * signs) @ Vt
-    c = float(d @ signs / np.mean(np.sum((x - x0) ** 2, axis=1))) if scale else 1.0
-    return c, R, y0 - c * R @ x0
-
-
 def _frame(
     position: list[Array], turned: list[Series], align: str, how: str
 ) -> tuple[float, Array, Array]:
     """Return c, R and p that move the measured positions to the wanted ones."""
     t, x, y = position
-    if align != "origin":
-        return umeyama(x, y, align == "similarity")
+    if align != "origin":  # for which c R x + p is nearest to y (Umeyama 1991)
+        x0, y0 = x.mean(axis=0), y.mean(axis=0)
+        U, d, Vt = np.linalg.svd((y - y0).T @ (x - x0) / len(x))
+        if not d[1] > 1e-12 * d[0]:
+            raise EqtError("align: the positions are on a line; use origin, or leave it out")
+        signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
+        R, c = (U * signs) @ Vt, 1.0
+        if align == "similarity":
+            c = float(d @ signs / np.mean(np.sum((x - x0) ** 2, axis=1)))
+        return c, R, y0 - c * R @ x0
     R = np.eye(3)
     if turned:
         here, there = (matrices(one.at(t[:1], how))[0] for one in turned)
