@@ -24,7 +24,7 @@ help: ## list the targets
 
 paper: $(VENV)/.stamp-base ## run the paper's experiment, draw its figure and compare its laws, in results/paper
 	$(BIN)/eqt run configs/paper.yaml --out results/paper
-	$(BIN)/eqt plot results/paper --option like=print
+	$(BIN)/eqt plot results/paper
 	$(BIN)/python docs/figures/printed.py draw results/paper
 	$(BIN)/eqt compare results/paper
 	@echo

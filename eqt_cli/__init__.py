@@ -10,7 +10,7 @@ In notebooks and scripts::
     data = result.to_xarray()
     eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:5"])
     eqt_cli.verify(result).failures
-    eqt_cli.plot(result, "paper", options={"log": True})
+    eqt_cli.plot(result, "summary", options={"log": True})
     eqt_cli.write_report(result)
 """
 

@@ -235,7 +235,7 @@ def test_what_to_do_is_said_in_python(result):
 def test_a_figure_is_drawn_into_axes_of_ones_own(paper_result):
     own = Figure(figsize=(7, 4), layout="constrained")
     grid = own.subplots(2, 2)
-    assert eqt_cli.figure(paper_result, "paper", axes=grid) is own
+    assert eqt_cli.figure(paper_result, "summary", axes=grid) is own
     stored = eqt_cli.open_result(paper_result)
     for axes, signal in ((grid[1, 0], "torque_norm"), (grid[1, 1], "lyapunov")):
         curves = {line.get_label(): line.get_ydata() for line in axes.lines}
@@ -258,7 +258,7 @@ def test_a_figure_is_drawn_into_axes_of_ones_own(paper_result):
 def test_panels_go_to_axes_by_their_names(paper_result):
     panels = Figure().subplot_mosaic([["torque_norm", "lyapunov"]])
     options = {"panels": ["lyapunov", "torque_norm"]}
-    eqt_cli.figure(paper_result, "paper", options=options, axes=panels)
+    eqt_cli.figure(paper_result, "summary", options=options, axes=panels)
     assert panels["torque_norm"].get_ylabel().endswith("m})$")
     assert panels["lyapunov"].get_yscale() == "log"
 
@@ -336,6 +336,13 @@ def test_figures_are_drawn_into_the_result_folder(result):
     files = eqt_cli.plot(result, "paper", formats=["svg", "json"], options={"log": True})
     assert files == [result.path / "figures" / name for name in ("paper.svg", "paper.json")]
     assert all(file.exists() for file in files)
+
+
+@pytest.mark.parametrize(("name", "first"), [("paper", "paper"), ("mine", "summary")])
+def test_the_figure_of_the_paper_is_the_first_of_its_own_experiment(name, first, tmp_path):
+    brief = FEW | {"name": name, "time.duration": 0.1, "time.samples": 3}
+    mine = eqt_cli.run(eqt_cli.load_experiment(PAPER, brief), tmp_path)
+    assert [file.stem for file in eqt_cli.plot(mine, formats=["json"])] == [first]
 
 
 def test_figures_of_several_results(result, tmp_path):

@@ -48,7 +48,7 @@ numbers() {
 # numbers_of_paper: those of every figure that the paper's experiment has; of single runs, a few runs
 # show a change as well as many.
 numbers_of_paper() {
-	numbers paper distributions --option paper.like=print
+	numbers paper summary distributions
 	numbers torque --option bands=quartiles --option share=total
 	name=${name}_feedback numbers torque
 }
@@ -95,10 +95,11 @@ references() {
 
 paper() {
 	experiment paper configs/paper.yaml
-	"$eqt" plot "$result" --option like=print --format png --quiet
+	"$eqt" plot "$result" --figure paper --format png --quiet
 	"$python" $place/printed.py "$task" "$result" || status=$?
 	numbers_of_paper
-	picture paper paper --option like=print
+	picture paper paper
+	picture summary summary
 	picture torque torque --width page --option share=total
 	picture torque_feedback torque
 	picture single_runs runs
@@ -120,8 +121,8 @@ paper_by_native() {
 # shipped NAME: what a shipped experiment shows of itself.
 shipped() {
 	experiment "$1" "configs/$1.yaml" --engine native
-	numbers paper --option like=print
-	picture "$1" paper --width page
+	numbers summary
+	picture "$1" summary --width page
 }
 se3() { shipped se3; }
 se2_vehicle() { shipped se2_vehicle; }
@@ -138,8 +139,8 @@ satellite_panels() { shipped satellite_panels; }
 se3_bluerov2_thrusters() {
 	experiment se3_bluerov2_thrusters configs/se3_bluerov2_thrusters.yaml --engine native \
 		--set solver.error_estimate=false --set solver.cross_check=0
-	numbers paper --option like=print
-	picture se3_bluerov2_thrusters paper --width page
+	numbers summary
+	picture se3_bluerov2_thrusters summary --width page
 }
 
 se3_bluerov2_estimated() {
@@ -153,13 +154,13 @@ satellite_folding() {
 	experiment satellite_folding configs/satellite_panels.yaml --engine native --set 'inertia={
 		initial: [[24.0, 0, 1.2], [0, 4.0, 0], [1.2, 0, 28.0]],
 		factor: [["1 - tanh(t/3)**2/2", 0, 0], [0, 1, 0], [0, 0, "1 - tanh(t/3)**2/2"]]}'
-	numbers paper --option like=print
-	picture satellite_folding paper --width page
+	numbers summary
+	picture satellite_folding summary --width page
 }
 
 attitude_distinct() {
 	experiment attitude_distinct configs/attitude_distinct.yaml --engine native
-	numbers paper --option like=print
+	numbers summary
 	picture attitude_distinct runs
 }
 
@@ -168,7 +169,7 @@ attitude_manifold() { # near the manifold of half-turns
 		--set "initial.pose={kind: exp_normal, centre: [pi, 0, 0], std: 1e-3}" \
 		--set initial.velocity=fixed --set ensemble.runs=100 --set ensemble.seed=3 \
 		--set time.duration=40 --set time.samples=801
-	numbers paper --option like=print
+	numbers summary
 	picture attitude_manifold runs
 }
 

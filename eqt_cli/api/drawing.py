@@ -137,7 +137,8 @@ def plot(
         or a `Study` works for figures that need no runs.
     figure
         Name of the figure, as ``eqt list figures`` shows it, or a mapping from names to options.
-        Default: ``paper``; ``reference`` for a configuration; ``measured`` with a recording.
+        Default: ``summary``, of the paper's experiment ``paper``; ``reference`` for a
+        configuration; ``measured`` with a recording.
     out
         Output folder. Default: ``figures`` in the folder of the first result, or ``figures/<name>``
         for a configuration.
@@ -179,14 +180,12 @@ def plot(
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
     ['torque.pdf', 'torque.svg']
     """
-    from eqt_cli.figures.render import DRAWN, caption_name, render
+    from eqt_cli.figures.render import DRAWN, caption_name, first_figure, render
     from eqt_cli.figures.style import Style
 
     with _opened(result, point, units, titles or {}, trust_plugins=trust_plugins) as opened:
         first = opened[0]
-        figure = figure or (
-            "measured" if measured else "paper" if isinstance(first, Result) else "reference"
-        )
+        figure = figure or ("measured" if measured else first_figure(first))
         wanted = {figure: options or {}} if isinstance(figure, str) else figure
         home, folder = _folders(first, out, point)
         require_list("formats", formats)

@@ -84,7 +84,7 @@ def plot(
     Options
     -------
     What to show
-        --figure NAME  Figure to draw. Repeatable. Default: path where there are positions, paper,
+        --figure NAME  Figure to draw. Repeatable. Default: path where there are positions, summary,
             pose and commands; sweep, forest or worst of a sweep; reference for a CONFIG;
             measured with --measured.
         --list  Print the figures, a sentence each, and exit.
@@ -93,7 +93,7 @@ def plot(
         --to S  End of the time axis in seconds.
         --point K  Point of a sweep, counted from 0. Repeatable: one figure shows all of them.
     Looks
-        --option KEY=VALUE  Option of a figure: log=true for all that have it, paper.log=true for
+        --option KEY=VALUE  Option of a figure: log=true for all that have it, runs.log=true for
             one. `eqt list figures` shows the options.
         --width NAME  column (3.5 in), page (7.16 in) or slide (13.3 in, 18 pt).
         --title NAME=TEXT  Name of a law or metric in the figure, such as eqt=ours.
@@ -178,10 +178,10 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
     if result.suffix in YAML:
         return ["reference"]
     if point:
-        return ["paper"]
+        return ["summary"]
     with open_result(result) as results:
         if not results.is_sweep:
-            return _of_one(results) if alone else ["paper"]
+            return _of_one(results) if alone else ["summary"]
         if WORST.beside(results):
             return ["worst"]
         if side_by_side(results):
@@ -205,13 +205,15 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
-    numbers = result.stored_runs
+    from eqt_cli.figures.render import first_figure
+
+    numbers, errors = result.stored_runs, list(dict.fromkeys([first_figure(result), "summary"]))
     if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):
-        return ["paper"]
+        return errors
     _, moving = result.group.moving_parts if result.group else (None, None)
     placed = moving is not None and moving.axes.stop - moving.axes.start > 1
     commanded = ["commands"] if result.has("command") else []
-    return [*(["path"] if placed else []), "paper", *(["pose"] if placed else []), *commanded]
+    return [*(["path"] if placed else []), *errors, *(["pose"] if placed else []), *commanded]
 
 
 def _options(

@@ -163,8 +163,8 @@ class ShownRuns(ShownControllers):
         turns = of_pose != signal and of_pose in self.results[0].attitude_errors
         return turns and self.unit(signal) == "rad/s"
 
-    def solver_error(self, signal: str) -> float:
-        """Return how far a solver's error may carry a signal from 0; that of L is quadratic.
+    def solver_error(self, signal: str, *, degrees: bool) -> float:
+        """Return how far a solver's error may carry `errors` from 0; that of L is quadratic.
 
         The usual estimate over the runs; else the difference of the cross-check, or the tolerance.
         """
@@ -177,6 +177,9 @@ class ShownRuns(ShownControllers):
             finite = known[np.isfinite(known)]
             errors.append(float(np.median(finite) if finite.size else compared))
         largest = max(*errors, float(np.finfo(float).eps))
+        if signal == "attitude_angle" or (degrees and signal in self.results[0].attitude_errors):
+            return float(np.degrees(turn_of_distance(np.array(largest))))
+        largest = np.degrees(largest) if degrees and self._turns_at(signal) else largest
         return largest**2 if signal == "lyapunov" else largest
 
     def require_attitude(self, *, degrees: bool) -> None:

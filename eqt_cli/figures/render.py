@@ -314,6 +314,13 @@ def _names(shown: Sequence[Result | DesiredMotion]) -> list[str]:
     return names(results) + [one.name for one in shown if isinstance(one, DesiredMotion)]
 
 
+def first_figure(shown: Result | DesiredMotion) -> str:
+    """Return the figure to draw first: of the experiment `paper`, that of the paper."""
+    if isinstance(shown, DesiredMotion):
+        return "reference"
+    return "paper" if shown.title == "paper" else "summary"
+
+
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     """Return the figure of this name with these options.
 

@@ -101,7 +101,7 @@ class RunsFigure(OverTime):
                 end = f", {part_name(part)}" if part else ""
                 layout.add_title(axes, ensemble.title + end)
                 layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
-            self._scale(column, runs.solver_error(signal))  # after all curves
+            self._scale(column, runs.solver_error(signal, degrees=self.degrees))  # after all curves
         if len(parts) == 1:
             layout.hide_inner_scales(panels, places)
         are_few = all(np.count_nonzero(e.good) <= MOST_LINES for e in shown)

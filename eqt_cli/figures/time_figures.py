@@ -1,4 +1,4 @@
-"""Figures over time: the paper's, torque, commands and the reference."""
+"""Figures over time: a summary, the paper's, torque, commands and the reference."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ from eqt_cli.figures.shown import Ensemble, ShownReference, names
 from eqt_cli.figures.style import Width, component_style, ink
 from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
-# Figure of the paper for any result: errors, torque norm and L over all runs ----------------------
+# Errors, torque norm and L over all runs, and the same as the paper prints them -------------------
 
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
@@ -68,56 +68,51 @@ _TITLES = {
 
 
 @dataclass(frozen=True)
-class Paper(Panelled, OverTime):
+class Summary(Panelled, OverTime):
     """Medians over runs of pose error, velocity error, torque norm and Lyapunov function.
 
     The shading holds the middle half of the runs. Scales are logarithmic where medians span two
     decades; they end a decade below the medians, or at the error of the solver, and ten times above
     all other laws where a law diverges.
 
-    Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
-    their own, the norms of both are shown, side by side, instead of the mixed ones. The errors of a
-    rigid motion are the angle of its attitude and the distance of its position.
+    Where rotation and translation have units of their own, the norms of both are shown, side by
+    side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
+    the distance of its position.
 
     Attributes
     ----------
-    like
-        ``print``: as in the paper, means on linear scales, within a frame.
     log
         Logarithmic or linear scales.
     log_torque
         Logarithmic scale of the torque. Default, with `log`: if it spans a decade.
     bands
-        ``quartiles`` (default) around medians; ``none`` draws means.
+        ``quartiles`` around medians; ``none`` draws means.
     degrees
-        Attitude error as an angle in degrees, its rate in deg/s.
+        Attitude error as an angle in degrees, its rate in deg/s. Default: where there is one.
     """
 
-    name: ClassVar[str] = "paper"
+    name: ClassVar[str] = "summary"
+    printed: ClassVar[bool] = False
+    """Whether the panels have frames and no titles, and no scale is bounded."""
 
-    like: Literal["", "print"] = ""
     log: bool | None = None
     log_torque: bool | None = None
-    bands: Bands | None = None
-    degrees: bool = False
-
-    @property
-    def _bands(self) -> Bands:
-        """The bands that are drawn."""
-        return self.bands or ("none" if self.like else "quartiles")
+    bands: Bands = "quartiles"
+    degrees: bool | None = None
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw two by two panels, or a row per norm and a column per part."""
-        runs.require_attitude(degrees=self.degrees)
+        runs.require_attitude(degrees=bool(self.degrees))
         drawing = self._draw_panels(runs, width, self.picked((*_NORMS, _FUNCTION)))
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
-        middle = f"{middle_of(self._bands)} over " if several else ""
-        bands = of_bands(self._bands) if several or self.bands else ""
+        middle = f"{middle_of(self.bands)} over " if several else ""
+        bands = of_bands(self.bands) if several else ""
         runs.remarks.append(f"Curves: {middle}{runs.count()}{bands}.")
         return drawing
 
     def _draw_panels(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
         parts = runs.parts
+        degrees = self._in_degrees(runs)
         rows = [[runs.in_space(norm + end) for end in parts] for norm in norms if norm != _FUNCTION]
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
@@ -126,34 +121,58 @@ class Paper(Panelled, OverTime):
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
         for signal, axes in panels.items():
             for ensemble in runs.with_function() if signal == _FUNCTION else runs.shown:
-                values = runs.errors(signal, ensemble, degrees=self.degrees)
-                draw_middle(axes, runs.times(ensemble), values, self._bands, ensemble)
+                values = runs.errors(signal, ensemble, degrees=degrees)
+                draw_middle(axes, runs.times(ensemble), values, self.bands, ensemble)
             self._scale(axes, signal, runs)
-            if not self.like:
+            if not self.printed:
                 open_frame(axes)
                 layout.add_title(axes, _title(runs, signal))
-        for signal, part in zip(rows[0], parts, strict=True) if rows and self.like else ():
+        for signal, part in zip(rows[0], parts, strict=True) if rows and self.printed else ():
             layout.add_title(panels[signal], part_name(part))
         lines = max(panels.values(), key=lambda axes: len(axes.lines)).lines
         whole = len(runs.shown) // len(runs.results)
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
         return drawing
 
+    def _in_degrees(self, runs: ShownRuns) -> bool:
+        return bool(runs.results[0].attitude_errors) if self.degrees is None else self.degrees
+
     def _scale(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])
         log, torque = self.log, signal.startswith("torque_norm")
-        error = runs.solver_error(signal)
+        degrees = self._in_degrees(runs)
+        error = runs.solver_error(signal, degrees=degrees)
         if log is None:
             seen = np.maximum(drawn, error)
-            log = not self.like and bool(seen.max() > _DECADES * seen.min())
+            log = bool(seen.max() > _DECADES * seen.min())
         if torque:
             log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
         scale_norm(axes, log=log)
-        label = runs.error_label(signal, degrees=self.degrees)
-        if not self.like:
+        label = runs.error_label(signal, degrees=degrees)
+        if not self.printed:
             bound(axes, error, {e.label: e.title for e in runs.shown})
             label = label.replace("attitude error", "angle")  # the title says which
         layout.name_scale(axes, label)
+
+
+@dataclass(frozen=True)
+class Paper(Summary):
+    """Figure 3 of Hampsey et al. (2025) as printed, on any group: means on linear scales.
+
+    Norms of rotation and translation stand side by side where they have units of their own.
+
+    Attributes
+    ----------
+    degrees
+        Attitude error as an angle in degrees, its rate in deg/s.
+    """
+
+    name: ClassVar[str] = "paper"
+    printed: ClassVar[bool] = True
+
+    log: bool | None = False
+    bands: Bands = "none"
+    degrees: bool | None = False
 
 
 def _title(runs: ShownRuns, signal: str) -> str:

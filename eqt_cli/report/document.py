@@ -251,7 +251,7 @@ class TooLargeFigureError(EqtError):
 
 DEFAULT = (
     Wanted("path", caption="The paths of the bodies, with the reference.", needs="position_error"),
-    Wanted("paper"),
+    Wanted("summary"),
     Wanted("pose", needs="position_error"),
     Wanted("torque"),
     Wanted("commands", needs="command"),

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("unarranged")
 def svg(eqt, result, *options):
     done = eqt("plot", result, "--format", "svg", "-q", *options)
     assert (done.code, done.err) == (0, "")
-    return Path(result, "figures", "paper.svg").read_text(encoding="utf-8")
+    return Path(result, "figures", "summary.svg").read_text(encoding="utf-8")
 
 
 @pytest.mark.ci("draws several figures in several styles")
@@ -34,10 +34,10 @@ def test_names_and_remarks_are_for_print(eqt, result):
     chosen = ("--controller", "eqt", "--from", "0.1", "--title", "eqt=ours & co", "--caption")
     done = eqt("plot", result, "--format", "json", "--out", "print", "-q", *chosen)
     assert (done.code, done.err) == (0, "")
-    assert Path("print/paper-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
+    assert Path("print/summary-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
         "Curves: median over 3 runs; bands: quartiles.%"
     )
-    kept = json.loads(Path("print/paper.json").read_text(encoding="utf-8"))
+    kept = json.loads(Path("print/summary.json").read_text(encoding="utf-8"))
     assert {curve["name"] for curve in kept} == {"eqt", "lower edge eqt", "upper edge eqt"}
     assert min(curve["x"][0] for curve in kept) >= 0.1
 
@@ -58,10 +58,10 @@ def test_a_wrong_style_is_one_line_on_stderr(refused, result):
 
 def test_what_is_printed_is_the_files(eqt, result):
     done = eqt("plot", result, "--format", "svg")
-    assert (done.out, done.err) == (f"figure   {Path('out/figures/paper.svg')}\n", "")
+    assert (done.out, done.err) == (f"figure   {Path('out/figures/summary.svg')}\n", "")
 
 
-BOTH = ("--figure", "paper", "--figure", "torque", "--format", "json")
+BOTH = ("--figure", "summary", "--figure", "torque", "--format", "json")
 
 
 @pytest.mark.ci("draws several figures")
@@ -70,14 +70,14 @@ def test_options_go_to_the_figures_that_have_them(eqt, result):
     def curves(*options):
         """How many curves each of the figures has."""
         assert eqt("plot", result, *BOTH, *options).code == 0
-        files = (Path(result, "figures", f"{name}.json") for name in ("paper", "torque"))
+        files = (Path(result, "figures", f"{name}.json") for name in ("summary", "torque"))
         return [len(json.loads(file.read_text(encoding="utf-8"))) for file in files]
 
     paper, torque = curves("--option", "log=true")  # torque has none
     both = curves("--option", "controllers=[eqt]")
     assert both[0] < paper
     assert both[1] < torque
-    assert curves("--option", "paper.controllers=[eqt]") == [both[0], torque]
+    assert curves("--option", "summary.controllers=[eqt]") == [both[0], torque]
 
 
 @from_yaml

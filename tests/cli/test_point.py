@@ -70,7 +70,7 @@ def test_plot_draws_points_by_themselves_and_side_by_side(eqt):
     done = eqt("plot", "out", "--point", 3, "--figure", "runs", "--format", "svg")
     assert (done.code, done.out) == (0, f"figure   {Path('out/figures/point_3/runs.svg')}\n")
     done = eqt("plot", "out", "--point", 0, "--point", 3, "--format", "json")
-    path = Path("out/figures/point_0_3/paper.json")
+    path = Path("out/figures/point_0_3/summary.json")
     assert (done.code, done.out) == (0, f"figure   {path}\n")
     assert re.search(f"eqt, {LAST}", path.read_text(encoding="utf-8"))
 

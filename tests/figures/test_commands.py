@@ -8,7 +8,7 @@ from said import error_of
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import time_figures
 from eqt_cli.figures.cells import scale_rounding
-from eqt_cli.figures.time_figures import Commands, Paper
+from eqt_cli.figures.time_figures import Commands, Summary
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -95,7 +95,7 @@ def test_a_run_that_is_not_stored_is_named(flown):
 
 def test_a_figure_says_what_the_loop_contains(flown):
     assert (
-        Paper()
+        Summary()
         .draw([flown])
         .get_supxlabel()
         .replace("\n", " ")
@@ -104,7 +104,7 @@ def test_a_figure_says_what_the_loop_contains(flown):
 
 
 def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened, picture):
-    remark = picture(Paper(), opened(so3)).get_supxlabel()
+    remark = picture(Summary(), opened(so3)).get_supxlabel()
     assert remark == "Curves: median over 6 runs; bands: quartiles."
 
 

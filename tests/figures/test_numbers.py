@@ -23,7 +23,7 @@ def curve(y, **changes):
 
 def test_curves_are_the_means_with_their_units(so3, opened, picture):
     results = opened(so3)
-    found = {(c.panel, c.name): c for c in curves(picture(Paper(like="print"), results))}
+    found = {(c.panel, c.name): c for c in curves(picture(Paper(), results))}
     assert list(found) == [
         (panel, name)
         for panel in ("pose_error", "velocity_error", "torque_norm", "lyapunov")

@@ -8,11 +8,11 @@ from said import error_of
 
 from eqt_cli.base.store_writer import Table, Variable, write
 from eqt_cli.figures.run_figures import RunsFigure
-from eqt_cli.figures.time_figures import Paper
+from eqt_cli.figures.time_figures import Paper, Summary
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
-PRINT = Paper(like="print")
+PRINT = Paper()
 """As in the paper: means on linear scales."""
 
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -115,14 +115,14 @@ def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened, pic
 
 def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     parts = [name for name in opened(se3).names if name.endswith(("_rotation", "_translation"))]
-    drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])
+    drawing = Summary().draw([altered(se3, **dict.fromkeys(parts))])
     units = r"($\mathrm{rad/s}$ and $\mathrm{m/s}$)"
     assert drawing.axes[1].get_ylabel() == r"$\|V - V_{\mathrm{d}}\|$ " + units
 
 
 def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened, picture):
     for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
-        drawing = picture(Paper(like="print", log=True, **options), opened(so3))
+        drawing = picture(Paper(log=True, **options), opened(so3))
         scales = [axes.get_yscale() for axes in drawing.axes]
         assert scales == ["log", "log", of_torque, "log"]
 
@@ -135,14 +135,14 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
         simulate(reference=REST, time={"duration": 30, "samples": 31}, controllers=["eqt"])
     )
     for options, of_torque in (({}, {"log"}), ({"log_torque": False}, {"linear"})):
-        drawing = Paper(like="print", log=True, **options).draw([rest])
+        drawing = Paper(log=True, **options).draw([rest])
         torques = [axes for axes in drawing.axes if axes.get_label().startswith("torque_norm")]
         assert {axes.get_yscale() for axes in torques} == of_torque
 
 
 def test_laws_panels_and_times_are_chosen(so3, opened, picture):
     chosen = {"controllers": ["EqT", "asym"], "panels": ["lyapunov"], "start": 1.0, "end": 2.0}
-    (panel,) = picture(Paper(like="print", **chosen), opened(so3)).axes
+    (panel,) = picture(Paper(**chosen), opened(so3)).axes
     assert [line.get_label() for line in panel.lines] == ["eqt", "asym"]
     assert panel.get_xlim() == (1.0, 2.0)
     result = opened(so3)
@@ -153,7 +153,7 @@ def test_laws_panels_and_times_are_chosen(so3, opened, picture):
 
 @from_yaml
 def test_what_cannot_be_chosen_is_said(options, message, so3, opened):
-    assert error_of(Paper(**options).draw, [opened(so3)]) == message.format(path=so3)
+    assert error_of(Summary(**options).draw, [opened(so3)]) == message.format(path=so3)
 
 
 def test_linear_scales_begin_at_zero(so3, opened, picture):
@@ -163,9 +163,9 @@ def test_linear_scales_begin_at_zero(so3, opened, picture):
 def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
     odd_names, so3, opened, curve_names, picture
 ):
-    laws = curve_names(picture(Paper(), opened(so3)))
+    laws = curve_names(picture(Summary(), opened(so3)))
     assert laws == ["EqT", "GT", "nog", "asym"]
-    names = curve_names(picture(Paper(), opened(odd_names)))
+    names = curve_names(picture(Summary(), opened(odd_names)))
     assert [name.replace("\n", " ") for name in names] == [
         "_hidden",
         "g = $\\frac{1}{2}$",
@@ -176,7 +176,7 @@ def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
 
 @pytest.fixture
 def legend(curve_names):
-    return lambda results: curve_names(Paper().draw([results]))
+    return lambda results: curve_names(Summary().draw([results]))
 
 
 def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened, legend):
@@ -198,9 +198,9 @@ def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp
 
 @pytest.mark.parametrize("chosen", [["nog"], ["nog", "eqt"]])
 def test_chosen_controllers_keep_their_looks(chosen, so3, opened, picture):
-    lines = picture(Paper(), opened(so3)).axes[0].lines
+    lines = picture(Summary(), opened(so3)).axes[0].lines
     every = dict(zip(["eqt", "gt", "nog", "asym"], lines, strict=True))
-    drawing = picture(Paper(controllers=chosen), opened(so3))
+    drawing = picture(Summary(controllers=chosen), opened(so3))
     shown = [label for label in every if label in chosen]
     for label, line in zip(shown, drawing.axes[0].lines, strict=True):
         assert to_rgba(line.get_color()) == to_rgba(every[label].get_color())
@@ -209,15 +209,17 @@ def test_chosen_controllers_keep_their_looks(chosen, so3, opened, picture):
 
 def test_medians_within_their_quartiles_and_names_in_words(so3, opened, picture):
     results = opened(so3)
-    drawing = picture(Paper(), results)
+    drawing = picture(Summary(), results)
     axes = drawing.axes[0]
-    np.testing.assert_array_equal(
-        axes.lines[1].get_ydata(), np.median(results["pose_error"][1], axis=0)
-    )
+    # ‖I − R‖ = 2 √2 sin(θ/2) of a turn by θ
+    angles = np.degrees(2 * np.arcsin(np.minimum(results["pose_error"][1] / np.sqrt(8), 1)))
+    drawn = axes.lines[1].get_ydata()
+    np.testing.assert_allclose(drawn, np.median(angles, axis=0), rtol=1e-6)
     corners = axes.collections[1].get_paths()[0].vertices
     found = np.unique(corners[np.isclose(corners[:, 0], 2.0)][:, 1])
-    expected = np.quantile(results["pose_error"][1, :, 20], [0.25, 0.75])
-    np.testing.assert_array_equal(found, expected)
+    expected = np.quantile(angles[:, 20], [0.25, 0.75])
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert axes.get_ylabel() == r"angle $(\mathrm{deg})$"
     titles = ["attitude error", "rate error", "torque", "Lyapunov function"]
     assert [axes.get_title() for axes in drawing.axes] == titles
     assert not any(axes.spines["top"].get_visible() for axes in drawing.axes)
@@ -239,14 +241,14 @@ def test_a_scale_is_logarithmic_from_two_decades(decades, scale, so3, altered, o
     values = falling(opened(so3), 1.0, decades)
     for law in values:
         law *= 5.0
-    (axes,) = Paper(panels=["pose_error"]).draw([altered(so3, pose_error=values)]).axes
+    (axes,) = Summary(panels=["pose_error"]).draw([altered(so3, pose_error=values)]).axes
     assert axes.get_yscale() == scale
 
 
 @pytest.mark.parametrize("low", [1e-105, 0.0])
 def test_no_scale_reaches_a_sentinel(low, so3, altered, opened):
     values = falling(opened(so3), low, 3)
-    for figure in (Paper(panels=["pose_error"]), RunsFigure()):
+    for figure in (Summary(panels=["pose_error"], degrees=False), RunsFigure()):
         axes = figure.draw([altered(so3, pose_error=values)]).axes[0]
         assert axes.get_yscale() == "log"
         assert 1e-5 < axes.get_ylim()[0] <= 1e-3
@@ -256,11 +258,13 @@ def test_no_scale_reaches_a_sentinel(low, so3, altered, opened):
 def test_a_scale_ends_at_the_error_of_the_solver(so3, altered, opened):
     results = opened(so3)  # whose tolerance is 1e-3, without an estimate
     (axes,) = (
-        Paper(panels=["pose_error"]).draw([altered(so3, pose_error=falling(results, 1.0, 9))]).axes
+        Summary(panels=["pose_error"])
+        .draw([altered(so3, pose_error=falling(results, 1.0, 9))])
+        .axes
     )
-    assert axes.get_ylim()[0] == 1e-3
+    assert axes.get_ylim()[0] == pytest.approx(np.degrees(2 * np.arcsin(1e-3 / np.sqrt(8))))
     (axes,) = (
-        Paper(panels=["lyapunov"]).draw([altered(so3, lyapunov=falling(results, 1.0, 9))]).axes
+        Summary(panels=["lyapunov"]).draw([altered(so3, lyapunov=falling(results, 1.0, 9))]).axes
     )
     assert axes.get_ylim()[0] == pytest.approx(1e-6)
 
@@ -268,11 +272,11 @@ def test_a_scale_ends_at_the_error_of_the_solver(so3, altered, opened):
 def test_a_law_that_diverges_is_cut_off_and_named_in_the_panel(so3, altered, opened):
     values = falling(opened(so3), 1.0, 3)
     values[2] = 10.0 ** np.linspace(0, 7, 41)
-    drawing = Paper().draw([altered(so3, pose_error=values)])
+    drawing = Summary(degrees=False).draw([altered(so3, pose_error=values)])
     first, second, *_ = drawing.axes
     assert first.get_ylim()[1] == pytest.approx(10.0)
     assert [text.get_text() for text in first.texts] == ["nog diverges"]
     assert not second.texts
-    printed = Paper(like="print").draw([altered(so3, pose_error=values)]).axes[0]
+    printed = Paper().draw([altered(so3, pose_error=values)]).axes[0]
     assert printed.get_ylim()[1] > 1e7
     assert not printed.texts

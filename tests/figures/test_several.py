@@ -13,7 +13,7 @@ from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.shown import Chosen, ShownControllers, looks, names
 from eqt_cli.figures.style import Style, house_style, line_style
 from eqt_cli.figures.sweep_figures import SweepFigure
-from eqt_cli.figures.time_figures import Paper, Torque
+from eqt_cli.figures.time_figures import Summary, Torque
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -31,7 +31,7 @@ def stiff(tmp_path, simulate):
 
 def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
     first, second = opened(so3), opened(stiff)
-    axes = Paper(bands="none").draw([first, second]).axes[0]
+    axes = Summary(bands="none", degrees=False).draw([first, second]).axes[0]
     assert len(axes.lines) == 6
     for line, results, controller in zip(axes.lines[3:5], (first, second), (3, 0), strict=True):
         mean = results["pose_error"][controller].mean(axis=0)
@@ -41,12 +41,12 @@ def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
 
 
 def test_the_legend_names_controller_and_result(so3, stiff, opened, curve_names, picture):
-    drawing = picture(Paper(controllers=["eqt"]), opened(so3), opened(stiff))
+    drawing = picture(Summary(controllers=["eqt"]), opened(so3), opened(stiff))
     assert curve_names(drawing) == ["EqT, small", "EqT, stiff"]
 
 
 def test_a_law_has_its_colour_in_every_result_and_a_result_its_dashes(so3, stiff, opened, picture):
-    lines = picture(Paper(), opened(so3), opened(stiff)).axes[0].lines
+    lines = picture(Summary(), opened(so3), opened(stiff)).axes[0].lines
     looks = {line.get_label(): (line.get_color(), str(line.get_linestyle())) for line in lines}
     eqt, gt = looks["eqt, small"], looks["gt, small"]
     assert looks["eqt, stiff"][0] == eqt[0] and looks["gt, stiff"][0] == gt[0] != eqt[0]
@@ -99,7 +99,9 @@ def test_a_style_of_two_colours_tells_the_shown_laws_apart(chosen, so3, opened, 
     cycle = 'axes.prop_cycle: cycler(color=["k", "r"], linestyle=["-", "--"])'
     sheet = tmp_path / "two.mplstyle"
     sheet.write_text(cycle, encoding="utf-8")
-    lines = Paper(controllers=chosen).draw([opened(so3)], style=Style((str(sheet),))).axes[0].lines
+    lines = (
+        Summary(controllers=chosen).draw([opened(so3)], style=Style((str(sheet),))).axes[0].lines
+    )
     looks = {(line.get_color(), str(line._unscaled_dash_pattern)) for line in lines}
     assert len(looks) == len(chosen or "four")
     assert len({colour for colour, _ in looks}) == 2
@@ -107,7 +109,7 @@ def test_a_style_of_two_colours_tells_the_shown_laws_apart(chosen, so3, opened, 
 
 def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened, picture):
     chosen = {"gt": "gold", "nog": "#ffd700", "asym": "tab:blue"}
-    lines = picture(Paper(colours=chosen), opened(so3)).axes[0].lines
+    lines = picture(Summary(colours=chosen), opened(so3)).axes[0].lines
     own, *others = [line.get_color() for line in lines]
     assert others == ["#ffd700", "#ffd700", "#1f77b4"] and own not in others
     assert lines[1]._unscaled_dash_pattern != lines[2]._unscaled_dash_pattern
@@ -116,12 +118,13 @@ def test_a_colour_is_chosen_and_equal_ones_differ_in_dashes(so3, opened, picture
 @from_yaml
 def test_a_wrong_colour(so3, opened, colours, message):
     assert (
-        error_of(Paper(colours=colours).draw, [opened(so3)]) == f"{so3}: figure 'paper' {message}"
+        error_of(Summary(colours=colours).draw, [opened(so3)])
+        == f"{so3}: figure 'summary' {message}"
     )
 
 
 def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened, picture):
-    lines = picture(Paper(controllers=["eqt"]), opened(so3), opened(stiff)).axes[0].lines
+    lines = picture(Summary(controllers=["eqt"]), opened(so3), opened(stiff)).axes[0].lines
     assert len({line.get_color() for line in lines}) == 2
     assert len({str(line.get_linestyle()) for line in lines}) == 2
 
@@ -156,7 +159,7 @@ def test_failed_runs_are_counted_by_result(so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
     status[0, 2] = 2
     one, other = opened(so3), altered(so3, status=status)
-    drawing = Paper().draw([one, other])
+    drawing = Summary().draw([one, other])
     name = other.path.parent.name
     assert drawing.get_supxlabel().splitlines()[0] == (
         f"EqT, {name}: 1 of 6 runs failed; left out."
@@ -164,8 +167,8 @@ def test_failed_runs_are_counted_by_result(so3, altered, opened):
 
 
 def test_groups_do_not_mix(so3, se3, opened):
-    assert error_of(Paper().draw, [opened(so3), opened(se3)]) == (
-        f"{se3}: figure 'paper' shows results on one group; this is on SE3, and {so3} on SO3"
+    assert error_of(Summary().draw, [opened(so3), opened(se3)]) == (
+        f"{se3}: figure 'summary' shows results on one group; this is on SE3, and {so3} on SO3"
     )
 
 
