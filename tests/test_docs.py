@@ -204,6 +204,25 @@ def test_the_readme_says_what_make_paper_prints_last():
     assert all(f'"{line}"' in recipe for line in places.splitlines())
 
 
+@pytest.mark.ci("computes the 800 runs of the paper")
+@NEEDS_COMPILER
+def test_shares_of_the_torque_in_the_findings(paper):
+    """The figure's root mean squares over 5 s, and those of all torques, are what the page says."""
+    page, folder = _text("explanation/paper.md"), paper[0]
+    plot = ("plot", "results/paper", "--figure", "torque", "--to", "5", "--format", "json")
+    for share in ("total", "feedforward", "feedback"):
+        _printed(folder, *plot, "--option", f"share={share}", "--out", share)
+        curves = json.loads((folder / share / "torque.json").read_text(encoding="utf-8"))
+        drawn = {(curve["panel"], curve["name"]): np.array(curve["y"]) for curve in curves}
+        eqt, gt = (np.sqrt(np.mean(drawn["ωz", law] ** 2)) for law in ("eqt", "gt"))
+        assert f"(`share={share}`) | {eqt:.2f} | {gt:.2f} |" in page
+    with open_result(folder / "results" / "paper") as result:
+        early = result["torque"][:2, :, result.times <= 5]
+    (x, y, z), (x_gt, y_gt, z_gt) = np.sqrt(np.mean(early**2, axis=(1, 2)))
+    assert f"(`share=total`) | {z:.2f} | {z_gt:.2f} |" in page
+    assert f"{x:.2f} and {y:.2f} against {x_gt:.2f} and {y_gt:.2f} N m" in page
+
+
 COLUMNS = re.findall(
     r"^\| ([^|]+) \| (count|mean|largest) \| [^|]*\(`(\w+)`\) \|$", _text(FIRST), re.MULTILINE
 )

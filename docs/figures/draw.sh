@@ -49,8 +49,8 @@ numbers() {
 # show a change as well as many.
 numbers_of_paper() {
 	numbers paper summary distributions
-	numbers torque --option bands=quartiles --option share=total
-	name=${name}_feedback numbers torque
+	numbers torque
+	name=${name}_feedforward numbers torque --option share=feedforward
 }
 
 # picture FILE FIGURE [OPTION...]: draw a figure as docs/figures/FILE.png.
@@ -100,8 +100,8 @@ paper() {
 	numbers_of_paper
 	picture paper paper
 	picture summary summary
-	picture torque torque --width page --option share=total
-	picture torque_feedback torque
+	picture torque torque --width page
+	picture torque_feedforward torque --width page --option share=feedforward
 	picture single_runs runs
 	picture distributions distributions
 	if [ "$task" = draw ]; then

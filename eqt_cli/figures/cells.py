@@ -26,7 +26,7 @@ Direction = Literal["x", "y"]
 
 FEW = 12
 """Most values that are written below a scale instead of round numbers."""
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 """Share of the largest value in its unit below which a component is rounding error."""
 
 
@@ -87,7 +87,7 @@ def scale_rounding(panels: Sequence[tuple[Axes, str]]) -> None:
         sizes.append(float(np.abs(drawn[np.isfinite(drawn)]).max()))
         largest[unit] = max(largest.get(unit, 0.0), sizes[-1])
     for (axes, unit), size in zip(panels, sizes, strict=True):
-        if size < _ROUNDING * largest[unit] and axes.get_yscale() == "linear":
+        if size < ROUNDING * largest[unit] and axes.get_yscale() == "linear":
             axes.set_ylim(-0.1 * largest[unit], 0.1 * largest[unit])
 
 

@@ -1,7 +1,7 @@
 """The base classes of figures, and the trajectories that they draw."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, cast
@@ -21,7 +21,8 @@ from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
-from eqt_cli.figures.labels import in_words, signal_label
+from eqt_cli.figures.cells import ROUNDING
+from eqt_cli.figures.labels import force_component, in_words, signal_label
 from eqt_cli.figures.layout import add_letters, add_remarks, freeze
 from eqt_cli.figures.shown import (
     ALL,
@@ -278,6 +279,22 @@ class ShownRuns(ShownControllers):
                 unit, _ = self.results[0].shown_in("torque", part.force_unit)
                 units[part.axes] = [unit] * len(axes[part.axes])
         return list(zip(axes, units, strict=True))
+
+    def pushed(self, wanted: Sequence[str], torques: Iterable[Array]) -> list[str]:
+        """Return the wanted axes with a torque above rounding; name the others in a remark."""
+        sizes = np.max([np.abs(of).max(axis=tuple(range(of.ndim - 1))) for of in torques], axis=0)
+        largest = dict[str, float]()
+        for (_, unit), size in zip(self.axes, sizes, strict=True):
+            largest[unit] = max(largest.get(unit, 0.0), size)
+        still = [
+            (name, f"${force_component(name, unit)}$")
+            for (name, unit), size in zip(self.axes, sizes, strict=True)
+            if size <= ROUNDING * largest[unit] and name in wanted
+        ]
+        if not 0 < len(still) < len(wanted):
+            return list(wanted)
+        self.remarks.append(f"Nothing pushes along {', '.join(symbol for _, symbol in still)}.")
+        return [name for name in wanted if name not in dict(still)]
 
     def members(self, signal: str) -> list[str]:
         """Return the names of the thrusters, wheels, or numbers of laws that have the signal.

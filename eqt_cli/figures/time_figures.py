@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
@@ -38,6 +38,7 @@ from eqt_cli.figures.layout import (
     Bands,
     add_legend,
     add_title,
+    band_look,
     bound,
     cut_off,
     draw_middle,
@@ -49,7 +50,7 @@ from eqt_cli.figures.layout import (
     sheet,
 )
 from eqt_cli.figures.shown import Ensemble, ShownReference, names
-from eqt_cli.figures.style import Width, component_style, ink
+from eqt_cli.figures.style import Width, component_style, ink, line_style
 from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
 # Errors, torque norm and L over all runs, and the same as the paper prints them -------------------
@@ -193,7 +194,7 @@ def _title(runs: ShownRuns, signal: str) -> str:
     return of_part.format(part_name(suffix)) if suffix else whole
 
 
-# Figure of torque components: the mean over runs of every law, a panel per axis -------------------
+# Figure of torque components: root mean squares over runs of every law, a panel per axis ----------
 
 
 _DESIRED: dict[str, Any] = {"linewidth": 2.2, "zorder": 1.5}
@@ -203,99 +204,105 @@ _MOST_RUNS = 1000
 """Largest number of runs of a law, from the first, whose torques are drawn."""
 _ACROSS = 3
 """Most axes of a part side by side on a page."""
-
-Share = Literal["total", "feedback", "feedforward"]
-
-_NAMED = {"total": "torque", "feedback": "signed feedback"}
+_INDEX = {"feedback": r"\mathrm{fb}", "feedforward": r"\mathrm{ff}"}
+_ERRORS = 2.0
+"""Standard errors of a mean from the curve to the edges of its band."""
 
 
 @dataclass(frozen=True)
 class Torque(Panelled, OverTime):
-    """Torque components in the body frame: the mean over runs, all laws in a panel per axis.
+    """Root mean square over runs of the torque, a panel per axis of the body.
 
-    Forces have panels of their own. The torque of the reference is drawn beside the whole torque
-    and the feedforward.
+    Of a single run, the torque itself. Forces have panels of their own. The torque of the reference
+    is drawn beside the whole torque and the feedforward.
 
     Attributes
     ----------
     share
-        ``feedback``; ``feedforward``, the part without gains; or ``total``. Default: ``feedback``
-        where the parts are known (ideal loop, law with a known feedforward), else ``total``.
+        ``total``; ``feedforward``, the part without gains, of laws where it is known in an ideal
+        loop; or ``feedback``, the rest.
+    signed
+        The mean within 2 standard errors, which is near 0 where starts are symmetric.
     log
-        Absolute values on a logarithmic scale.
-    bands
-        ``quartiles`` shades the middle half of the runs around the median; ``none`` draws means.
+        Logarithmic scale of the root mean square.
     """
 
     name: ClassVar[str] = "torque"
 
-    share: Share | None = None
+    share: Literal["total", "feedback", "feedforward"] = "total"
+    signed: bool = False
     log: bool = False
-    bands: Bands = "none"
+
+    def check(self, problems: Problems) -> None:
+        """Refuse a logarithmic scale of a mean."""
+        if self.log and self.signed:
+            problems.at("log").add("belongs to root mean squares; a signed mean is linear")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a panel per axis."""
+        values = {e.label: self._share_of(runs, e) for e in runs.shown}
         wanted = self.picked([name for name, _ in runs.axes])
-        share, values = self._of_laws(runs)
-        pushed = np.any([np.any(of != 0, axis=(0, 1)) for of in values.values()], axis=0)
-        still = [
-            name for (name, _), is_pushed in zip(runs.axes, pushed, strict=True) if not is_pushed
-        ]
-        if not self.panels and 0 < len(still) < len(wanted):
-            wanted = [name for name in wanted if name not in still]
-            none = (f"${force_component(x, unit)}$" for x, unit in runs.axes if x in still)
-            runs.remarks.append(f"Nothing pushes along {', '.join(none)}.")
+        wanted = runs.pushed(wanted, values.values()) if not self.panels else wanted
         units = {name: unit for name, unit in runs.axes if name in wanted}
-        size = "size of the " if self.log else ""
-        what = "" if share == "total" and not size else f" of the {size}{_NAMED.get(share, share)}"
-        count = f"{runs.count(_MOST_RUNS)}{of_bands(self.bands)}"
-        runs.remarks.append(f"Curves: {middle_of(self.bands)}{what} over {count}.")
+        several = max(map(len, values.values())) > 1
+        signed = self.signed or not (several or self.log)
+        middle = "mean" if signed else "root mean square"
+        part = "" if self.share == "total" else f" of the {self.share}"
+        over = f"{middle}{part} over " if several else ""
+        band = f"; bands: ±{_ERRORS:g} standard errors" if signed and several else ""
+        runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}{band}.")
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
-                torques = values[ensemble.label][..., k]
-                drawn = abs(torques) if self.log else torques
-                draw_middle(panels[name], runs.times(ensemble), drawn, self.bands, ensemble)
+                component = values[ensemble.label][..., k]
+                _draw_component(panels[name], runs.times(ensemble), component, ensemble, signed)
         lines = panels[wanted[0]].lines
         handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
         sizes = [
             {str(x.get_label()): np.abs(np.asarray(x.get_ydata(), float)) for x in axes.lines}
             for axes in panels.values()
         ]
-        handles |= {} if share == "feedback" else _draw_desired(runs, panels, log=self.log)
+        if self.share != "feedback":
+            handles |= _draw_desired(runs, panels, signed=signed)
         far = leaving(runs, sizes)
         for axes in panels.values():
             cut_off(axes, far)
+            if not signed:
+                scale_norm(axes, log=self.log)
         scale_rounding([(panels[name], unit) for name, unit in units.items()])
         for name, unit in units.items():
             symbol = force_component(name, unit)
-            if share != "total":
-                index = r"\mathrm{fb}" if share == "feedback" else r"\mathrm{ff}"
+            if index := _INDEX.get(self.share):
                 base, _, axis = symbol.removesuffix("}").partition("_{")
                 symbol = f"{base}_{{{','.join(filter(None, (axis, index)))}}}"
-            layout.name_scale(panels[name], quantity(f"|{symbol}|" if self.log else symbol, unit))
-            if self.log:
-                scale_norm(panels[name], log=True)
+            layout.name_scale(panels[name], ("" if signed else "rms ") + quantity(symbol, unit))
         layout.add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _of_laws(self, runs: ShownRuns) -> tuple[Share, dict[str, Array]]:
-        """Return the share and the torques by law that are drawn, ``(runs, samples, axes)``."""
-        torque = {e.label: runs.values("torque", e, _MOST_RUNS) for e in runs.shown}
-        if self.share == "total":
-            return self.share, torque
-        try:
-            feedforward = {e.label: runs.feedforward(e, _MOST_RUNS) for e in runs.shown}
-        except EqtError:
-            if self.share:
-                raise
-            return "total", torque
+    def _share_of(self, runs: ShownRuns, ensemble: Ensemble) -> Array:
+        """Return the share of a law's torques that is drawn, ``(runs, samples, axes)``."""
         if self.share == "feedforward":
-            return self.share, feedforward
-        return "feedback", {label: torque[label] - feedforward[label] for label in torque}
+            return runs.feedforward(ensemble, _MOST_RUNS)
+        torque = runs.values("torque", ensemble, _MOST_RUNS)
+        return torque if self.share == "total" else torque - runs.feedforward(ensemble, _MOST_RUNS)
 
 
-def _draw_desired(runs: ShownRuns, panels: Mapping[str, Axes], *, log: bool) -> dict[str, Artist]:
+def _draw_component(
+    axes: Axes, times: Array, values: Array, ensemble: Ensemble, signed: bool
+) -> None:
+    """Draw the root mean square of values ``(runs, samples)``, or the mean in its band."""
+    look = line_style(ensemble.look)
+    middle = values.mean(axis=0) if signed else np.sqrt(np.mean(values**2, axis=0))
+    axes.plot(times, middle, label=ensemble.label, **look)
+    if signed and len(values) > 1:
+        reach = _ERRORS * values.std(axis=0, ddof=1) / np.sqrt(len(values))
+        band = band_look(look["color"])
+        axes.fill_between(times, middle - reach, middle + reach, label=ensemble.label, **band)
+
+
+def _draw_desired(
+    runs: ShownRuns, panels: Mapping[str, Axes], *, signed: bool
+) -> dict[str, Artist]:
     """Draw the reference torque of each result in every panel; return the last line by name."""
     line: Artist = Line2D([], [])
     places = [name for name, _ in runs.axes]
@@ -311,7 +318,7 @@ def _draw_desired(runs: ShownRuns, panels: Mapping[str, Axes], *, log: bool) -> 
             drawn = desired[:, k := places.index(axis)]
             if ends is not None and ends[0][k] == ends[1][k] == 0:
                 continue  # no vehicle could give it
-            (line,) = panel.plot(runs.times(first), abs(drawn) if log else drawn, **look)
+            (line,) = panel.plot(runs.times(first), drawn if signed else abs(drawn), **look)
     return {quantity(r"\tau_d", ""): line}
 
 

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.figures.render import MOST_SAMPLES, Curve, curves, plain, render, to_json
-from eqt_cli.figures.time_figures import Paper, Torque
+from eqt_cli.figures.time_figures import Paper, Summary, Torque
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -37,11 +37,11 @@ def test_curves_are_the_means_with_their_units(so3, opened, picture):
 
 def test_edges_of_bands_are_quartiles(so3, opened, picture):
     results = opened(so3)
-    drawing = picture(Torque(bands="quartiles", share="total"), results)
-    found = {(c.panel, c.name): c for c in curves(drawing)}
-    low, high = np.quantile(results["torque"][1, ..., 2], [0.25, 0.75], axis=0)
-    np.testing.assert_array_equal(found["ωz", "lower edge gt"].y, low)
-    np.testing.assert_array_equal(found["ωz", "upper edge gt"].y, high)
+    found = {(c.panel, c.name): c for c in curves(picture(Summary(), results))}
+    low, high = np.quantile(results["torque_norm"][1], [0.25, 0.75], axis=0)
+    np.testing.assert_array_equal(found["torque_norm", "lower edge gt"].y, low)
+    np.testing.assert_array_equal(found["torque_norm", "upper edge gt"].y, high)
+    found = {(c.panel, c.name): c for c in curves(picture(Torque(signed=True), results))}
     desired = found["ωz", "desired"]
     np.testing.assert_array_equal(desired.y, results["desired_torque"][:, 2])
     assert desired.up == "τ_z (N m)"

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from said import error_of
+from scipy import stats
 
 from eqt_cli.figures.figure import ShownRuns
 from eqt_cli.figures.layout import EMPTY
@@ -15,17 +16,20 @@ def _drawn(axes):
     return {line.get_label(): line.get_ydata() for line in axes.lines}
 
 
-def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, opened):
+def test_panels_show_the_root_mean_square_of_every_law_and_the_desired_torque(so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
     status[2, 0] = 2
     results = altered(so3, status=status)
-    for axis, axes in enumerate(Torque(share="total").draw([results]).axes):
+    for axis, axes in enumerate(Torque().draw([results]).axes):
         drawn = _drawn(axes)
         assert list(drawn) == ["eqt", "gt", "nog", "asym", "desired"]
         for controller, label in enumerate(results.labels):
             values = results["torque"][controller, status[controller] == 0, :, axis]
-            np.testing.assert_array_equal(drawn[label], values.mean(axis=0))
-        np.testing.assert_array_equal(drawn["desired"], results["desired_torque"][:, axis])
+            expected = np.linalg.norm(values, axis=0) / np.sqrt(len(values))
+            np.testing.assert_allclose(drawn[label], expected, rtol=1e-14)
+        np.testing.assert_array_equal(drawn["desired"], abs(results["desired_torque"][:, axis]))
+        assert axes.get_ylim()[0] == 0
+        assert axes.get_ylabel() == rf"rms $\tau_{{{'xyz'[axis]}}}$ $(\mathrm{{N\,m}})$"
 
 
 @pytest.mark.parametrize(
@@ -48,12 +52,33 @@ def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, req
             np.testing.assert_allclose(drawn, (1e3 if turns else 1) * values, rtol=1e-12)
 
 
-def test_bands_are_drawn_on_request(so3, opened, picture):
+def test_a_signed_mean_stands_within_two_standard_errors(so3, opened, picture):
+    drawing = picture(Torque(signed=True), opened(so3))
+    assert drawing.get_supxlabel() == "Curves: mean over 6 runs; bands: ±2 standard errors."
+    values = opened(so3)["torque"][1, :, 20, 2]
+    axes, reach = drawing.axes[2], 2 * stats.sem(values)
+    assert _drawn(axes)["gt"][20] == pytest.approx(values.mean())
+    corners = axes.collections[1].get_paths()[0].vertices
+    edges = np.unique(corners[np.isclose(corners[:, 0], 2.0)][:, 1])
+    np.testing.assert_allclose(edges, [values.mean() - reach, values.mean() + reach])
     assert not any(axes.collections for axes in picture(Torque(), opened(so3)).axes)
-    drawing = picture(Torque(bands="quartiles"), opened(so3))
-    assert [len(axes.collections) for axes in drawing.axes] == 3 * [4]
-    assert drawing.get_supxlabel() == (
-        "Curves: median of the signed feedback over 6 runs; bands: quartiles."
+
+
+def test_of_a_single_run_the_torque_itself_is_drawn(so3, altered, opened):
+    status = np.ones_like(opened(so3)["status"])
+    status[:, 3] = 0
+    drawing = Torque(controllers=["eqt"]).draw([altered(so3, status=status)])
+    for axis, axes in enumerate(drawing.axes):
+        np.testing.assert_array_equal(_drawn(axes)["eqt"], opened(so3)["torque"][0, 3, :, axis])
+        np.testing.assert_array_equal(
+            _drawn(axes)["desired"], opened(so3)["desired_torque"][:, axis]
+        )
+    assert drawing.get_supxlabel().splitlines()[-1] == "Curves: 1 run."
+
+
+def test_a_signed_mean_has_no_logarithmic_scale(so3, opened):
+    assert error_of(Torque(signed=True, log=True).draw, [opened(so3)]) == (
+        "figure 'torque': log: belongs to root mean squares; a signed mean is linear"
     )
 
 
@@ -69,12 +94,12 @@ def test_of_many_runs_the_first_ones_are_drawn_and_the_caption_says_so(
     assert not np.array_equal(drawn, whole["eqt"])
     if share == "total":
         torque = opened(so3)["torque"][0, :4, :, 0]
-        np.testing.assert_array_equal(drawn, torque.mean(axis=0))
+        np.testing.assert_allclose(drawn, np.sqrt((torque**2).mean(axis=0)), rtol=1e-14)
 
 
 def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened, picture):
     whole, forward, back = (
-        _drawn(picture(Torque(share=share), opened(so3)).axes[1])
+        _drawn(picture(Torque(share=share, signed=True), opened(so3)).axes[1])
         for share in ("total", "feedforward", "feedback")
     )
     assert "desired" not in back
@@ -114,15 +139,18 @@ def test_a_torque_about_the_only_axis_has_no_name_of_an_axis(
     result = opened(simulated_once("so2", **wheel, controllers=["eqt"]))
     [panel] = picture(Torque(share=share), result).axes
     assert panel.get_ylabel().startswith(
-        rf"$\tau_{{\mathrm{{{'fb' if share == 'feedback' else 'ff'}}}}}$"
+        rf"rms $\tau_{{\mathrm{{{'fb' if share == 'feedback' else 'ff'}}}}}$"
     )
 
 
 def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened, picture):
-    labels = [axes.get_ylabel() for axes in picture(Torque(), opened(se3), width="page").axes]
+    labels = [
+        axes.get_ylabel()
+        for axes in picture(Torque(share="feedback"), opened(se3), width="page").axes
+    ]
     assert labels == [
-        *(rf"$\tau_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
-        *(rf"$f_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
+        *(rf"rms $\tau_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
+        *(rf"rms $f_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
     ]
 
 
@@ -153,9 +181,11 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, pi
         },
         controllers=["eqt"],
     )
-    assert [axes.get_ylabel() for axes in picture(Torque(), opened(product)).axes] == [
-        r"$\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",
-        r"$f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
+    assert [
+        axes.get_ylabel() for axes in picture(Torque(share="feedback"), opened(product)).axes
+    ] == [
+        r"rms $\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",
+        r"rms $f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
     ]
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 
@@ -164,10 +194,10 @@ def test_an_axis_along_which_nothing_pushes_has_no_panel_unless_asked(se3, alter
     torque = opened(se3)["torque"].copy()
     torque[..., 3:5] = 0.0
     pushed = altered(se3, torque=torque)
-    drawing = Torque(share="total").draw([pushed])
+    drawing = Torque().draw([pushed])
     assert [axes.get_label() for axes in drawing.axes] == ["ωx", "vz", "ωy", "ωz"]
     assert "Nothing pushes along $f_{x}$, $f_{y}$." in drawing.get_supxlabel()
-    (asked,) = Torque(share="total", panels=["vx"]).draw([pushed]).axes
+    (asked,) = Torque(panels=["vx"]).draw([pushed]).axes
     assert asked.get_label() == "vx"
 
 
@@ -175,7 +205,7 @@ def test_a_torque_that_diverges_does_not_set_the_scale(so3, altered, opened):
     torque = opened(so3)["torque"].copy()
     others = np.abs(torque[[0, 2, 3], ..., 2]).max()
     torque[1, ..., 2] = 10.0 ** np.linspace(-2, 6, 41)
-    drawing = Torque(share="total").draw([altered(so3, torque=torque)])
+    drawing = Torque().draw([altered(so3, torque=torque)])
     assert max(np.abs(drawing.axes[2].get_ylim())) < 2 * others
     assert "Cut off where it leaves the reference: “GT”." in drawing.get_supxlabel()
     (gone,) = (line for line in drawing.axes[2].lines if line.get_label() == "gt")
