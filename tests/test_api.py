@@ -250,7 +250,7 @@ def test_a_figure_is_drawn_into_axes_of_ones_own(paper_result):
     assert [axes.get_title(loc="left") for axes in own.axes] == [""] * 4  # letters are the user's
     own.draw_without_rendering()
     (remark,) = grid[1, 1].texts
-    assert remark.get_text() == "Curves: median over 60 runs; bands: quartiles."
+    assert remark.get_text() == "Curves: median over 60 runs; bands: quartiles of EqT and GT."
     assert remark.get_window_extent().y1 < grid[1, 1].xaxis.label.get_window_extent().y0
     assert remark.get_window_extent().y0 > 0
 
@@ -334,7 +334,9 @@ def test_a_sweep_says_how_many_points_it_has():
 
 def test_figures_are_drawn_into_the_result_folder(result):
     files = eqt_cli.plot(result, "paper", formats=["svg", "json"], options={"log": True})
-    assert files == [result.path / "figures" / name for name in ("paper.svg", "paper.json")]
+    assert files == [
+        result.path / "figures" / name for name in ("paper.svg", "paper.json", "paper-caption.tex")
+    ]
     assert all(file.exists() for file in files)
 
 

@@ -79,7 +79,7 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "paper": ("paper", "paper", {}),
     "paper, SE(3)": ("se3", "paper", {}),
     "summary": ("paper", "summary", {}),
-    "summary, log": ("paper", "summary", {"log": True, "bands": "none"}),
+    "summary, log": ("paper", "summary", {"log": True}),
     "summary, SE(3)": ("se3", "summary", {"log": True}),
     "summary, SE2(3)": ("se23", "summary", {"log": True}),
     "summary, 13 laws": ("laws", "summary", {}),
@@ -103,7 +103,6 @@ FIGURES: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
     "torque, signed": ("paper", "torque", {"signed": True}),
     "torque, feedforward": ("paper", "torque", {"share": "feedforward"}),
     "torque, thrust along one axis": ("lee", "torque", {}),
-    "torque, log": ("paper", "torque", {"log": True}),
     "runs": ("paper", "runs", {}),
     "runs, 13 laws": ("laws", "runs", {}),
     "distributions": ("paper", "distributions", {}),
@@ -157,7 +156,7 @@ def drawn(folder: Path, name: str, width: str) -> Image.Image:
     results = [result(folder, each) for each in experiments.split()]
     out = folder / "figures" / width / name.replace(", ", "-").replace(" ", "_")
     try:
-        (file,) = eqt_cli.plot(results, {figure: options}, out, formats=["png"], width=width)
+        file, *_ = eqt_cli.plot(results, {figure: options}, out, formats=["png"], width=width)
     except EqtError as error:
         said = Image.new("RGB", (PIXELS[width], 60), "white")
         ImageDraw.Draw(said).multiline_text((4, 4), _wrapped(str(error), PIXELS[width]), "red")
@@ -172,19 +171,19 @@ def _wrapped(text: str, pixels: int) -> str:
     return "\n".join(text[k : k + count] for k in range(0, len(text), count))
 
 
-def sheet(pictures: Mapping[str, Image.Image], width: str) -> Image.Image:
+def sheet(pictures: Mapping[str, Image.Image], pixels: int, across: int) -> Image.Image:
     """All pictures with their names, each in the column that is shortest so far."""
-    ends = [GAP] * ACROSS[width]
+    ends = [GAP] * across
     places = {}
     for name, picture in pictures.items():
         column = ends.index(min(ends))
-        places[name] = GAP + column * (PIXELS[width] + GAP), ends[column]
+        places[name] = GAP + column * (pixels + GAP), ends[column]
         ends[column] += NAME + picture.height + GAP
-    found = Image.new("RGB", (ACROSS[width] * (PIXELS[width] + GAP) + GAP, max(ends)), "#dddddd")
+    found = Image.new("RGB", (across * (pixels + GAP) + GAP, max(ends)), "#dddddd")
     write = ImageDraw.Draw(found)
-    for name, (across, down) in places.items():
-        write.text((across, down), name, "black")
-        found.paste(pictures[name], (across, down + NAME))
+    for name, (left, top) in places.items():
+        write.text((left, top), name, "black")
+        found.paste(pictures[name], (left, top + NAME))
     return found
 
 
@@ -201,7 +200,8 @@ def main(folder: Path, starts: tuple[str, ...]) -> None:
     """Write ``<folder>/<width>-<reader>.png``."""
     names = [name for name in FIGURES if not starts or name.startswith(starts)]
     for width in PIXELS:
-        found = sheet({name: drawn(folder, name, width) for name in names}, width)
+        pictures = {name: drawn(folder, name, width) for name in names}
+        found = sheet(pictures, PIXELS[width], ACROSS[width])
         for reader in READERS:
             file = folder / f"{width}-{reader}.png"
             seen(found, reader).save(file, optimize=True)

@@ -119,7 +119,6 @@ def plot(
     width: str = "column",
     options: Mapping[str, Any] | None = None,
     titles: Mapping[str, str] | None = None,
-    caption: bool = False,
     style: Sequence[str] = (),
     point: int | Sequence[int] | None = None,
     measured: str | os.PathLike[str] | None = None,
@@ -151,8 +150,6 @@ def plot(
     titles
         Names of laws and quantities in the figure, by label and name, as
         ``{"eqt": "ours", "mean_pose_error": "tracking error"}``.
-    caption
-        Whether to write the remarks below the panels to ``<figure>-caption.tex`` instead.
     style
         Matplotlib style sheets, applied after eqt's style.
     point
@@ -178,9 +175,9 @@ def plot(
     Examples
     --------
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
-    ['torque.pdf', 'torque.svg']
+    ['torque.pdf', 'torque.svg', 'torque-caption.tex']
     """
-    from eqt_cli.figures.render import DRAWN, caption_name, first_figure, render
+    from eqt_cli.figures.render import DRAWN, first_figure, render
     from eqt_cli.figures.style import Style
 
     with _opened(result, point, units, titles or {}, trust_plugins=trust_plugins) as opened:
@@ -190,7 +187,7 @@ def plot(
         home, folder = _folders(first, out, point)
         require_list("formats", formats)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
-        targets += [folder / caption_name(name) for name in wanted if caption]
+        targets += [folder / f"{name}-caption.tex" for name in wanted]
         check_targets(targets, home)
         beside, files = None, []
         if measured is not None:
@@ -206,7 +203,6 @@ def plot(
                     options,
                     style=Style(tuple(style)),
                     measured=beside,
-                    caption=caption,
                 )
                 reporter().advance(1)
         return files

@@ -66,7 +66,6 @@ def plot(
     end: Annotated[float | None, options.option("--to")] = None,
     title: Annotated[list[str] | None, options.option("--title")] = None,
     colour: Annotated[list[str] | None, options.option("--colour")] = None,
-    caption: Annotated[bool, options.option("--caption")] = False,
     degrees: Annotated[bool, options.option("--degrees")] = False,
     unit: options.Units = None,
     style: Annotated[list[str] | None, options.option("--style")] = None,
@@ -99,7 +98,6 @@ def plot(
         --title NAME=TEXT  Name of a law or metric in the figure, such as eqt=ours.
             Repeatable.
         --colour LAW=COLOUR  Colour of a law, such as eqt=black or 'gt=#D9600A'. Repeatable.
-        --caption  Write the remarks below the panels to FIGURE-caption.tex instead.
         --degrees  Show attitudes and their errors in degrees.
         --style NAME|FILE  Matplotlib style sheet, applied after eqt's own. Repeatable; the last
             wins.
@@ -135,7 +133,6 @@ def plot(
         formats=format_ or FORMATS,
         width=width,
         titles=options.pairs("--title", title),
-        caption=caption,
         style=style or (),
         point=point,
         measured=measured,

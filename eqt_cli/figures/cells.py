@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 import matplotlib
 import numpy as np
+from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY
@@ -37,9 +37,9 @@ def spans_decade(values: Array) -> bool:
     return bool(seen.size and seen.max() > 10 * seen.min())
 
 
-def even() -> MaxNLocator:
+def even() -> ticker.MaxNLocator:
     """Return a locator of about five evenly spaced round numbers."""
-    return MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
+    return ticker.MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
 
 
 def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
@@ -50,10 +50,10 @@ def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
     if decades < 1:
         axis.set_major_locator(even())
     elif decades < 2:
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
     if decades < 2:
-        axis.set_major_formatter(FuncFormatter(_number))
-    axis.set_minor_formatter(NullFormatter())
+        axis.set_major_formatter(ticker.FuncFormatter(_number))
+    axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) -> None:
@@ -73,22 +73,39 @@ def scale_norm(axes: Axes, *, log: bool) -> None:
         axes.set_ylim(bottom=0)
 
 
-def scale_rounding(panels: Sequence[tuple[Axes, str]]) -> None:
-    """Draw rounding errors as 0: what is below 1e-9 of the largest value in the same unit.
+_PREFIXES = {-9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G"}
+_UNIT = re.compile(r"(?<=\$\(\\mathrm\{)(?=(?:N|J|m|s|rad|W|Hz|T|A)(?:[\\/}]))")
+"""Where a unit begins that takes a prefix: in front, without a power."""
 
-    Parameters
-    ----------
-    panels
-        Panels with linear scales, and their units.
-    """
-    sizes, largest = list[float](), dict[str, float]()
-    for axes, unit in panels:
-        drawn = np.concatenate([[0.0], *(np.ravel(line.get_ydata()) for line in axes.lines)])
-        sizes.append(float(np.abs(drawn[np.isfinite(drawn)]).max()))
-        largest[unit] = max(largest.get(unit, 0.0), sizes[-1])
-    for (axes, unit), size in zip(panels, sizes, strict=True):
-        if size < ROUNDING * largest[unit] and axes.get_yscale() == "linear":
-            axes.set_ylim(-0.1 * largest[unit], 0.1 * largest[unit])
+
+class Prefixed(ticker.ScalarFormatter):
+    """Numbers of a scale in a unit with a prefix, such as µN m."""
+
+    def __init__(self, exponent: int) -> None:
+        super().__init__()
+        self.factor = 10.0**-exponent
+        self.set_powerlimits((exponent, exponent))
+
+    def get_offset(self) -> str:
+        """Return nothing: the prefix says the power of ten."""
+        return ""
+
+
+def prefix_units(axes: Axes) -> None:
+    """Put a prefix in front of the unit of a scale in place of a power of ten beside it."""
+    for axis in (axes.xaxis, axes.yaxis):
+        numbers, label = axis.get_major_formatter(), axis.label.get_text()
+        axis.get_majorticklabels()  # which gives the formatter its numbers
+        if (
+            isinstance(numbers, ticker.ScalarFormatter)
+            and numbers.get_offset()
+            and _UNIT.search(label)
+        ):
+            largest = max(abs(end) for end in axis.get_view_interval())
+            exponent = 3 * int(np.floor(np.log10(largest) / 3))
+            if exponent in _PREFIXES:
+                axis.set_major_formatter(Prefixed(exponent))
+                axis.label.set_text(_UNIT.sub(_PREFIXES[exponent], label))
 
 
 def number_values(axes: Axes, values: Array) -> None:
@@ -98,7 +115,7 @@ def number_values(axes: Axes, values: Array) -> None:
     """
     levels = np.unique(values)
     if len(levels) <= FEW:
-        axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_minor_locator(ticker.NullLocator())
         axes.set_xticks(levels, [_number(level) for level in levels])
     elif axes.get_xscale() == "log":
         scale_log(axes, "x", levels)

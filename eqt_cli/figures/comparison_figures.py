@@ -189,6 +189,7 @@ class Distributions(OfMetrics):
             add_legend(drawing, panels[metrics.metrics[0]].lines, names, whole)
         hide_inner_scales(panels, places)
         metrics.remarks.append(f"Distributions over {metrics.count()}.")
+        metrics.note = metrics.count()
         return drawing
 
     def _scale(

@@ -21,7 +21,7 @@ from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
-from eqt_cli.figures.cells import ROUNDING
+from eqt_cli.figures.cells import ROUNDING, prefix_units
 from eqt_cli.figures.labels import force_component, in_words, signal_label
 from eqt_cli.figures.layout import add_letters, add_remarks, freeze
 from eqt_cli.figures.shown import (
@@ -283,18 +283,17 @@ class ShownRuns(ShownControllers):
     def pushed(self, wanted: Sequence[str], torques: Iterable[Array]) -> list[str]:
         """Return the wanted axes with a torque above rounding; name the others in a remark."""
         sizes = np.max([np.abs(of).max(axis=tuple(range(of.ndim - 1))) for of in torques], axis=0)
-        largest = dict[str, float]()
-        for (_, unit), size in zip(self.axes, sizes, strict=True):
-            largest[unit] = max(largest.get(unit, 0.0), size)
-        still = [
-            (name, f"${force_component(name, unit)}$")
-            for (name, unit), size in zip(self.axes, sizes, strict=True)
+        of_axes = [(*axis, size) for axis, size in zip(self.axes, sizes, strict=True)]
+        largest = {unit: max(x for _, u, x in of_axes if u == unit) for _, unit, _ in of_axes}
+        still = {
+            name: f"${force_component(name, unit)}$"
+            for name, unit, size in of_axes
             if size <= ROUNDING * largest[unit] and name in wanted
-        ]
+        }
         if not 0 < len(still) < len(wanted):
             return list(wanted)
-        self.remarks.append(f"Nothing pushes along {', '.join(symbol for _, symbol in still)}.")
-        return [name for name in wanted if name not in dict(still)]
+        self.remarks.append(f"Nothing pushes along {', '.join(still.values())}.")
+        return [name for name in wanted if name not in still]
 
     def members(self, signal: str) -> list[str]:
         """Return the names of the thrusters, wheels, or numbers of laws that have the signal.
@@ -468,7 +467,8 @@ class Figure(Component, Generic[S]):
             Whether to arrange the panels. The numbers behind the curves do not need it, and it
             takes half of the time.
         captions
-            List that receives the remarks; they go below the panels if None.
+            List that receives the remarks, but for a few words below the panels; all go there if
+            None.
         axes
             Axes of a user's own to draw into, in the user's layout.
 
@@ -498,10 +498,13 @@ class Figure(Component, Generic[S]):
             if axes is not None:
                 raise EqtError(f"axes: figure '{self.name}' makes its own panels; leave out axes")
             add_letters(drawing)
+            for panel in drawing.axes:
+                prefix_units(panel)
             if captions is None:
                 add_remarks(drawing, shown.notes())
             else:
                 captions += shown.notes()
+                add_remarks(drawing, [note] if (note := getattr(shown, "note", "")) else [])
             if arranged:
                 freeze(drawing)
         return drawing

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import zip_longest
 from string import ascii_lowercase
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -351,7 +351,7 @@ BAND = (0.1, 0.9)
 """Quantiles over runs at the edges of a band."""
 
 _FAINT_BAND = 0.1
-"""Opacity of a band among those of other laws."""
+"""Opacity of a band beside another one."""
 
 RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 """Bootstrap settings of bands around means."""
@@ -359,36 +359,22 @@ RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 THIN = 0.35
 """Line width of a single run, pt."""
 
-Bands = Literal["none", "quartiles"]
-"""Kinds of bands: ``quartiles`` around the median, from 25 % to 75 % of the runs."""
-
 _MOST_IN_BAND = 401
 """Most samples at the edges of a band."""
 
 
-def of_bands(bands: Bands) -> str:
-    """Return words for the bands, as the end of a sentence; empty where there are none."""
-    return "; bands: quartiles" if bands == "quartiles" else ""
-
-
-def middle_of(bands: Bands) -> str:
-    """Return the name of the curve in a band."""
-    return "median" if bands == "quartiles" else "mean"
-
-
-def draw_middle(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: Ensemble) -> None:
-    """Draw the mean or median over runs of values ``(runs, samples)``, and the band around it."""
-    look = line_style(ensemble.look)
-    if bands == "quartiles":
-        low, middle, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0)
-    else:
-        middle = values.mean(axis=0)
-    axes.plot(times, middle, label=ensemble.label, **look)
-    if bands == "quartiles" and len(values) > 1:
+def draw_middle(
+    axes: Axes, times: Array, values: Array, of: Ensemble, *, mean: bool, quartiles: bool
+) -> None:
+    """Draw the mean or the median over runs of values ``(runs, samples)``, with its quartiles."""
+    look = line_style(of.look)
+    low, middle, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0)
+    axes.plot(times, values.mean(axis=0) if mean else middle, label=of.label, **look)
+    if quartiles and not mean and len(values) > 1:
         step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
         some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
         band = band_look(look["color"], _FAINT_BAND)
-        axes.fill_between(times[some], low[some], high[some], label=ensemble.label, **band)
+        axes.fill_between(times[some], low[some], high[some], label=of.label, **band)
 
 
 def band_look(colour: str, opacity: float = 0.18) -> dict[str, Any]:

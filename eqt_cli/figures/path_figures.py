@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -441,7 +442,9 @@ def _draw_room(axes: Axes, eye: Array, ends: Array, unit: str, signs: Array) -> 
 _TALLEST_POSE = 5.4
 """Largest height of all rows together, in."""
 _STEP = 2.0
-"""An angle that changes by more from sample to sample is at a singularity of its angles, rad."""
+"""A line of angles breaks where one changes by more from sample to sample: a turn, rad."""
+_STEEP = 80.0
+"""Pitch beyond which roll and yaw turn more than 1/cos 80° = 6 times faster than the body, deg."""
 
 
 @dataclass(frozen=True)
@@ -449,7 +452,8 @@ class PoseFigure(OverTime):
     """The pose over time in one run, with the reference, component by component, and the errors.
 
     A column per part of the group. Angles are those of the turns about z, y and x, in this order,
-    without jumps by whole turns; a line has a gap where they are singular.
+    from −180 to 180 deg. Where a pitch comes near ±90 deg, at which roll and yaw are undefined, the
+    rotation vector of the error R_E is drawn instead. Lines break where they jump.
 
     Attributes
     ----------
@@ -466,9 +470,21 @@ class PoseFigure(OverTime):
         G = runs.known_group()
         parts = sorted(G.parts, key=lambda part: part.turns)
         shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
-        names = {part.name: _coordinates(G, part, shown_in[part.name][0]) for part in parts}
-        ends = {name: f"_{name}" if len(parts) > 1 else "" for name in names}
-        errors = {name: end for name, end in ends.items() if end in runs.parts}
+        ends = {part.name: f"_{part.name}" if len(parts) > 1 else "" for part in parts}
+        errors = {x: runs.in_space(f"pose_error{y}") for x, y in ends.items() if y in runs.parts}
+        drawn = {
+            name: {e.label: runs.errors(x, e, degrees=True, run=self.run) for e in runs.shown}
+            for name, x in errors.items()
+        }
+        far = leaving(runs, drawn.values())
+        poses = {e.label: runs.of_run("pose", e, self.run) for e in runs.shown}
+        desired = {e.label: runs.desired("pose", e) for e in runs.shown}
+        near = [poses[e.label] for e in runs.shown if e.label not in far] + [*desired.values()]
+        steep = {part.name for part in parts if part.turns and _is_steep(part, near)}
+        names = {
+            part.name: _coordinates(G, part, shown_in[part.name][0], part.name in steep)
+            for part in parts
+        }
         mosaic = [
             [f"{name} {k}" if k < len(of) else layout.EMPTY for name, of in names.items()]
             for k in range(max(map(len, names.values())))
@@ -478,21 +494,22 @@ class PoseFigure(OverTime):
         if len(parts) == 1 and width != "column":
             mosaic = layout.rows_of([name for (name,) in mosaic], 2)
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST_POSE)
-        for part in parts:
-            for e in runs.shown:
-                near = _values(G, part, runs.desired("pose", e))
-                values = _values(G, part, runs.of_run("pose", e, self.run), near)
-                _, factor = shown_in[part.name]
-                for k, label in enumerate(names[part.name]):
-                    axes, times = panels[f"{part.name} {k}"], runs.times(e)
-                    if e in _one_of_each(runs.shown):
-                        axes.plot(times, factor * near[:, k], label="desired", **_reference())
-                    axes.plot(times, factor * values[:, k], label=e.label, **line_style(e.look))
-                    layout.name_scale(axes, label)
-        far = leaving(
-            runs,
-            [self._draw_error(runs, panels[f"{name} error"], end) for name, end in errors.items()],
-        )
+        for part, e in product(parts, runs.shown):
+            frame = desired[e.label] if part.name in steep else None
+            of_reference, values = (
+                shown_in[part.name][1] * _values(G, part, of[e.label], frame)
+                for of in (desired, poses)
+            )
+            for k, label in enumerate(names[part.name]):
+                axes, times = panels[f"{part.name} {k}"], runs.times(e)
+                if e in _one_of_each(runs.shown):
+                    axes.plot(times, of_reference[:, k], label="desired", **_reference())
+                axes.plot(times, values[:, k], label=e.label, **line_style(e.look))
+                layout.name_scale(axes, label)
+        for (name, signal), e in product(errors.items(), runs.shown):
+            axes, of = panels[f"{name} error"], drawn[name][e.label]
+            layout.name_scale(axes, runs.error_label(signal, degrees=True))
+            axes.plot(runs.times(e), of, label=e.label, **line_style(e.look))
         for name, axes in panels.items():
             open_frame(axes)
             cut_off(axes, far)
@@ -503,45 +520,46 @@ class PoseFigure(OverTime):
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
-    def _draw_error(self, runs: ShownRuns, axes: Axes, end: str) -> dict[str, Array]:
-        """Draw the error of a part, by the end of its name; return that of each law."""
-        signal = runs.in_space(f"pose_error{end}")
-        layout.name_scale(axes, runs.error_label(signal, degrees=True))
-        drawn = {}
-        for e in runs.shown:
-            drawn[e.label] = runs.errors(signal, e, degrees=True, run=self.run)
-            axes.plot(runs.times(e), drawn[e.label], label=e.label, **line_style(e.look))
-        return drawn
-
 
 def _unit(part: Part) -> str:
     return "deg" if part.turns else part.pose_unit
 
 
-def _values(G: MatrixLieGroup, part: Part, poses: Array, near: Array | None = None) -> Array:
-    """Return the coordinates of a part, ``(samples, coordinates)``, whole turns near others."""
+def _euler(R: Array) -> Array:
+    """Return roll, pitch and yaw, or the heading in a plane, of rotations, rad."""
+    yaw = np.arctan2(R[:, 1, 0], R[:, 0, 0])
+    if R.shape[-1] < 3:
+        return yaw[:, None]
+    pitch = -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
+    return np.column_stack([np.arctan2(R[:, 2, 1], R[:, 2, 2]), pitch, yaw])
+
+
+def _is_steep(part: Part, poses: Iterable[Array]) -> bool:
+    """Whether a pitch comes near ±90 deg."""
+    angles = [_euler(of[(..., *part.entries)]) for of in poses]
+    return any(of.shape[1] == 3 and abs(of[:, 1]).max() > np.radians(_STEEP) for of in angles)
+
+
+def _values(G: MatrixLieGroup, part: Part, poses: Array, desired: Array | None) -> Array:
+    """Return the coordinates of a part, ``(samples, coordinates)``; of the error from `desired`."""
     if not part.turns:
         return part_curves(G, part, "pose", poses, degrees=False)[0]
-    R = poses[(..., *part.entries)]
-    angles = np.arctan2(R[:, 1, 0], R[:, 0, 0])[:, None]  # yaw, or the heading
-    if R.shape[-1] == 3:
-        roll, pitch = np.arctan2(R[:, 2, 1], R[:, 2, 2]), -np.arcsin(np.clip(R[:, 2, 0], -1, 1))
-        angles = np.column_stack([roll, pitch, angles])
-    values = np.degrees(continuous(angles))
-    return values if near is None else values + 360 * np.round(np.nanmedian(near - values, 0) / 360)
+    if desired is None:
+        return np.degrees(broken(_euler(poses[(..., *part.entries)])))
+    return np.degrees(broken(G.log(poses @ G.inverse(desired))[:, part.axes]))
 
 
-def continuous(angles: Array) -> Array:
-    """Return angles ``(samples, k)``, rad, without jumps by whole turns; NaN at other jumps."""
-    joined = np.unwrap(angles, axis=0)
-    jumps = abs(np.diff(joined, axis=0, prepend=joined[:1])) > _STEP
-    return np.where(jumps, np.nan, joined)
+def broken(angles: Array) -> Array:
+    """Return angles ``(samples, k)``, rad, with NaN where one jumps by a turn."""
+    jumps = abs(np.diff(angles, axis=0, prepend=angles[:1])) > _STEP
+    return np.where(jumps, np.nan, angles)
 
 
-def _coordinates(G: MatrixLieGroup, part: Part, unit: str) -> list[str]:
+def _coordinates(G: MatrixLieGroup, part: Part, unit: str, steep: bool) -> list[str]:
     """Return the labels of a part's coordinates: ``x``, or ``v_{x}`` beside others, or angles."""
     if part.turns:
         words = ["roll", "pitch", "yaw"] if len(G.axis_names[part.axes]) == 3 else ["heading"]
+        words = [f"error about ${axis}$" for axis in _AXES] if steep else words
         return [in_words(each, unit) for each in words]
     names = [axis[1:] for axis in G.axis_names[part.axes]]
     if sum(not each.turns for each in G.parts) > 1 or not set(names) <= set(_AXES):

@@ -142,8 +142,10 @@ def curves(drawing: Drawing) -> list[Curve]:
         panel = str(axes.get_label()) or f"panel {number}"
         if panel == COLOUR_SCALE:
             continue
+        formatters = (axis.get_major_formatter() for axis in (axes.xaxis, axes.yaxis))
+        wide, tall = (getattr(numbers, "factor", 1.0) for numbers in formatters)
         for name, x, y in _shown(axes):
-            chosen = _sample_indices(len(x))
+            x, y, chosen = wide * x, tall * y, _sample_indices(len(x))
             curves_of.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
     return curves_of
 
@@ -236,9 +238,11 @@ def render(
     *,
     style: Style = HOUSE,
     measured: Recording | None = None,
-    caption: bool = False,
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
+
+    On a slide, remarks stand below the panels; else in ``<folder>/<figure_name>-caption.tex`` and
+    in the metadata.
 
     Nothing is written unless every format could be drawn.
 
@@ -256,9 +260,6 @@ def render(
         Style of the figure.
     measured
         A recording on the group of the results, which some figures show beside them.
-    caption
-        Whether to write the remarks to ``<folder>/<figure_name>-caption.tex``, and not below the
-        panels.
 
     Returns
     -------
@@ -282,31 +283,27 @@ def render(
         style=style,
         measured=measured,
         arranged=set(wanted) != {NUMBERS},
-        captions=captions if caption else None,
+        captions=None if of_width == "slide" else captions,
     )
     title = f"{', '.join(_names(results))}: {figure.name}"
     digests = ", ".join(
         one.digest if isinstance(one, DesiredMotion) else str(one.attributes.get("digest", ""))
         for one in results
     )
-    description = f"{summary(type(figure))} Experiment {digests}"
+    said = map(plain, [summary(type(figure)), *captions])
+    description = f"{' '.join(said)} Experiment {digests}"
     files = {
         folder / f"{figure.name}.{format}": to_json(curves(drawing))
         if format == NUMBERS
         else encode(drawing, format, title, description, style)
         for format in wanted
     }
-    if caption:
+    if captions and {*wanted} != {NUMBERS}:
         # Sentences to `\input` in a `\caption`.
         text = f"% caption by eqt: {title}\n{' '.join(map(sentence, captions))}%\n"
-        files[folder / caption_name(figure.name)] = text.encode()
+        files[folder / f"{figure.name}-caption.tex"] = text.encode()
     write_all(files, folder)
     return list(files)
-
-
-def caption_name(figure: str) -> str:
-    """Return the file name of the caption of a figure."""
-    return f"{figure}-caption.tex"
 
 
 def _names(shown: Sequence[Result | DesiredMotion]) -> list[str]:

@@ -112,6 +112,7 @@ class RunsFigure(OverTime):
             handles["mean error of the estimate"] = Patch(facecolor=ink(_SHADE), linewidth=0)
         layout.add_legend(drawing, list(handles.values()), list(handles))
         runs.remarks.append(f"Median over {runs.count()}.")
+        runs.note = f"{name} and median, {runs.count()}"
         return drawing
 
     def _scale(self, panels: Sequence[Axes], error: float) -> None:

@@ -125,6 +125,8 @@ class ShownControllers:
         The controllers.
     remarks
         Notes that a figure adds while it is drawn.
+    note
+        What the curves are: the few words within a figure whose caption has all notes.
 
     Raises
     ------
@@ -133,7 +135,7 @@ class ShownControllers:
     """
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
-        self.results, self.figure = results, figure
+        self.results, self.figure, self.note = results, figure, ""
         self.remarks: list[str] = []
         for one in results:
             one.single(f"figure '{figure}' shows single experiments")

@@ -241,8 +241,6 @@ _LEAST, _MOST = 1.2, 3.6
 """Least and largest height of the map, in."""
 _TINT = 0.55
 """Share of a law's colour in its cells, which keeps the numbers readable."""
-_GREY = 0.55
-"""Share of ink in the text of an undecided cell."""
 WITH_FAILED = "////"
 
 
@@ -251,8 +249,7 @@ class Winners(OfDifferences):
     """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
 
     A law wins where it is better than every other one in most runs and in the mean, with all tests
-    of the map counted (`eqt compare` on the sweep). White: undecided, and in grey the law with the
-    better mean. Hatched: some runs failed.
+    of the map counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
     """
 
     name: ClassVar[str] = "winners"
@@ -296,7 +293,7 @@ class Winners(OfDifferences):
             )
         swept.remarks += [
             "Law and number: the better mean, and the median difference from the next law in per "
-            "cent; grey: undecided.",
+            "cent; white: undecided.",
             f"{points} points, {wins.runs} runs each; failures of less than {3 / wins.runs:.2g} of "
             "all runs are not excluded.",
         ]
@@ -306,12 +303,11 @@ class Winners(OfDifferences):
 def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None:
     """Write each lead, and the law if its name fits in a line of `characters`."""
     for cell in wins.cells:
-        if np.isfinite(cell.lead.value):
+        if np.isfinite(cell.lead.value) and cell.winner != NOBODY:
             place = cells.columns[cell.point], cells.rows[cell.point]
             lead, title = f"{100 * abs(cell.lead.value):.2g}", wins.titles[cell.best]
             text = f"{title} {lead}" if len(title) + len(lead) < characters else lead
-            colour = ink(_GREY if cell.winner == NOBODY else 1.0)
-            panel.annotate(text, place, ha="center", va="center", fontsize="small", color=colour)
+            panel.annotate(text, place, ha="center", va="center", fontsize="small")
 
 
 def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:

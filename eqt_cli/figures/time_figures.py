@@ -13,10 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
-from eqt_cli.figures.cells import scale_norm, scale_rounding, spans_decade
+from eqt_cli.figures.cells import scale_norm, spans_decade
 from eqt_cli.figures.figure import (
     LawRow,
     OfReference,
@@ -30,12 +29,12 @@ from eqt_cli.figures.labels import (
     axis_labels,
     force_component,
     free_text,
+    in_words,
     part_curves,
     part_name,
     quantity,
 )
 from eqt_cli.figures.layout import (
-    Bands,
     add_legend,
     add_title,
     band_look,
@@ -43,13 +42,12 @@ from eqt_cli.figures.layout import (
     cut_off,
     draw_middle,
     leaving,
-    middle_of,
     name_scale,
-    of_bands,
     open_frame,
     sheet,
 )
-from eqt_cli.figures.shown import Ensemble, ShownReference, names
+from eqt_cli.figures.run_figures import RunsFigure
+from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, ShownReference, names
 from eqt_cli.figures.style import Width, component_style, ink, line_style
 from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
@@ -58,6 +56,8 @@ from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 _FUNCTION = "lyapunov"
+_BANDS = 2
+"""Most laws with a band: the first two, which are compared first."""
 _DECADES = 100.0
 """Largest value over the smallest from which a scale is logarithmic."""
 _TITLES = {
@@ -72,9 +72,10 @@ _TITLES = {
 class Summary(Panelled, OverTime):
     """Medians over runs of pose error, velocity error, torque norm and Lyapunov function.
 
-    The shading holds the middle half of the runs. Scales are logarithmic where medians span two
-    decades; they end a decade below the medians, or at the error of the solver, and ten times above
-    all other laws where a law diverges.
+    The shading holds the middle half of the runs of the first two laws. Scales are logarithmic
+    where medians span two decades; they end a decade below the medians, or at the error of the
+    solver, and ten times above all other laws where a law diverges. Of more than six laws, single
+    runs of the first quantity are drawn, a panel for each law.
 
     Where rotation and translation have units of their own, the norms of both are shown, side by
     side, instead of the mixed ones. The errors of a rigid motion are the angle of its attitude and
@@ -83,37 +84,42 @@ class Summary(Panelled, OverTime):
     Attributes
     ----------
     log
-        Logarithmic or linear scales.
-    log_torque
-        Logarithmic scale of the torque. Default, with `log`: if it spans a decade.
-    bands
-        ``quartiles`` around medians; ``none`` draws means.
+        Logarithmic or linear scales; of the torque, logarithmic only if it spans a decade.
     degrees
         Attitude error as an angle in degrees, its rate in deg/s. Default: where there is one.
     """
 
     name: ClassVar[str] = "summary"
     printed: ClassVar[bool] = False
-    """Whether the panels have frames and no titles, and no scale is bounded."""
+    """Whether means are drawn, in frames without titles."""
 
     log: bool | None = None
-    log_torque: bool | None = None
-    bands: Bands = "quartiles"
     degrees: bool | None = None
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw two by two panels, or a row per norm and a column per part."""
         runs.require_attitude(degrees=bool(self.degrees))
-        drawing = self._draw_panels(runs, width, self.picked((*_NORMS, _FUNCTION)))
+        degrees = bool(runs.results[0].attitude_errors) if self.degrees is None else self.degrees
+        norms = self.picked((*_NORMS, _FUNCTION))
+        if len(runs.shown) > MOST_COLOURS:
+            degrees = degrees and norms[0] == _NORMS[0]
+            signal: Any = norms[0] if norms[0] != _NORMS[0] else ""
+            return RunsFigure(signal=signal, log=self.log, degrees=degrees).compose(runs, width)
+        drawing = self._draw_panels(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
-        middle = f"{middle_of(self.bands)} over " if several else ""
-        bands = of_bands(self.bands) if several else ""
-        runs.remarks.append(f"Curves: {middle}{runs.count()}{bands}.")
+        middle = "mean" if self.printed else "median"
+        of = f" of {' and '.join(e.title for e in runs.shown[:_BANDS])}" * (
+            len(runs.shown) > _BANDS
+        )
+        bands = f"; bands: quartiles{of}" if several and not self.printed else ""
+        runs.remarks.append(f"Curves: {f'{middle} over ' * several}{runs.count()}{bands}.")
+        runs.note = f"{middle}{' and quartiles' * bool(bands)}, {runs.count()}" if several else ""
         return drawing
 
-    def _draw_panels(self, runs: ShownRuns, width: Width, norms: Sequence[str]) -> Drawing:
+    def _draw_panels(
+        self, runs: ShownRuns, width: Width, norms: Sequence[str], degrees: bool
+    ) -> Drawing:
         parts = runs.parts
-        degrees = self._in_degrees(runs)
         rows = [[runs.in_space(norm + end) for end in parts] for norm in norms if norm != _FUNCTION]
         if len(parts) > 1:
             mosaic = [*rows, *([_FUNCTION] * len(parts) for norm in norms if norm == _FUNCTION)]
@@ -123,8 +129,10 @@ class Summary(Panelled, OverTime):
         for signal, axes in panels.items():
             for ensemble in runs.with_function() if signal == _FUNCTION else runs.shown:
                 values = runs.errors(signal, ensemble, degrees=degrees)
-                draw_middle(axes, runs.times(ensemble), values, self.bands, ensemble)
-            self._scale(axes, signal, runs)
+                quartiles = ensemble in runs.shown[:_BANDS]
+                times = runs.times(ensemble)
+                draw_middle(axes, times, values, ensemble, mean=self.printed, quartiles=quartiles)
+            self._scale(axes, signal, runs, degrees)
             if not self.printed:
                 open_frame(axes)
                 layout.add_title(axes, _title(runs, signal))
@@ -135,20 +143,14 @@ class Summary(Panelled, OverTime):
         layout.add_legend(drawing, lines, [e.title for e in runs.shown], whole)
         return drawing
 
-    def _in_degrees(self, runs: ShownRuns) -> bool:
-        return bool(runs.results[0].attitude_errors) if self.degrees is None else self.degrees
-
-    def _scale(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
+    def _scale(self, axes: Axes, signal: str, runs: ShownRuns, degrees: bool) -> None:
         drawn = np.concatenate([line.get_ydata() for line in axes.lines])
         log, torque = self.log, signal.startswith("torque_norm")
-        degrees = self._in_degrees(runs)
         error = runs.solver_error(signal, degrees=degrees)
         if log is None:
             seen = np.maximum(drawn, error)
             log = bool(seen.max() > _DECADES * seen.min())
-        if torque:
-            log = log and spans_decade(drawn) if self.log_torque is None else self.log_torque
-        scale_norm(axes, log=log)
+        scale_norm(axes, log=log and (not torque or spans_decade(drawn)))
         label = runs.error_label(signal, degrees=degrees)
         if not self.printed:
             bound(axes, error, {e.label: e.title for e in runs.shown})
@@ -172,7 +174,6 @@ class Paper(Summary):
     printed: ClassVar[bool] = True
 
     log: bool | None = False
-    bands: Bands = "none"
     degrees: bool | None = False
 
 
@@ -223,20 +224,12 @@ class Torque(Panelled, OverTime):
         loop; or ``feedback``, the rest.
     signed
         The mean within 2 standard errors, which is near 0 where starts are symmetric.
-    log
-        Logarithmic scale of the root mean square.
     """
 
     name: ClassVar[str] = "torque"
 
     share: Literal["total", "feedback", "feedforward"] = "total"
     signed: bool = False
-    log: bool = False
-
-    def check(self, problems: Problems) -> None:
-        """Refuse a logarithmic scale of a mean."""
-        if self.log and self.signed:
-            problems.at("log").add("belongs to root mean squares; a signed mean is linear")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a panel per axis."""
@@ -245,12 +238,13 @@ class Torque(Panelled, OverTime):
         wanted = runs.pushed(wanted, values.values()) if not self.panels else wanted
         units = {name: unit for name, unit in runs.axes if name in wanted}
         several = max(map(len, values.values())) > 1
-        signed = self.signed or not (several or self.log)
+        signed = self.signed or not several
         middle = "mean" if signed else "root mean square"
         part = "" if self.share == "total" else f" of the {self.share}"
-        over = f"{middle}{part} over " if several else ""
-        band = f"; bands: ±{_ERRORS:g} standard errors" if signed and several else ""
-        runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}{band}.")
+        band = f" ± {_ERRORS:g} standard errors" if signed else ""
+        over = f"{middle}{band}{part} over " if several else ""
+        runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}.")
+        runs.note = f"{over}{runs.count(_MOST_RUNS)}" if several else ""
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
@@ -268,8 +262,7 @@ class Torque(Panelled, OverTime):
         for axes in panels.values():
             cut_off(axes, far)
             if not signed:
-                scale_norm(axes, log=self.log)
-        scale_rounding([(panels[name], unit) for name, unit in units.items()])
+                axes.set_ylim(bottom=0)
         for name, unit in units.items():
             symbol = force_component(name, unit)
             if index := _INDEX.get(self.share):
@@ -347,7 +340,7 @@ _SHADE = 0.13
 _NEAR = 1e-6
 """Relative tolerance within which a limit counts as reached."""
 _SEEN = 2.0
-"""Multiple of the largest value up to which a limit is drawn."""
+"""Multiple of the largest value in a row up to which its limits are drawn."""
 Limits = tuple[Array, Array] | None
 
 _OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
@@ -413,6 +406,9 @@ class Commands(Panelled, OverTime):
         if signal != "torque":
             axes = self._members(runs, width)
         members = list(axes)
+        if signal == "torque" and not self.panels:
+            every = [self._values(runs, e) for e in runs.shown]
+            members = runs.pushed(members, [each for both in every for each in both])
         if signal == LAW_OUTPUT:
             held = np.any([self._holds(runs, e) for e in runs.shown], axis=0)
             members = [name for name, is_held in zip(axes, held, strict=True) if is_held]
@@ -430,13 +426,14 @@ class Commands(Panelled, OverTime):
         for name, k in places.items():
             name_scale(next(iter(rows[name].values())), axes[name])
             within = span if name == _CLOSELY else runs.span
-            for e in (e for e in runs.shown if e.label in rows[name]):
+            row = [e for e in runs.shown if e.label in rows[name]]
+            given = np.array([np.abs(self._values(runs, e)[0][:, k]).max() for e in row])
+            reach = _SEEN * np.max(given, initial=0.0, where=np.isfinite(given))
+            for e in row:
                 panel = rows[name][e.label]
-                kinds |= self._fill(panel, runs, e, k, limits[e.label], within)
+                kinds |= self._fill(panel, runs, e, k, limits[e.label], within, reach)
                 panel.tick_params(labelbottom=name in (wanted[-1], _CLOSELY))
                 panel.set_xlim(within)
-        known = dict(runs.axes)
-        scale_rounding([(next(iter(rows[name].values())), known.get(name, "")) for name in wanted])
         self._add_legend(drawing, runs, kinds)
         runs.remarks += [each for each in sorted(kinds) if each.startswith("Limits")]
         runs.remarks.append(f"Run {self.run}.")
@@ -456,9 +453,8 @@ class Commands(Panelled, OverTime):
             runs.remarks.append("Of the first law alone.")
         labels = dict[str, str]()
         for name, unit in zip(names, units, strict=True):
-            behind = f" ({unit})".replace(" ", "\u00a0")[1:]  # not broken there
             words = name.replace("_", " ") if signal == LAW_OUTPUT else name
-            labels[name] = free_text(f"{words} {behind}" if unit != "1" else words, _MOST_NAME)
+            labels[name] = in_words(free_text(words, _MOST_NAME), unit)
         return labels
 
     def _holds(self, runs: ShownRuns, ensemble: Ensemble) -> Array:
@@ -479,11 +475,11 @@ class Commands(Panelled, OverTime):
             rows[name] = {e.label: panels[name] for e in laws}
         return drawing, rows
 
-    def _values(self, runs: ShownRuns, ensemble: Ensemble, k: int) -> tuple[Array, Array]:
-        """Return what an axis, thruster or wheel gives, and what the law asks for."""
-        output = runs.of_run(self._signal, ensemble, self.run)[:, k]
+    def _values(self, runs: ShownRuns, ensemble: Ensemble) -> tuple[Array, Array]:
+        """Return what axes, thrusters or wheels give, and what the law asks for."""
+        output = runs.of_run(self._signal, ensemble, self.run)
         if self._signal == "torque" and ensemble.results.has("command"):
-            return output, runs.of_run("command", ensemble, self.run)[:, k]
+            return output, runs.of_run("command", ensemble, self.run)
         return output, output
 
     def _closely(
@@ -501,8 +497,8 @@ class Commands(Panelled, OverTime):
                 return None
         most, zoom = _MOST_TURNS, None
         for e, (name, k) in product(runs.shown, places.items()):
-            times, (output, command) = runs.times(e), self._values(runs, e, k)
-            for values in (output, command):
+            times = runs.times(e)
+            for values in (of[:, k] for of in self._values(runs, e)):
                 if (turns := _turns(values)) > most:
                     starts, low, high = _ranges(values)
                     middle = times[starts[np.nanargmax(high - low)]]
@@ -519,6 +515,7 @@ class Commands(Panelled, OverTime):
         k: int,
         ends: Limits,
         span: tuple[float, float],
+        reach: float,
     ) -> set[str]:
         """Draw one axis, thruster or wheel of a controller; shade where it is at a limit.
 
@@ -527,7 +524,7 @@ class Commands(Panelled, OverTime):
         times, signal = runs.times(ensemble), self._signal
         inside = (times >= span[0]) & (times <= span[1])
         times = times[inside]
-        output, command = (each[inside] for each in self._values(runs, ensemble, k))
+        output, command = (each[inside, k] for each in self._values(runs, ensemble))
         if ends is not None:
             low, high = float(ends[0][k]), float(ends[1][k])
             beyond = (command <= low + _NEAR * abs(low)) | (command >= high - _NEAR * abs(high))
@@ -539,7 +536,6 @@ class Commands(Panelled, OverTime):
         for start, end in _stretches(times, beyond):
             axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
         kinds = {"at a limit"} if beyond.any() else set()
-        reach = _SEEN * np.max(np.abs(output), initial=0.0, where=np.isfinite(output))
         for number, end in enumerate((low, high)):
             if np.isfinite(end) and abs(end) <= reach:
                 axes.axhline(end, label=f"limit {number}", **_limit())
@@ -549,7 +545,9 @@ class Commands(Panelled, OverTime):
             kinds.add(f"Limits beyond some scales: {text}.".replace("-", "−"))
         fast = _draw(axes, times, output, color=ensemble.look.colour, label=_OUTPUT[signal])
         if signal == "torque":
-            fast |= _draw(axes, times, command, color=ink(), label="asked", **_COMMAND)
+            held = ensemble.results.loops[ensemble.law].vehicle.control
+            look = _COMMAND | {"drawstyle": "steps-post" if held else "default"}
+            fast |= _draw(axes, times, command, color=ink(), label="asked", **look)
         return kinds | {"range"} if fast else kinds
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:

@@ -31,8 +31,9 @@ def test_styles_are_laid_over_each_other(eqt, result):
 
 
 def test_names_and_remarks_are_for_print(eqt, result):
-    chosen = ("--controller", "eqt", "--from", "0.1", "--title", "eqt=ours & co", "--caption")
-    done = eqt("plot", result, "--format", "json", "--out", "print", "-q", *chosen)
+    chosen = ("--controller", "eqt", "--from", "0.1", "--title", "eqt=ours & co")
+    both = ("--format", "json", "--format", "svg")
+    done = eqt("plot", result, *both, "--out", "print", "-q", *chosen)
     assert (done.code, done.err) == (0, "")
     assert Path("print/summary-caption.tex").read_text(encoding="utf-8").splitlines()[1] == (
         "Curves: median over 3 runs; bands: quartiles.%"
@@ -58,7 +59,8 @@ def test_a_wrong_style_is_one_line_on_stderr(refused, result):
 
 def test_what_is_printed_is_the_files(eqt, result):
     done = eqt("plot", result, "--format", "svg")
-    assert (done.out, done.err) == (f"figure   {Path('out/figures/summary.svg')}\n", "")
+    files = [Path("out/figures", f"summary{end}") for end in (".svg", "-caption.tex")]
+    assert (done.out, done.err) == ("".join(f"figure   {file}\n" for file in files), "")
 
 
 BOTH = ("--figure", "summary", "--figure", "torque", "--format", "json")
@@ -87,8 +89,8 @@ def test_an_option_that_no_figure_has(eqt, result, option, said):
 
 
 def test_an_option_of_one_figure_is_refused_by_it(refused, result):
-    assert refused("plot", result, *BOTH, "--option", "torque.lgo=true").startswith(
-        "eqt: figure 'torque': lgo: unknown key; did you mean 'log'?"
+    assert refused("plot", result, *BOTH, "--option", "torque.shrae=total").startswith(
+        "eqt: figure 'torque': shrae: unknown key; did you mean 'share'?"
     )
 
 

@@ -7,7 +7,6 @@ from said import error_of
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.figures import time_figures
-from eqt_cli.figures.cells import scale_rounding
 from eqt_cli.figures.time_figures import Commands, Summary
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -31,6 +30,39 @@ def test_what_is_asked_is_drawn_over_what_is_given(flown):
         given, asked = axes[f"{name} gt"].lines[-2:]
         np.testing.assert_array_equal(given.get_ydata(), flown["torque"][1, 2, :, k])
         np.testing.assert_array_equal(asked.get_ydata(), flown["command"][1, 2, :, k])
+
+
+def test_held_commands_are_steps(flown, simulate, opened):
+    (axes, *_) = Commands().draw([flown]).axes
+    given, asked = axes.lines[-2:]
+    assert (given.get_drawstyle(), asked.get_drawstyle()) == ("default", "steps-post")
+    continuous = simulate(actuators=FLIES["actuators"], controllers=["eqt"])
+    (axes, *_) = Commands().draw([opened(continuous)]).axes
+    assert axes.lines[-1].get_drawstyle() == "default"
+
+
+def test_limits_are_in_all_panels_of_a_row_or_in_none(flown, altered):
+    torque = flown["torque"].copy()
+    torque[0] *= 1e-3  # far below its limit in the first column, not in the second
+    torque[1] *= [1, 1, 1e-3]
+    drawing = Commands().draw([altered(flown.path, torque=torque)])
+    drawn = {
+        axes.get_label(): sum("limit" in line.get_label() for line in axes.lines)
+        for axes in drawing.axes
+    }
+    assert [drawn[f"{axis} eqt"] for axis in ("ωx", "ωy", "ωz")] == [2, 2, 0]
+    assert [drawn[f"{axis} gt"] for axis in ("ωx", "ωy", "ωz")] == [2, 2, 0]
+
+
+def test_an_axis_along_which_nothing_pushes_has_no_row_unless_asked(flown, altered):
+    torque, command = flown["torque"].copy(), flown["command"].copy()
+    torque[..., 1], command[..., 1] = 1e-15, 0.0
+    pushed = altered(flown.path, torque=torque, command=command)
+    drawing = Commands().draw([pushed])
+    assert {axes.get_label().split()[0] for axes in drawing.axes} == {"ωx", "ωz"}
+    assert r"Nothing pushes along $\tau_{y}$." in drawing.get_supxlabel()
+    asked = Commands(panels=["wy"]).draw([pushed]).axes
+    assert {axes.get_label().split()[0] for axes in asked} == {"ωy"}
 
 
 def shaded(panel, times):
@@ -105,7 +137,7 @@ def test_a_figure_says_what_the_loop_contains(flown):
 
 def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened, picture):
     remark = picture(Summary(), opened(so3)).get_supxlabel()
-    assert remark == "Curves: median over 6 runs; bands: quartiles."
+    assert remark == "Curves: median over 6 runs; bands: quartiles of EqT and GT."
 
 
 THRUSTERS = {
@@ -133,7 +165,7 @@ def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened, pictur
                 assert end == (-0.5 if k == 3 else -1.0)
             else:
                 highs.add(end)
-        assert panel.get_ylabel().split("\n") == [f"thruster {k + 1}", "(N)"]
+        assert panel.get_ylabel() == rf"thruster {k + 1} $(\mathrm{{N}})$"
     assert len(highs) == 1 and 1.0 < highs.pop() < 2.0
 
 
@@ -182,12 +214,3 @@ def test_what_samples_do_not_show_is_not_shown_closely(simulate, opened, altered
     drawing = Commands().draw([altered(path, torque=torque, command=torque)])
     words = "Stored every 0.0125 s, commanded every 0.005 s: faster motion is not seen."
     assert words in drawing.get_supxlabel() and len(drawing.axes) == 3
-
-
-def test_rounding_errors_are_drawn_as_zero():
-    panels = Figure().subplots(2)
-    panels[0].plot([0, 1], [0, 5.0])
-    panels[1].plot([0, 1], [0, 1e-16])
-    scale_rounding([(panel, "N") for panel in panels])
-    assert panels[1].get_ylim() == (-0.5, 0.5)
-    assert panels[0].get_ylim()[1] > 5

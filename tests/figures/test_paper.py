@@ -120,11 +120,9 @@ def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     assert drawing.axes[1].get_ylabel() == r"$\|V - V_{\mathrm{d}}\|$ " + units
 
 
-def test_log_leaves_a_torque_of_less_than_a_decade_linear_unless_asked(so3, opened, picture):
-    for options, of_torque in (({}, "linear"), ({"log_torque": True}, "log")):
-        drawing = picture(Paper(log=True, **options), opened(so3))
-        scales = [axes.get_yscale() for axes in drawing.axes]
-        assert scales == ["log", "log", of_torque, "log"]
+def test_log_leaves_a_torque_of_less_than_a_decade_linear(so3, opened, picture):
+    scales = [axes.get_yscale() for axes in picture(Paper(log=True), opened(so3)).axes]
+    assert scales == ["log", "log", "linear", "log"]
 
 
 REST = {"torque": ["0", "0", "0"]}
@@ -134,10 +132,30 @@ def test_log_is_of_a_torque_that_spans_a_decade_too(simulate, opened):
     rest = opened(
         simulate(reference=REST, time={"duration": 30, "samples": 31}, controllers=["eqt"])
     )
-    for options, of_torque in (({}, {"log"}), ({"log_torque": False}, {"linear"})):
-        drawing = Paper(log=True, **options).draw([rest])
-        torques = [axes for axes in drawing.axes if axes.get_label().startswith("torque_norm")]
-        assert {axes.get_yscale() for axes in torques} == of_torque
+    torques = [x for x in Paper(log=True).draw([rest]).axes if x.get_label() == "torque_norm"]
+    assert {axes.get_yscale() for axes in torques} == {"log"}
+
+
+def test_of_more_than_six_laws_each_has_a_panel(simulate, opened):
+    laws = ["eqt", "gt", "nog", "asym", "lee2010", "goodarzi2013", "slotine_li"]
+    result = opened(simulate(controllers=laws))
+    drawing = Summary().draw([result])
+    titles = ["EqT", "GT", "nog", "asym", "Lee 2010", "Goodarzi 2013", "Slotine–Li"]
+    assert [axes.get_title() for axes in drawing.axes] == titles
+    assert drawing.axes[0].get_ylabel() == r"attitude error $(\mathrm{deg})$"
+    assert len(Summary(controllers=laws[:6]).draw([result]).axes) == 4
+    (axes, *_) = Summary(panels=["torque_norm"]).draw([result]).axes
+    expected = np.median(result["torque_norm"][0], axis=0)
+    np.testing.assert_array_equal(axes.lines[-1].get_ydata(), expected)
+
+
+def test_bands_are_of_the_two_laws_that_are_compared_first(so3, opened, picture):
+    drawing = picture(Summary(), opened(so3))
+    for axes in drawing.axes:
+        assert [band.get_label() for band in axes.collections] == ["eqt", "gt"]
+    assert drawing.get_supxlabel() == (
+        "Curves: median over 6 runs; bands: quartiles of EqT and GT."
+    )
 
 
 def test_laws_panels_and_times_are_chosen(so3, opened, picture):

@@ -12,7 +12,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.cli.plot import _of_one
 from eqt_cli.figures.animation import camera, motion
 from eqt_cli.figures.layout import diverging
-from eqt_cli.figures.path_figures import PathFigure, PoseFigure, continuous
+from eqt_cli.figures.path_figures import PathFigure, PoseFigure, broken
 from eqt_cli.figures.shown import CORNERS, FACES, outline, rotors
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -237,17 +237,56 @@ def test_pose_shows_components_reference_and_errors(se3, opened, picture):
     np.testing.assert_array_equal(errors, results["attitude_angle"][1, 2])
 
 
-def test_angles_have_no_jumps_by_whole_turns():
+def test_near_a_steep_pitch_the_rotation_vector_of_the_error_is_drawn(se3, altered, opened):
+    from scipy.spatial.transform import Rotation
+
+    result = opened(se3)
+    up = Rotation.from_euler("ZYX", [0.4, np.radians(85), 0.2]).as_matrix()
+    pose, desired = result["pose"].copy(), result["desired_pose"].copy()
+    pose[..., :3, :3] = pose[..., :3, :3] @ up
+    desired[:, :3, :3] = desired[:, :3, :3] @ up
+    drawing = PoseFigure(run=2).draw([altered(se3, pose=pose, desired_pose=desired)])
+    R, Rd = (of[..., :3, :3] for of in (pose[1, 2], desired))
+    vectors = Rotation.from_matrix(R @ Rd.swapaxes(-1, -2)).as_rotvec(degrees=True)
+    for k, axis in enumerate("xyz"):
+        (panel,) = (x for x in drawing.axes if x.get_ylabel().startswith(f"error about ${axis}$"))
+        drawn = curve(panel, "gt")[:, 1]
+        there = np.isfinite(drawn)
+        # The solver keeps R orthonormal to its tolerance, 1e-3, which SciPy mends first.
+        np.testing.assert_allclose(drawn[there], vectors[there, k], atol=np.degrees(1e-3))
+        assert there.sum() > 35
+        np.testing.assert_allclose(curve(panel, "desired")[:, 1], 0, atol=1e-4)
+
+
+def test_all_laws_start_where_they_start(se3, altered, opened):
+    """GT turns by whole turns afterwards, which moves none of its angles."""
+    from scipy.spatial.transform import Rotation
+
+    pose = np.broadcast_to(np.eye(4), opened(se3)["pose"].shape).copy()
+    yaw = Rotation.from_euler("z", (np.linspace(0, 9 * np.pi, 41) + 3)[:, None]).as_matrix()
+    pose[0, ..., :3, :3], pose[1, ..., :3, :3] = yaw[0], yaw
+    changed = altered(se3, pose=pose, desired_pose=pose[2, 0])
+    drawing = PoseFigure(controllers=["eqt", "gt"]).draw([changed])
+    (panel,) = (axes for axes in drawing.axes if axes.get_ylabel().startswith("yaw"))
+    for law in ("eqt", "gt"):
+        drawn = curve(panel, law)[:, 1]
+        assert drawn[0] == pytest.approx(np.degrees(3))
+        assert np.nanmax(abs(drawn)) <= 180
+
+
+def test_lines_of_angles_break_at_turns():
     grows = np.linspace(0, 20, 201)
     wrapped = np.arctan2(np.sin(grows), np.cos(grows))[:, None]
-    np.testing.assert_allclose(continuous(wrapped)[:, 0], grows, atol=1e-12)
-    singular = np.where(np.arange(201) < 100, wrapped[:, 0], wrapped[:, 0] + 2.5)[:, None]
-    assert np.flatnonzero(np.isnan(continuous(singular)[:, 0])).tolist() == [100]
+    turns = np.searchsorted(grows, np.pi * np.array([1, 3, 5])).tolist()
+    drawn = broken(wrapped)
+    assert np.flatnonzero(np.isnan(drawn[:, 0])).tolist() == turns
+    there = np.isfinite(drawn)
+    np.testing.assert_array_equal(drawn[there], wrapped[there])
 
 
 def test_by_default_it_is_drawn_where_there_are_positions(se3, so3, opened):
-    assert _of_one(opened(se3)) == ["path", "paper", "pose"]
-    assert _of_one(opened(so3)) == ["paper"]
+    assert _of_one(opened(se3)) == ["path", "summary", "pose"]
+    assert _of_one(opened(so3)) == ["summary"]
 
 
 def test_a_pose_of_two_results_with_other_samples(made_once):

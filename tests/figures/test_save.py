@@ -3,6 +3,7 @@
 import re
 import xml.etree.ElementTree as ElementTree
 
+import numpy as np
 import pytest
 from case_tables import from_yaml
 from PIL import Image
@@ -10,8 +11,8 @@ from said import error_of
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import is_eqts, write_all
-from eqt_cli.figures.render import encode, figure_from, render
-from eqt_cli.figures.time_figures import Summary
+from eqt_cli.figures.render import curves, encode, figure_from, render
+from eqt_cli.figures.time_figures import Summary, Torque
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -31,7 +32,7 @@ def test_files_say_what_they_show(so3, opened, picture):
 
 def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
     paths = render([opened(so3)], "summary", tmp_path, ["pdf", "svg", "png", "json"], "column")
-    assert len(paths) == 4
+    assert len(paths) == 5
     assert [path.name for path in paths if not is_eqts(path)] == []
     with Image.open(paths[2]) as image:
         assert image.width == 1050  # 3.5 in at 300 dpi
@@ -42,16 +43,47 @@ def test_figures_are_known_as_eqts_and_png_is_for_print(so3, opened, tmp_path):
 
 @pytest.mark.ci("writes every format")
 def test_a_slide_is_13_inches_wide_but_as_pdf(so3, opened, tmp_path):
-    files = render([opened(so3)], "summary", tmp_path, ["png", "svg", "pdf"], "slide", caption=True)
+    files = render([opened(so3)], "summary", tmp_path, ["png", "svg", "pdf"], "slide")
     with Image.open(files[0]) as image:
         assert (image.width, round(image.info["dpi"][0])) == (3990, 300)  # 13.3 in
     assert b'width="957.6pt"' in files[1].read_bytes()[:600]
     assert re.search(rb"/MediaBox \[ 0 0 425.6 [0-9.]+ \]", files[2].read_bytes())  # to be enlarged
     assert b"DejaVuSans" in files[2].read_bytes() and b"STIXGeneral" not in files[2].read_bytes()
-    assert files[3].read_bytes() == (
-        b"% caption by eqt: small: summary\nCurves: median over 6 runs; bands: quartiles.%\n"
+    assert len(files) == 3  # its remarks stand below the panels
+
+
+def test_remarks_are_a_caption_and_metadata_and_the_artwork_has_a_few_words(so3, opened, tmp_path):
+    pdf, svg, caption = render([opened(so3)], "summary", tmp_path, ["pdf", "svg"])
+    said = "Curves: median over 6 runs; bands: quartiles of EqT and GT."
+    assert caption.read_text(encoding="utf-8") == f"% caption by eqt: small: summary\n{said}%\n"
+    assert is_eqts(caption)
+    root = ElementTree.parse(svg).getroot()
+    texts = ["".join(each.itertext()) for each in root.iter() if each.tag.endswith("}text")]
+    assert "median and quartiles, 6 runs" in texts and "EqT" in texts
+    assert not any("Curves" in text for text in texts)
+    assert [each.text for each in root if each.tag.endswith("}title")] == ["small: summary"]
+    assert said in svg.read_text(encoding="utf-8")
+    assert said.encode() in pdf.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "factor"), [(2e-5, "µN m", 1e6), (0.3, "N m", 1), (7e4, "kN m", 1e-3)]
+)
+def test_small_and_large_units_have_prefixes(size, unit, factor, so3, altered, opened):
+    torque = opened(so3)["torque"] / abs(opened(so3)["torque"]).max() * size
+    changed = altered(so3, torque=torque, desired_torque=0 * torque[0, 0])
+    drawing = Torque(controllers=["eqt"]).draw([changed])
+    drawing.draw_without_rendering()
+    for curve in (each for each in curves(drawing) if each.name == "eqt"):
+        axis = "xyz".index(curve.panel[1])
+        rms = np.sqrt(np.mean(torque[0, ..., axis] ** 2, axis=0))
+        np.testing.assert_allclose(curve.y, factor * rms, rtol=1e-12)
+        assert curve.up == f"rms τ_{'xyz'[axis]} ({unit})"
+    assert not any(axes.yaxis.get_offset_text().get_text() for axes in drawing.axes)
+    number = drawing.axes[0].get_yticklabels()[1]
+    assert float(number.get_text().strip("$").removeprefix(r"\mathdefault{").rstrip("}")) == (
+        pytest.approx(factor * number.get_position()[1])
     )
-    assert is_eqts(files[3])
 
 
 def test_pdf_embeds_fonts_that_can_be_edited(so3, opened, picture):
@@ -104,8 +136,8 @@ def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_pa
 
 
 def test_options_come_as_data():
-    assert figure_from("summary", {"log": True, "bands": "none", "controllers": ["eqt"]}) == (
-        Summary(log=True, bands="none", controllers=["eqt"])
+    assert figure_from("summary", {"log": True, "controllers": ["eqt"]}) == (
+        Summary(log=True, controllers=["eqt"])
     )
     assert figure_from("summary", {}) == Summary()
 

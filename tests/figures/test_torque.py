@@ -54,7 +54,7 @@ def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, req
 
 def test_a_signed_mean_stands_within_two_standard_errors(so3, opened, picture):
     drawing = picture(Torque(signed=True), opened(so3))
-    assert drawing.get_supxlabel() == "Curves: mean over 6 runs; bands: ±2 standard errors."
+    assert drawing.get_supxlabel() == "Curves: mean ± 2 standard errors over 6 runs."
     values = opened(so3)["torque"][1, :, 20, 2]
     axes, reach = drawing.axes[2], 2 * stats.sem(values)
     assert _drawn(axes)["gt"][20] == pytest.approx(values.mean())
@@ -74,12 +74,6 @@ def test_of_a_single_run_the_torque_itself_is_drawn(so3, altered, opened):
             _drawn(axes)["desired"], opened(so3)["desired_torque"][:, axis]
         )
     assert drawing.get_supxlabel().splitlines()[-1] == "Curves: 1 run."
-
-
-def test_a_signed_mean_has_no_logarithmic_scale(so3, opened):
-    assert error_of(Torque(signed=True, log=True).draw, [opened(so3)]) == (
-        "figure 'torque': log: belongs to root mean squares; a signed mean is linear"
-    )
 
 
 @pytest.mark.parametrize("share", ["total", "feedback"])
