@@ -10,6 +10,7 @@ import matplotlib
 import numpy as np
 from matplotlib import ticker
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.colors import Colormap
 from matplotlib.patches import Rectangle
 
@@ -91,21 +92,23 @@ class Prefixed(ticker.ScalarFormatter):
         return ""
 
 
-def prefix_units(axes: Axes) -> None:
-    """Put a prefix in front of the unit of a scale in place of a power of ten beside it."""
-    for axis in (axes.xaxis, axes.yaxis):
-        numbers, label = axis.get_major_formatter(), axis.label.get_text()
+def prefix_units(panels: Iterable[Axes]) -> None:
+    """Put a prefix in front of a unit, one in all panels, in place of powers of ten."""
+    by_unit = dict[str, list[Axis]]()
+    every: list[Axis] = [axis for axes in panels for axis in (axes.xaxis, axes.yaxis)]
+    for axis in every:
         axis.get_majorticklabels()  # which gives the formatter its numbers
-        if (
-            isinstance(numbers, ticker.ScalarFormatter)
-            and numbers.get_offset()
-            and _UNIT.search(label)
-        ):
-            largest = max(abs(end) for end in axis.get_view_interval())
-            exponent = 3 * int(np.floor(np.log10(largest) / 3))
-            if exponent in _PREFIXES:
-                axis.set_major_formatter(Prefixed(exponent))
-                axis.label.set_text(_UNIT.sub(_PREFIXES[exponent], label))
+        _, *unit = _UNIT.split(axis.label.get_text())
+        if unit and isinstance(axis.get_major_formatter(), ticker.ScalarFormatter):
+            by_unit.setdefault(unit[0], []).append(axis)
+    for scales in by_unit.values():
+        if not any(axis.get_major_formatter().get_offset() for axis in scales):
+            continue
+        largest = max(abs(end) for axis in scales for end in axis.get_view_interval())
+        exponent = 3 * int(np.floor(np.log10(largest) / 3))
+        for axis in scales if exponent in _PREFIXES else ():
+            axis.set_major_formatter(Prefixed(exponent))
+            axis.label.set_text(_UNIT.sub(_PREFIXES[exponent], axis.label.get_text()))
 
 
 def number_values(axes: Axes, values: Array) -> None:

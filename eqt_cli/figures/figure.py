@@ -498,8 +498,7 @@ class Figure(Component, Generic[S]):
             if axes is not None:
                 raise EqtError(f"axes: figure '{self.name}' makes its own panels; leave out axes")
             add_letters(drawing)
-            for panel in drawing.axes:
-                prefix_units(panel)
+            prefix_units(drawing.axes)
             if captions is None:
                 add_remarks(drawing, shown.notes())
             else:

@@ -363,14 +363,13 @@ _MOST_IN_BAND = 401
 """Most samples at the edges of a band."""
 
 
-def draw_middle(
-    axes: Axes, times: Array, values: Array, of: Ensemble, *, mean: bool, quartiles: bool
-) -> None:
-    """Draw the mean or the median over runs of values ``(runs, samples)``, with its quartiles."""
+def draw_middle(axes: Axes, times: Array, values: Array, of: Ensemble, middle: str) -> None:
+    """Draw the ``mean``, ``median`` or ``quartiles`` over runs of values ``(runs, samples)``."""
     look = line_style(of.look)
-    low, middle, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0)
-    axes.plot(times, values.mean(axis=0) if mean else middle, label=of.label, **look)
-    if quartiles and not mean and len(values) > 1:
+    low, median, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0)
+    drawn = values.mean(axis=0) if middle == "mean" else median
+    axes.plot(times, drawn, label=of.label, **look)
+    if middle == "quartiles" and len(values) > 1:
         step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
         some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
         band = band_look(look["color"], _FAINT_BAND)

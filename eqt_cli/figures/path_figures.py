@@ -22,10 +22,10 @@ from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import layout
 from eqt_cli.figures.animation import camera
 from eqt_cli.figures.cells import even
-from eqt_cli.figures.figure import OverTime, ShownRuns
+from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws
 from eqt_cli.figures.labels import component, in_words, part_curves, quantity, symbols
 from eqt_cli.figures.layout import THIN, cut_off, leaving, open_frame, thin_line
-from eqt_cli.figures.shown import Ensemble, course, outline, upright
+from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, course, outline, upright
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 
 # Figure of paths, in planes, in space, or of an axis on the sphere --------------------------------
@@ -468,6 +468,8 @@ class PoseFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
+        if len(runs.shown) > MOST_COLOURS:
+            first_laws(runs, width)
         parts = sorted(G.parts, key=lambda part: part.turns)
         shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
         ends = {part.name: f"_{part.name}" if len(parts) > 1 else "" for part in parts}
@@ -481,10 +483,7 @@ class PoseFigure(OverTime):
         desired = {e.label: runs.desired("pose", e) for e in runs.shown}
         near = [poses[e.label] for e in runs.shown if e.label not in far] + [*desired.values()]
         steep = {part.name for part in parts if part.turns and _is_steep(part, near)}
-        names = {
-            part.name: _coordinates(G, part, shown_in[part.name][0], part.name in steep)
-            for part in parts
-        }
+        names = {x.name: _coordinates(G, x, shown_in[x.name][0], steep) for x in parts}
         mosaic = [
             [f"{name} {k}" if k < len(of) else layout.EMPTY for name, of in names.items()]
             for k in range(max(map(len, names.values())))
@@ -496,10 +495,8 @@ class PoseFigure(OverTime):
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST_POSE)
         for part, e in product(parts, runs.shown):
             frame = desired[e.label] if part.name in steep else None
-            of_reference, values = (
-                shown_in[part.name][1] * _values(G, part, of[e.label], frame)
-                for of in (desired, poses)
-            )
+            of_reference = shown_in[part.name][1] * _values(G, part, desired[e.label], frame)
+            values = shown_in[part.name][1] * _values(G, part, poses[e.label], frame)
             for k, label in enumerate(names[part.name]):
                 axes, times = panels[f"{part.name} {k}"], runs.times(e)
                 if e in _one_of_each(runs.shown):
@@ -555,11 +552,11 @@ def broken(angles: Array) -> Array:
     return np.where(jumps, np.nan, angles)
 
 
-def _coordinates(G: MatrixLieGroup, part: Part, unit: str, steep: bool) -> list[str]:
+def _coordinates(G: MatrixLieGroup, part: Part, unit: str, steep: set[str]) -> list[str]:
     """Return the labels of a part's coordinates: ``x``, or ``v_{x}`` beside others, or angles."""
     if part.turns:
         words = ["roll", "pitch", "yaw"] if len(G.axis_names[part.axes]) == 3 else ["heading"]
-        words = [f"error about ${axis}$" for axis in _AXES] if steep else words
+        words = [f"error about ${axis}$" for axis in _AXES] if part.name in steep else words
         return [in_words(each, unit) for each in words]
     names = [axis[1:] for axis in G.axis_names[part.axes]]
     if sum(not each.turns for each in G.parts) > 1 or not set(names) <= set(_AXES):

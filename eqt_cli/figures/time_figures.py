@@ -1,6 +1,6 @@
 """Figures over time: a summary, the paper's, torque, commands and the reference."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, ClassVar, Literal
@@ -101,11 +101,11 @@ class Summary(Panelled, OverTime):
         runs.require_attitude(degrees=bool(self.degrees))
         degrees = bool(runs.results[0].attitude_errors) if self.degrees is None else self.degrees
         norms = self.picked((*_NORMS, _FUNCTION))
-        if len(runs.shown) > MOST_COLOURS:
+        if len(runs.shown) > MOST_COLOURS and not self.printed:
             degrees = degrees and norms[0] == _NORMS[0]
             signal: Any = norms[0] if norms[0] != _NORMS[0] else ""
             return RunsFigure(signal=signal, log=self.log, degrees=degrees).compose(runs, width)
-        drawing = self._draw_panels(runs, width, norms, degrees)
+        drawing = self._draw(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
         middle = "mean" if self.printed else "median"
         of = f" of {' and '.join(e.title for e in runs.shown[:_BANDS])}" * (
@@ -116,9 +116,7 @@ class Summary(Panelled, OverTime):
         runs.note = f"{middle}{' and quartiles' * bool(bands)}, {runs.count()}" if several else ""
         return drawing
 
-    def _draw_panels(
-        self, runs: ShownRuns, width: Width, norms: Sequence[str], degrees: bool
-    ) -> Drawing:
+    def _draw(self, runs: ShownRuns, width: Width, norms: list[str], degrees: bool) -> Drawing:
         parts = runs.parts
         rows = [[runs.in_space(norm + end) for end in parts] for norm in norms if norm != _FUNCTION]
         if len(parts) > 1:
@@ -129,9 +127,9 @@ class Summary(Panelled, OverTime):
         for signal, axes in panels.items():
             for ensemble in runs.with_function() if signal == _FUNCTION else runs.shown:
                 values = runs.errors(signal, ensemble, degrees=degrees)
-                quartiles = ensemble in runs.shown[:_BANDS]
-                times = runs.times(ensemble)
-                draw_middle(axes, times, values, ensemble, mean=self.printed, quartiles=quartiles)
+                middle = "quartiles" if ensemble in runs.shown[:_BANDS] else "median"
+                middle = "mean" if self.printed else middle
+                draw_middle(axes, runs.times(ensemble), values, ensemble, middle)
             self._scale(axes, signal, runs, degrees)
             if not self.printed:
                 open_frame(axes)
@@ -205,7 +203,6 @@ _MOST_RUNS = 1000
 """Largest number of runs of a law, from the first, whose torques are drawn."""
 _ACROSS = 3
 """Most axes of a part side by side on a page."""
-_INDEX = {"feedback": r"\mathrm{fb}", "feedforward": r"\mathrm{ff}"}
 _ERRORS = 2.0
 """Standard errors of a mean from the curve to the edges of its band."""
 
@@ -215,7 +212,8 @@ class Torque(Panelled, OverTime):
     """Root mean square over runs of the torque, a panel per axis of the body.
 
     Of a single run, the torque itself. Forces have panels of their own. The torque of the reference
-    is drawn beside the whole torque and the feedforward.
+    is drawn beside the whole torque and the feedforward. Of more than six laws, the norm of the
+    whole torque is drawn, a panel for each law.
 
     Attributes
     ----------
@@ -233,6 +231,8 @@ class Torque(Panelled, OverTime):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a panel per axis."""
+        if len(runs.shown) > MOST_COLOURS and self.share == "total" and not self.panels:
+            return RunsFigure(signal="torque_norm").compose(runs, width)
         values = {e.label: self._share_of(runs, e) for e in runs.shown}
         wanted = self.picked([name for name, _ in runs.axes])
         wanted = runs.pushed(wanted, values.values()) if not self.panels else wanted
@@ -240,16 +240,16 @@ class Torque(Panelled, OverTime):
         several = max(map(len, values.values())) > 1
         signed = self.signed or not several
         middle = "mean" if signed else "root mean square"
-        part = "" if self.share == "total" else f" of the {self.share}"
+        share = "" if self.share == "total" else f"{self.share} "
         band = f" ± {_ERRORS:g} standard errors" if signed else ""
-        over = f"{middle}{band}{part} over " if several else ""
+        over = f"{middle}{band} of the {share or 'torque '}over " if several else ""
         runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}.")
         runs.note = f"{over}{runs.count(_MOST_RUNS)}" if several else ""
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
                 component = values[ensemble.label][..., k]
-                _draw_component(panels[name], runs.times(ensemble), component, ensemble, signed)
+                _draw_axis(panels[name], runs.times(ensemble), component, ensemble, signed)
         lines = panels[wanted[0]].lines
         handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
         sizes = [
@@ -264,11 +264,8 @@ class Torque(Panelled, OverTime):
             if not signed:
                 axes.set_ylim(bottom=0)
         for name, unit in units.items():
-            symbol = force_component(name, unit)
-            if index := _INDEX.get(self.share):
-                base, _, axis = symbol.removesuffix("}").partition("_{")
-                symbol = f"{base}_{{{','.join(filter(None, (axis, index)))}}}"
-            layout.name_scale(panels[name], ("" if signed else "rms ") + quantity(symbol, unit))
+            label = quantity(force_component(name, unit), unit)
+            layout.name_scale(panels[name], f"{'' if signed else 'rms '}{share}{label}")
         layout.add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
@@ -280,17 +277,15 @@ class Torque(Panelled, OverTime):
         return torque if self.share == "total" else torque - runs.feedforward(ensemble, _MOST_RUNS)
 
 
-def _draw_component(
-    axes: Axes, times: Array, values: Array, ensemble: Ensemble, signed: bool
-) -> None:
+def _draw_axis(axes: Axes, times: Array, values: Array, of: Ensemble, signed: bool) -> None:
     """Draw the root mean square of values ``(runs, samples)``, or the mean in its band."""
-    look = line_style(ensemble.look)
+    look = line_style(of.look)
     middle = values.mean(axis=0) if signed else np.sqrt(np.mean(values**2, axis=0))
-    axes.plot(times, middle, label=ensemble.label, **look)
+    axes.plot(times, middle, label=of.label, **look)
     if signed and len(values) > 1:
         reach = _ERRORS * values.std(axis=0, ddof=1) / np.sqrt(len(values))
         band = band_look(look["color"])
-        axes.fill_between(times, middle - reach, middle + reach, label=ensemble.label, **band)
+        axes.fill_between(times, middle - reach, middle + reach, label=of.label, **band)
 
 
 def _draw_desired(

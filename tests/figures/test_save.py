@@ -66,6 +66,12 @@ def test_remarks_are_a_caption_and_metadata_and_the_artwork_has_a_few_words(so3,
     assert said.encode() in pdf.read_bytes()
 
 
+def test_panels_of_one_unit_have_one_prefix(so3, altered, opened):
+    torque = opened(so3)["torque"] / abs(opened(so3)["torque"]).max() * [2e-5, 3e-3, 1e-4]
+    drawing = Torque().draw([altered(so3, torque=torque, desired_torque=0 * torque[0, 0])])
+    assert {curve.up[-6:] for curve in curves(drawing)} == {"(mN m)"}
+
+
 @pytest.mark.parametrize(
     ("size", "unit", "factor"), [(2e-5, "µN m", 1e6), (0.3, "N m", 1), (7e4, "kN m", 1e-3)]
 )

@@ -54,7 +54,7 @@ def test_units_of_a_user_change_what_is_drawn_and_nothing_else(group, share, req
 
 def test_a_signed_mean_stands_within_two_standard_errors(so3, opened, picture):
     drawing = picture(Torque(signed=True), opened(so3))
-    assert drawing.get_supxlabel() == "Curves: mean ± 2 standard errors over 6 runs."
+    assert drawing.get_supxlabel() == "Curves: mean ± 2 standard errors of the torque over 6 runs."
     values = opened(so3)["torque"][1, :, 20, 2]
     axes, reach = drawing.axes[2], 2 * stats.sem(values)
     assert _drawn(axes)["gt"][20] == pytest.approx(values.mean())
@@ -132,9 +132,7 @@ def test_a_torque_about_the_only_axis_has_no_name_of_an_axis(
     wheel = {"group": "SO2", "inertia": 1.0, "reference": {"kind": "constant"}}
     result = opened(simulated_once("so2", **wheel, controllers=["eqt"]))
     [panel] = picture(Torque(share=share), result).axes
-    assert panel.get_ylabel().startswith(
-        rf"rms $\tau_{{\mathrm{{{'fb' if share == 'feedback' else 'ff'}}}}}$"
-    )
+    assert panel.get_ylabel().startswith(rf"rms {share} $\tau$")
 
 
 def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened, picture):
@@ -143,8 +141,8 @@ def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened,
         for axes in picture(Torque(share="feedback"), opened(se3), width="page").axes
     ]
     assert labels == [
-        *(rf"rms $\tau_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
-        *(rf"rms $f_{{{axis},\mathrm{{fb}}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
+        *(rf"rms feedback $\tau_{{{axis}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
+        *(rf"rms feedback $f_{{{axis}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
     ]
 
 
@@ -177,10 +175,7 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, pi
     )
     assert [
         axes.get_ylabel() for axes in picture(Torque(share="feedback"), opened(product)).axes
-    ] == [
-        r"rms $\tau_{1,\mathrm{fb}}$ $(\mathrm{N\,m})$",
-        r"rms $f_{1_{2},\mathrm{fb}}$ $(\mathrm{N})$",
-    ]
+    ] == [r"rms feedback $\tau_{1}$ $(\mathrm{N\,m})$", r"rms feedback $f_{1_{2}}$ $(\mathrm{N})$"]
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 
 
