@@ -350,6 +350,9 @@ def _characters(room: float, size: float, sample: str = _SAMPLE) -> int:
 BAND = (0.1, 0.9)
 """Quantiles over runs at the edges of a band."""
 
+BANDS = 2
+"""Most laws with a band: the first two, which are compared first."""
+
 _FAINT_BAND = 0.1
 """Opacity of a band beside another one."""
 

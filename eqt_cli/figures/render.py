@@ -313,9 +313,8 @@ def _names(shown: Sequence[Result | DesiredMotion]) -> list[str]:
 
 def first_figure(shown: Result | DesiredMotion) -> str:
     """Return the figure to draw first: of the experiment `paper`, that of the paper."""
-    if isinstance(shown, DesiredMotion):
-        return "reference"
-    return "paper" if shown.title == "paper" else "summary"
+    default = "reference" if isinstance(shown, DesiredMotion) else "summary"
+    return "paper" if isinstance(shown, Result) and shown.title == "paper" else default
 
 
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:

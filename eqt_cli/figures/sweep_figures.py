@@ -34,6 +34,7 @@ from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
     BAND,
+    BANDS,
     RESAMPLING,
     OwnPage,
     add_legend,
@@ -150,11 +151,13 @@ def _draw_curves(
     drawing, panel = one_panel(width, _HEIGHTS[width])
     order = np.argsort(axis.values, kind="stable")
     lines, laws = [], len(swept.looks)
+    if axis.is_number and laws > BANDS:
+        swept.remarks.append(f"Bands are those of {' and '.join(swept.titles[:BANDS])}.")
     for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
         across, band, style = axis.values[order], bands[:, order, k], line_style(look)
-        if axis.is_number:
+        if axis.is_number and k < BANDS:
             panel.fill_between(across, *band, label=title, **band_look(look.colour))
-        else:  # texts have no order: bars, those of the laws side by side
+        if not axis.is_number:  # texts have no order: bars, those of the laws side by side
             across = across + (k - (laws - 1) / 2) * min(0.15, 0.6 / laws)
             style["linestyle"] = ""
             panel.vlines(across, *band, label=title, color=look.colour, linewidth=0.8)

@@ -35,6 +35,7 @@ from eqt_cli.figures.labels import (
     quantity,
 )
 from eqt_cli.figures.layout import (
+    BANDS,
     add_legend,
     add_title,
     band_look,
@@ -56,8 +57,6 @@ from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 _FUNCTION = "lyapunov"
-_BANDS = 2
-"""Most laws with a band: the first two, which are compared first."""
 _DECADES = 100.0
 """Largest value over the smallest from which a scale is logarithmic."""
 _TITLES = {
@@ -108,9 +107,7 @@ class Summary(Panelled, OverTime):
         drawing = self._draw(runs, width, norms, degrees)
         several = any(np.count_nonzero(e.good) > 1 for e in runs.shown)
         middle = "mean" if self.printed else "median"
-        of = f" of {' and '.join(e.title for e in runs.shown[:_BANDS])}" * (
-            len(runs.shown) > _BANDS
-        )
+        of = f" of {' and '.join(e.title for e in runs.shown[:BANDS])}" * (len(runs.shown) > BANDS)
         bands = f"; bands: quartiles{of}" if several and not self.printed else ""
         runs.remarks.append(f"Curves: {f'{middle} over ' * several}{runs.count()}{bands}.")
         runs.note = f"{middle}{' and quartiles' * bool(bands)}, {runs.count()}" if several else ""
@@ -125,11 +122,10 @@ class Summary(Panelled, OverTime):
             mosaic = layout.rows_of([*(row[0] for row in rows), *norms[len(rows) :]], 2)
         drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"))
         for signal, axes in panels.items():
-            for ensemble in runs.with_function() if signal == _FUNCTION else runs.shown:
-                values = runs.errors(signal, ensemble, degrees=degrees)
-                middle = "quartiles" if ensemble in runs.shown[:_BANDS] else "median"
-                middle = "mean" if self.printed else middle
-                draw_middle(axes, runs.times(ensemble), values, ensemble, middle)
+            for e in runs.with_function() if signal == _FUNCTION else runs.shown:
+                values = runs.errors(signal, e, degrees=degrees)
+                middle = "quartiles" if e in runs.shown[:BANDS] else "median"
+                draw_middle(axes, runs.times(e), values, e, "mean" if self.printed else middle)
             self._scale(axes, signal, runs, degrees)
             if not self.printed:
                 open_frame(axes)

@@ -47,6 +47,14 @@ def test_one_key_gives_curves_of_means_with_bands(swept, picture):
     assert len(panel.collections) == 2
 
 
+def test_bands_over_a_key_are_of_the_two_laws_that_are_compared_first(swept, picture):
+    drawing = picture(SweepFigure(), swept(ONE, controllers=["eqt", "gt", "nog"]))
+    (panel,) = drawing.axes
+    assert [band.get_label() for band in panel.collections] == ["EqT", "GT"]
+    assert len(panel.lines) == 3
+    assert "Bands are those of EqT and GT." in drawing.get_supxlabel()
+
+
 def test_few_values_are_the_ticks_and_no_marker_is_cut(swept, picture):
     (panel,) = picture(SweepFigure(), swept(ONE)).axes
     assert [text.get_text() for text in panel.get_xticklabels()] == ["0.25", "0.5", "1", "2"]

@@ -63,7 +63,7 @@ def overlaps(boxes):
 def flaws(drawing, width):
     """All flaws of a figure, a sentence each."""
     with recorded() as boxes:
-        encode(drawing, "png")
+        drawing.draw_without_rendering()
     found, page = list(overlaps(boxes)), drawing.bbox
     inked = drawing.get_tightbbox().transformed(drawing.dpi_scale_trans)
     if (far := beyond(inked, page)) > SLACK:
