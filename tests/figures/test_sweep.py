@@ -29,7 +29,7 @@ LINKED = [{"zip": {"gains.kd": [0.5, 1], "gains.kp": [1, 2]}}]
 @pytest.fixture
 def swept(simulate, opened):
     def of(sweep, **changes):
-        return opened(simulate(sweep=sweep, controllers=["eqt", "gt"], **changes))
+        return opened(simulate(sweep=sweep, **{"controllers": ["eqt", "gt"]} | changes))
 
     return of
 
