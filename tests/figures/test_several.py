@@ -13,7 +13,7 @@ from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.shown import Chosen, ShownControllers, looks, names
 from eqt_cli.figures.style import Style, house_style, line_style
 from eqt_cli.figures.sweep_figures import SweepFigure
-from eqt_cli.figures.time_figures import Summary, Torque
+from eqt_cli.figures.time_figures import Paper, Summary, Torque
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -31,7 +31,7 @@ def stiff(tmp_path, simulate):
 
 def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
     first, second = opened(so3), opened(stiff)
-    axes = Summary(bands="none", degrees=False).draw([first, second]).axes[0]
+    axes = Paper().draw([first, second]).axes[0]
     assert len(axes.lines) == 6
     for line, results, controller in zip(axes.lines[3:5], (first, second), (3, 0), strict=True):
         mean = results["pose_error"][controller].mean(axis=0)
