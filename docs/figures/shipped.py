@@ -83,7 +83,7 @@ def search(folder: Path, name: str) -> int:
                 except EqtError:
                     continue  # this result has no such figure
                 for flaw in flaws(drawing, width):
-                    print(f"{name}, {said}, {width}: {flaw}")
+                    print(f"{name}, {said}, {width}: {flaw}", flush=True)
                     found += 1
                 if width == "column":
                     picture = Image.open(BytesIO(encode(drawing, "png"))).convert("RGB")

@@ -10,7 +10,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from eqt_cli.figures.render import encode
-from eqt_cli.figures.style import ENLARGED
+from eqt_cli.figures.style import ENLARGED, house_style
 
 LEAST = 5.5
 """Least size of a letter in the file, pt."""
@@ -62,7 +62,7 @@ def overlaps(boxes):
 
 def flaws(drawing, width):
     """All flaws of a figure, a sentence each."""
-    with recorded() as boxes:
+    with house_style(), recorded() as boxes:
         drawing.draw_without_rendering()
     found, page = list(overlaps(boxes)), drawing.bbox
     inked = drawing.get_tightbbox().transformed(drawing.dpi_scale_trans)
