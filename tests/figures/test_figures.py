@@ -235,6 +235,7 @@ def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
     assert [path.relative_to(tmp_path).as_posix() for path in files] == [
         "new/figures/paper.svg",
         "new/figures/paper.json",
+        "new/figures/paper-caption.tex",
     ]
     assert sorted(files) == sorted((tmp_path / "new" / "figures").iterdir())
 
