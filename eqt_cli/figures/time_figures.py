@@ -418,8 +418,8 @@ class Commands(Panelled, OverTime):
             name_scale(next(iter(rows[name].values())), axes[name])
             within = span if name == _CLOSELY else runs.span
             row = [e for e in runs.shown if e.label in rows[name]]
-            given = np.array([np.abs(self._values(runs, e)[0][:, k]).max() for e in row])
-            reach = _SEEN * np.max(given, initial=0.0, where=np.isfinite(given))
+            outputs = np.array([np.abs(self._values(runs, e)[0][:, k]).max() for e in row])
+            reach = _SEEN * np.max(outputs, initial=0.0, where=np.isfinite(outputs))
             for e in row:
                 panel = rows[name][e.label]
                 kinds |= self._fill(panel, runs, e, k, limits[e.label], within, reach)
