@@ -165,7 +165,7 @@ def test_findings_are_short_on_a_screen_and_tables_in_a_notebook(result):
     shown = [result, eqt_cli.compare(result, ["effort"]), eqt_cli.margins(result)]
     for finding, first, rows in zip(
         [*shown, eqt_cli.verify(result)],
-        [repr(result), "paper on SO3: 3 runs of each law", "eqt: indicative", "paper on SO3: "],
+        [repr(result), "paper on SO3: 3 runs of each law", "eqt: indicative", "✓ "],
         [4, 6, 4, None],
         strict=True,
     ):

@@ -49,7 +49,7 @@ _TALLEST: dict[Width, tuple[float, float]] = {
     "slide": (2.5, 2.9),
 }
 """Largest height of all panels together, of a law or two and of more laws, in."""
-_ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.3
+_ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.35
 """Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
 _MANY = 10
 """Most runs of a single law that are drawn by default."""

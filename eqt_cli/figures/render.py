@@ -44,17 +44,25 @@ logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on dates in
 
 
 def encode(
-    drawing: Drawing, format: Format, title: str = "", description: str = "", style: Style = HOUSE
+    drawing: Drawing,
+    format: Format,
+    title: str = "",
+    description: str = "",
+    style: Style = HOUSE,
+    *,
+    outlined: bool = False,
 ) -> bytes:
     """Return the content of a file of a drawing, in its style; its panels are frozen already.
 
-    The content holds no date and no random name.
+    The content holds no date and no random name. With `outlined`, letters of an SVG are curves, for
+    a reader who may lack the fonts.
     """
     buffer = BytesIO()
     times = ENLARGED[style.width]
     more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
     # Without the layout of the style, for which Matplotlib draws everything twice.
-    arranged = rc_context({"figure.constrained_layout.use": False})
+    letters = "path" if outlined else "none"
+    arranged = rc_context({"figure.constrained_layout.use": False, "svg.fonttype": letters})
     with house_style(style), arranged, _without_date():
         drawing.set_layout_engine(None)
         if format == "png":

@@ -355,7 +355,7 @@ def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:
     # The first one stands beside a table.
     drawing = figure.draw([result], "page" if number > 1 else "column", captions=notes)
     caption = " ".join([wanted.caption or summary_of(type(figure)), *notes])
-    svg = inlined(encode(drawing, "svg"), f"figure{number}", caption)
+    svg = inlined(encode(drawing, "svg", outlined=True), f"figure{number}", caption)
     if len(svg) > LARGEST:
         raise TooLargeFigureError(
             f"figure '{wanted.name}' has too many curves for a page; "

@@ -34,7 +34,6 @@ from eqt_cli.extend import (
     sheet,
 )
 from eqt_cli.figures.cells import even
-from eqt_cli.figures.layout import Bands
 
 
 @dataclass(frozen=True)
@@ -43,13 +42,13 @@ class Decay(OverTime):
 
     Attributes
     ----------
-    bands
-        The range over runs.
+    middle
+        The curve over runs.
     """
 
     name: ClassVar[str] = "decay"
 
-    bands: Bands = "quartiles"
+    middle: Literal["mean", "median", "quartiles"] = "quartiles"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Two panels."""
@@ -64,7 +63,7 @@ class Decay(OverTime):
             mean = runs.values("lyapunov", ensemble).mean(axis=0)
             panels["lyapunov"].plot(times, mean, label=ensemble.label, **look)
             torque = runs.values("torque", ensemble)[..., 0]
-            draw_middle(panels["torque"], times, torque, self.bands, ensemble)
+            draw_middle(panels["torque"], times, torque, ensemble, self.middle)
         panels["torque"].plot(times, runs.desired("torque", ensemble)[:, 0], color=ink(0.5))
         scale_log(panels["lyapunov"], "y", mean[mean > 0])
         add_title(panels["lyapunov"], "decay")
