@@ -41,7 +41,7 @@ with result.to_xarray() as data:
 # %% On the right, a figure of eqt, drawn into your own axes: the laws at one point of the sweep.
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3), layout="constrained")
 point = table[(table["gains.kp"] == 2) & (table["gains.kd"] == 1)].point.iloc[0]
-eqt_cli.figure(result, "paper", point=int(point), options={"panels": ["pose_error"]}, axes=right)
+eqt_cli.figure(result, "summary", point=int(point), options={"panels": ["pose_error"]}, axes=right)
 colours = {line.get_label(): line.get_color() for line in right.lines}
 
 # %% On the left, a panel of your own: the mean over runs, and the middle half of them.
