@@ -211,7 +211,7 @@ def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -
     if home.judgements and not home.departures:
         counts = Counter(finding.verdict for finding in findings(home))
         verdicts = "; ".join(f"{count} {verdict}" for verdict, count in counts.items())
-        sentences.append(f"claims of {sources(home)}: {verdicts}")
+        sentences.append(f"claims of {sources(home)}: {verdicts} (`--table claims`)")
     return sentences
 
 
@@ -319,11 +319,14 @@ def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
             f"take {enough} or more (`ensemble.runs`), or fewer numbers (`--metric`)"
         )
     starts = "" if comparison.between else " from the same starts"
+    base = comparison.titles[against or comparison.labels[0]], "it"
+    first, it = ("the laws of the first result", "them") if comparison.bases else base
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
+    marks = f"{BETTER_MARK} better, {WORSE_MARK} worse: in most runs"
     yield (
-        f"{runs_each(comparison)}{starts}; {BETTER_MARK} better, {WORSE_MARK} worse: in most runs, "
-        f"by a sign test, corrected for {count_of(tests, 'test')}; no mark: undecided, or within "
-        f"{none}; brackets: {sure} intervals of the median"
+        f"{runs_each(comparison)}{starts}; of {first}, the means; of the others, median "
+        f"differences from {it}, with {sure} intervals; {marks}, by a sign test, corrected for "
+        f"{count_of(tests, 'test')}; no mark: undecided, or within {none}"
     )
 
 

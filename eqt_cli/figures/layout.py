@@ -412,6 +412,7 @@ def leaving(shown: ShownControllers, errors: Iterable[Mapping[str, Array]]) -> s
     if far:
         titles = ", ".join(f"“{e.title}”" for e in shown.shown if e.label in far)
         shown.remarks.append(f"Cut off where it leaves the reference: {titles}.")
+        shown.note = ", ".join(filter(None, [shown.note, f"{titles} cut off"]))
     return far
 
 

@@ -533,7 +533,9 @@ class Rates(Figure[ShownControllers]):
             panel.plot(grid[: len(rates)], rates, label=f"{law.title}, constant", lw=0.5, **look)
         if not known:
             raise shown.error(f"has nothing to show: {' '.join(shown.remarks)}")
-        panel.set(xlabel="bound of each component of the desired velocity", xlim=(0, fastest or 1))
+        unit = result.units("desired_velocity")
+        bound = f"bound of each component of the desired velocity ({unit})"
+        panel.set(xlabel=bound.removesuffix(" (mixed)"), xlim=(0, fastest or 1))
         panel.set(ylabel="rate of small errors (1/s)", ylim=(0, None))
         add_legend(drawing, panel.lines[: len(known)], known)
         shown.remarks.append("Thick: proved for all references. Thin: slowest constant velocity.")

@@ -110,7 +110,7 @@ class Summary(Panelled, OverTime):
         of = f" of {' and '.join(e.title for e in runs.shown[:BANDS])}" * (len(runs.shown) > BANDS)
         bands = f"; bands: quartiles{of}" if several and not self.printed else ""
         runs.remarks.append(f"Curves: {f'{middle} over ' * several}{runs.count()}{bands}.")
-        runs.note = f"{middle}{' and quartiles' * bool(bands)}, {runs.count()}" if several else ""
+        runs.note = f"{middle}{f', quartiles{of}' * bool(bands)}, {runs.count()}" if several else ""
         return drawing
 
     def _draw(self, runs: ShownRuns, width: Width, norms: list[str], degrees: bool) -> Drawing:
@@ -303,7 +303,8 @@ def _draw_desired(
             if ends is not None and ends[0][k] == ends[1][k] == 0:
                 continue  # no vehicle could give it
             (line,) = panel.plot(runs.times(first), drawn if signed else abs(drawn), **look)
-    return {quantity(r"\tau_d", ""): line}
+    is_torque = len({unit for _, unit in runs.axes}) == 1
+    return {quantity(r"\tau_d", "") if is_torque else "reference": line}
 
 
 def _places(axes: Mapping[str, str], width: Width) -> layout.Mosaic:

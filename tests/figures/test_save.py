@@ -59,7 +59,7 @@ def test_remarks_are_a_caption_and_metadata_and_the_artwork_has_a_few_words(so3,
     assert is_eqts(caption)
     root = ElementTree.parse(svg).getroot()
     texts = ["".join(each.itertext()) for each in root.iter() if each.tag.endswith("}text")]
-    assert "median and quartiles, 6 runs" in texts and "EqT" in texts
+    assert "median, quartiles of EqT and GT, 6 runs" in texts and "EqT" in texts
     assert not any("Curves" in text for text in texts)
     assert [each.text for each in root if each.tag.endswith("}title")] == ["small: summary"]
     assert said in svg.read_text(encoding="utf-8")
