@@ -7,7 +7,6 @@ from string import Template
 from typing import Any
 
 from eqt_cli.base.errors import EqtError, suggestion
-from eqt_cli.base.yaml_source import heading
 
 
 def folder() -> Path:
@@ -32,6 +31,8 @@ def text(name: str) -> str:
 
 def summary(name: str) -> str:
     """Return the first sentence of a shipped configuration; of a long one, up to a colon."""
+    from eqt_cli.base.yaml_source import heading  # slow to import, and most commands need no list
+
     return heading(text(name))
 
 
