@@ -253,7 +253,7 @@ def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
     assert eqt("show", "results/c", "--failed").out.count("step limit") == 1
     assert eqt("report", "results/c").code == 0
     page = Path("results/c/report.html").read_text(encoding="utf-8")
-    assert "figure &#39;paper&#39; has nothing to show, since every run failed" in page
+    assert "figure &#39;summary&#39; has nothing to show, since every run failed" in page
 
 
 @pytest.mark.ci("another run that fails is fast")
