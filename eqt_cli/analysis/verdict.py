@@ -140,16 +140,20 @@ def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) ->
     titles, rows, shown = comparison.titles, list[list[str]](), list[PerRun]()
     laws, bases = _by_law(comparison, against), set[str]()
     levels = {(id(x.measured), x.controller): x for x in comparison.levels}
-    for _, of_law in laws[:1]:
+    for _, of_law in laws:
         first = of_law if whole else [*_headline(of_law), *_settling(of_law, comparison)]
-        shown = [answer.pair.measured for answer in first]
+        numbers = [answer.pair.measured for answer in first]
+        shown += [x for x in numbers if not any(x is one for one in shown)]
     for law, of_law in laws:
         base, by_number = of_law[0].pair.second, {id(x.pair.measured): x for x in of_law}
         if base not in bases:
             rows.append([titles[base], *(_mean(levels[id(number), base]) for number in shown)])
         bases.add(base)
-        of_shown = [by_number[id(number)] for number in shown]
-        cells = [_cell(x, levels[id(x.pair.measured), x.pair.first]) for x in of_shown]
+        label = of_law[0].pair.first
+        cells = (  # a number of L is not compared with that of another function L
+            _cell(by_number[id(x)], levels[id(x), label]) if id(x) in by_number else "-"
+            for x in shown
+        )
         rows.append([law, *cells])
     header = ["law", *_names(shown, comparison)]
     blocks = [Block("", rows)] if rows else []

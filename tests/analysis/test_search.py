@@ -43,7 +43,7 @@ def test_a_cascade_keeps_its_gains_and_leaves_the_section_to_others(small):
         "inertia": [2, 2, 2, 1, 1, 1],
         "model": {"forces": [{"kind": "restoring", "weight": 9.81}]},
         "reference": {"kind": "flat", "position": ["sin(t)", 0.0, 0.0], "along": [0, 0, 1]},
-        "initial": {"pose": "fixed", "velocity": "fixed"},
+        "initial": {"pose": "fixed", "velocity": "normal"},
         "controllers": [cascade, "eqt"],
     }
     small["tune"]["over"] = {

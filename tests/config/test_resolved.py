@@ -54,8 +54,16 @@ def inertias(m):
     starting = st.sampled_from(["1 + t", "exp(t)", "cos(t/9)", 1])
     return st.one_of(
         matrices(m),
-        lists(changing, m).map(lambda entries: {"matrix": diagonal(entries)}),
-        st.fixed_dictionaries({"initial": matrices(m), "factor": lists(starting, m).map(diagonal)}),
+        st.fixed_dictionaries(
+            {"matrix": lists(changing, m).map(diagonal), "leaves": st.booleans()}
+        ),
+        st.fixed_dictionaries(
+            {
+                "initial": matrices(m),
+                "factor": lists(starting, m).map(diagonal),
+                "leaves": st.booleans(),  # which a mass that varies must say
+            }
+        ),
     )
 
 
