@@ -468,7 +468,7 @@ class PoseFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
-        if len(runs.shown) > MOST_COLOURS:
+        if len(runs.shown) > MOST_COLOURS and len(runs.results) == 1:
             first_laws(runs, width)
         parts = sorted(G.parts, key=lambda part: part.turns)
         shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
