@@ -24,7 +24,6 @@ from eqt_cli.analysis.intervals import (
 from eqt_cli.analysis.search_record import TUNE, laws_of
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
-from eqt_cli.base.yaml_source import load
 from eqt_cli.loop.small_errors import SmallErrors
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window
@@ -569,10 +568,9 @@ def _judgements(
 ) -> list[Judgement]:
     by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
     rows = []
-    config = load(str(result.attributes["config"]), "config").data
     for claim_set, claim, row, measure, window in tests:
         source, sections = claim_set.source, claim_set.experiment.items()
-        is_at_home = all(config.get(key) == section for key, section in sections)
+        is_at_home = all(result.config.get(key) == section for key, section in sections)
         key = measure.name, window.within(result.times)
         if isinstance(row, AtMost):
             label = kinds[row.kind]

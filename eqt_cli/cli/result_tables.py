@@ -27,7 +27,9 @@ FAR_ABOVE = 1000.0
 In 13 shipped configurations it is at most 64, and 433 where a limit or a jump of the law hampers
 `solve_ivp`."""
 
-IN_WORDS = {"of ‖p − p_d‖": "position error", "‖p − p_d‖": "position error"} | {
+IN_WORDS = {
+    "of ‖p − p_d‖": "position error",
+    "‖p − p_d‖": "position error",
     "‖τ‖": "torque",
     "‖f‖": "force",
 }
@@ -95,8 +97,9 @@ def _headline(result: Result) -> Text:
         means = [row.get(name, np.nan) for row in result.headline]
         ranked = result.quantity(name).better == "lower" and np.isfinite(means).sum() > 1
         best = np.nanmin(means) if ranked else np.nan
-        cells = (significant(x) + f" {BEST}" * bool(x == best) for x in means)
-        columns.append([f"{cell:<{len(cell.rstrip(f' {BEST}')) + 2 * ranked}}" for cell in cells])
+        blank = "  " if ranked else ""
+        marks = (f" {BEST}" if x == best else blank for x in means)
+        columns.append([significant(x) + mark for x, mark in zip(means, marks, strict=True)])
     settled = "settled" if all("settled" in row for row in result.headline) else "runs"
     header = ["law", settled, *(_heading(result, name) for name in names)]
     notes = [f"{BEST} the best mean"] * (len(titles) > 1)

@@ -199,7 +199,7 @@ def _stored(results: Result, name: str) -> Any:
     """Return the content of an attribute of the file, parsed as YAML."""
     from eqt_cli.base import yaml_source
 
-    return yaml_source.load(str(results.attributes[name]), name).data
+    return yaml_source.load(str(results.attributes[name]), f"{results.path}[{name}]").data
 
 
 # `eqt results`: the results in a folder -----------------------------------------------------------

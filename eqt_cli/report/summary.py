@@ -12,11 +12,11 @@ import numpy as np
 
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import ComponentError, EqtError
+from eqt_cli.base.errors import ComponentError
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import summary
 from eqt_cli.base.reporting import count_of, listed
-from eqt_cli.base.yaml_source import heading, load
+from eqt_cli.base.yaml_source import heading
 from eqt_cli.components.laws import Member, controllers
 from eqt_cli.engines.engine import SolverChecks, engines
 from eqt_cli.figures.shown import looks as looks_of
@@ -206,7 +206,7 @@ def laws(result: Result) -> list[Document]:
         of this law alone, as running text.
     """
     settings = {}
-    for entry in _stored(result).get("controllers") or []:
+    for entry in result.config.get("controllers") or []:
         if isinstance(entry, Mapping):
             gains = in_words(entry.get("gains"))
             options = {k: x for k, x in entry.items() if k not in ("kind", "label", "gains")}
@@ -229,19 +229,12 @@ def laws(result: Result) -> list[Document]:
     return rows
 
 
-def _stored(result: Result) -> Mapping[str, Any]:
-    """Return the configuration in a result; empty if it cannot be read."""
-    with suppress(EqtError):
-        return load(str(result.attributes["config"]), "config").data
-    return {}
-
-
 def stated_values(result: Result) -> list[tuple[str, str, str | list[list[str]]]]:
     """Return the sections of the stored configuration, ordered as in a paper's section.
 
     Each has a name, a symbol, and its value in words, or as the rows of a matrix.
     """
-    config, group = _stored(result), result.group
+    config, group = result.config, result.group
     if not config:
         return []
     gains, initial, runs, time = (
@@ -383,7 +376,7 @@ def facts(result: Result, author: str = "", date: str = "") -> list[str]:
     """Return what the line below the title says of an experiment, piece by piece."""
     keys = listed([each.key for each in result.swept_keys] or ["nothing"])
     lasting = f" of {result.horizon:g} s" if result.horizon else ""
-    solver, version = _used(_stored(result).get("solver") or {}), result.provenance.get("eqt")
+    solver, version = _used(result.config.get("solver") or {}), result.provenance.get("eqt")
     pieces = [
         author,
         _group(result),

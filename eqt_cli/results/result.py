@@ -4,6 +4,7 @@ import copy
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -153,6 +154,15 @@ class Result(KnownResult):
     def times(self) -> Array:
         """Sample times of trajectories, s."""
         return _fixed(self.coordinate("time"))
+
+    @cached_property
+    def config(self) -> Mapping[str, Any]:
+        """The configuration of the result; empty if it cannot be read."""
+        from eqt_cli.base.yaml_source import load  # slow to import, and most readers need it not
+
+        with suppress(EqtError):
+            return load(str(self.attributes["config"]), "config").data
+        return {}
 
     @property
     def horizon(self) -> float | None:

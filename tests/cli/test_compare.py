@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import shutil
 from pathlib import Path
 
 import h5py
@@ -158,6 +159,15 @@ def test_two_engines_fly_pairs(invoke, tmp_path):
         invoke("run", "paper", *few, "--engine", engine, "--out", tmp_path / engine)
     lines = invoke("compare", tmp_path / "native", tmp_path / "solve_ivp").stdout.splitlines()
     assert "runs are paired by their equal starts" in lines
+
+
+def test_laws_are_compared_although_the_stored_configuration_is_damaged(invoke, changed, tmp_path):
+    path = shutil.copytree(changed / "soft", tmp_path / "damaged") / "results.h5"
+    with h5py.File(path, "a") as file:
+        file.attrs["config"] = "gains: [1, 2"
+    assert "20 runs per law from the same starts; " in invoke("compare", path).stdout
+    said = invoke("show", path, "--config", code=2).stderr.splitlines()[-1]
+    assert said == f"{path}[config]:1:8: the '[' is never closed"
 
 
 def test_two_results_with_other_starts_are_no_pairs(invoke, changed):
