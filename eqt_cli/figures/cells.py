@@ -159,6 +159,8 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
     panel.set_xlabel(key_label(result, axis))
     if axis.texts:
         texts = [free_text(text, _LONGEST_KEY) for text in axis.names.values()]
+        if not axis.is_number:
+            panel.set_xlim(-0.5, len(texts) - 0.5)
         panel.set_xticks(list(axis.texts), texts)
         turn_upright(panel, texts, room - _AROUND)
         return

@@ -17,10 +17,10 @@ from eqt_cli.analysis.intervals import NEGLIGIBLE, median_difference, shares
 from eqt_cli.base.arrays import Array
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import even, scale_log, spans_decade
-from eqt_cli.figures.figure import OfDifferences, OfMetrics
+from eqt_cli.figures.figure import OfDifferences, OfMetrics, first_laws
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import BAND, add_legend, blank_sheet, hide_inner_scales, rows_of
-from eqt_cli.figures.shown import MetricValues, ShownMetrics, ShownSweep
+from eqt_cli.figures.shown import MOST_COLOURS, MetricValues, ShownMetrics, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
 from eqt_cli.results.result import Result
 
@@ -159,6 +159,10 @@ class Distributions(OfMetrics):
 
     def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
         """Draw two panels per row in a column, three on a page."""
+        if all(one.runs < 2 or one.repeats for one in metrics.results):
+            raise metrics.error("shows how runs differ, and here all runs of a law are alike")
+        if self.kind == "ecdf":
+            first_laws(metrics, MOST_COLOURS * len(metrics.results))
         places = rows_of(metrics.metrics, _COLUMNS[width])
         room = WIDTHS[width] / len(places[0])
         names = [free_text(e.title, _NAMES[width]) for e in metrics.shown]
@@ -189,7 +193,7 @@ class Distributions(OfMetrics):
             add_legend(drawing, panels[metrics.metrics[0]].lines, names, whole)
         hide_inner_scales(panels, places)
         metrics.remarks.append(f"Distributions over {metrics.count()}.")
-        metrics.note = metrics.count()
+        metrics.note = ", ".join(filter(None, [metrics.count(), metrics.note]))
         return drawing
 
     def _scale(

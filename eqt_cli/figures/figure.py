@@ -359,13 +359,14 @@ LawRow = dict[str, Axes]
 """Panels of a row, by label of the law."""
 
 
-def first_laws(runs: ShownRuns, width: Width) -> list[Ensemble]:
-    """Show the laws for whose columns a width has room, and name the others in a remark."""
-    laws, others = runs.shown[: MOST[width]], runs.shown[MOST[width] :]
+def first_laws(shown: ShownControllers, most: int) -> list[Ensemble]:
+    """Show only the first laws, and name the others in a remark."""
+    laws, others = shown.shown[:most], shown.shown[most:]
     if others:
-        runs.ensembles = laws
+        shown.ensembles = laws
         named = ", ".join(f"“{e.title}”" for e in others)
-        runs.remarks.append(f"The first {len(laws)} laws; no room for {named}.")
+        shown.remarks.append(f"The first {most} laws; no room for {named}.")
+        shown.note = f"first {most} of {most + len(others)} laws"
     return laws
 
 

@@ -100,11 +100,15 @@ def force_component(axis: str, unit: str) -> str:
 
 
 def component(symbol: str, axis: str) -> str:
-    r"""Return a symbol with an axis name as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
+    r"""Return a symbol with an axis name as its index: ``\tau_{\omega x,1}`` for ``ωx₁``.
+
+    An index of an index would be too small to read.
+    """
     pieces: list[str] = []
     for place, letters in groupby(filter(str.isalnum, axis), shift):
         text = " ".join(map(mathematical, letters))
-        pieces.append(f"{place}{{{text}}}" if place and pieces else text)
+        nested = f",{text}" if symbol and place == "_" else f"{place}{{{text}}}"
+        pieces.append(nested if place and pieces else text)
     return f"{symbol}_{{{''.join(pieces)}}}" if pieces else symbol
 
 
@@ -192,7 +196,9 @@ def pose_coordinates(
     turns = logarithm[:, part.axes]
     if not part.turns:
         return turns, rf"\log {symbol}", ""
-    return without_jumps(turns, near), rf"\log {_indexed('R', index)}", "rad"
+    curves = without_jumps(turns, near)
+    more = r",\ \mathrm{unwrapped}" if np.nanmax(abs(curves - turns)) > 1 else ""
+    return curves, rf"\log {_indexed('R', index)}{more}", "rad"
 
 
 def part_curves(

@@ -468,8 +468,7 @@ class PoseFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
-        if len(runs.shown) > MOST_COLOURS and len(runs.results) == 1:
-            first_laws(runs, width)
+        first_laws(runs, MOST_COLOURS * len(runs.results))
         parts = sorted(G.parts, key=lambda part: part.turns)
         shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
         ends = {part.name: f"_{part.name}" if len(parts) > 1 else "" for part in parts}
@@ -514,6 +513,8 @@ class PoseFigure(OverTime):
                 axes.set_ylim(bottom=0)
         handles = _laws(runs) | {"reference": Line2D([], [], **_reference())}
         layout.add_legend(drawing, list(handles.values()), list(handles))
+        why = f"as a pitch comes within {90 - _STEEP:g} deg of ±90 deg"
+        runs.remarks += [f"Angles: rotation vector of the error R_E, {why}."] * bool(steep)
         runs.remarks.append(f"Run {self.run}.")
         return drawing
 
@@ -556,7 +557,7 @@ def _coordinates(G: MatrixLieGroup, part: Part, unit: str, steep: set[str]) -> l
     """Return the labels of a part's coordinates: ``x``, or ``v_{x}`` beside others, or angles."""
     if part.turns:
         words = ["roll", "pitch", "yaw"] if len(G.axis_names[part.axes]) == 3 else ["heading"]
-        words = [f"error about ${axis}$" for axis in _AXES] if part.name in steep else words
+        words = [f"error ${axis}$" for axis in _AXES] if part.name in steep else words
         return [in_words(each, unit) for each in words]
     names = [axis[1:] for axis in G.axis_names[part.axes]]
     if sum(not each.turns for each in G.parts) > 1 or not set(names) <= set(_AXES):

@@ -18,7 +18,7 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_log, scale_norm, spans_decade
-from eqt_cli.figures.figure import OverTime, ShownRuns, first_laws, law_columns
+from eqt_cli.figures.figure import MOST, OverTime, ShownRuns, first_laws, law_columns
 from eqt_cli.figures.labels import axis_labels, in_words, part_name
 from eqt_cli.figures.layout import THIN, add_legend, band_look, bound_below, name_scale, thin_line
 from eqt_cli.figures.shown import Ensemble
@@ -98,8 +98,8 @@ class RunsFigure(OverTime):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 estimated |= self._shade(axes, runs, ensemble, part)
-                end = f", {part_name(part)}" if part else ""
-                layout.add_title(axes, ensemble.title + end)
+                if part == parts[0]:  # beside it, the scale names the part
+                    layout.add_title(axes, ensemble.title)
                 layout.name_scale(axes, runs.error_label(signal, degrees=self.degrees))
             self._scale(column, runs.solver_error(signal, degrees=self.degrees))  # after all curves
         if len(parts) == 1:
@@ -177,7 +177,7 @@ class EstimateFigure(OverTime):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per error, and a column per law."""
-        G, shown = self._group(runs), first_laws(runs, width)
+        G, shown = self._group(runs), first_laws(runs, MOST[width])
         errors = {
             f"{part_name(part.name)} {'bias' if e == 'bias' else 'error'}": (part, e)
             for e in self._errors(runs, shown)

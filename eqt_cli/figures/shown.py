@@ -469,8 +469,8 @@ class ShownSweep:
         Looks, which determine their line styles.
     titles : list of str
         Their names in figures.
-    remarks
-        Notes that a figure adds while it is drawn.
+    remarks, note
+        As of `ShownControllers`.
 
     Raises
     ------
@@ -489,6 +489,7 @@ class ShownSweep:
         self.titles = [results.titles[position] for position in self.controllers]
         self._shown: list[str] = []
         self.remarks: list[str] = []
+        self.note = ""
 
     @property
     def axes(self) -> list[SweptKey]:

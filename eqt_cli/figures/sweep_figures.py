@@ -102,6 +102,7 @@ class SweepFigure(OfOneMetric):
         if len(axes) == 1:
             looks = "bands" if axes[0].is_number else "bars"
             swept.remarks.append(f"{remark}; {looks}: 10–90 % of runs.")
+            swept.note = f"mean and 10–90 % of {swept.count}"
             drawing, panel = _draw_curves(swept, axes[0], means, bands, label, width)
             scale(panel, "y", means, log=self.log)
             return drawing
@@ -368,6 +369,7 @@ class Settled(OfSweep):
         swept.remarks += self._proved(swept) if self.certified else ()
         if len(axes) == 1:
             swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
+            swept.note = f"95 % intervals, {swept.count}"
             page, panel = _draw_curves(swept, axes[0], share, np.array([low, high]), label, width)
             panel.set_ylim(-3, 103)
             return page

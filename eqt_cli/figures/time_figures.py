@@ -17,6 +17,7 @@ from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, spans_decade
 from eqt_cli.figures.figure import (
+    MOST,
     LawRow,
     OfReference,
     OverTime,
@@ -229,7 +230,8 @@ class Torque(Panelled, OverTime):
         """Draw a panel per axis."""
         if len(runs.shown) > MOST_COLOURS and self.share == "total" and not self.panels:
             return RunsFigure(signal="torque_norm").compose(runs, width)
-        values = {e.label: self._share_of(runs, e) for e in runs.shown}
+        shown = first_laws(runs, MOST_COLOURS)
+        values = {e.label: self._share_of(runs, e) for e in shown}
         wanted = self.picked([name for name, _ in runs.axes])
         wanted = runs.pushed(wanted, values.values()) if not self.panels else wanted
         units = {name: unit for name, unit in runs.axes if name in wanted}
@@ -347,7 +349,7 @@ _CLOSELY = "closely"
 """Row of a closer look."""
 _FEW = 4
 """Most thrusters or wheels whose panels have room for several laws in a column."""
-_MOST_NAME = 10
+_MOST_NAME = 12
 """Most characters in a line of the name of a thruster."""
 
 
@@ -393,7 +395,7 @@ class Commands(Panelled, OverTime):
                 "'torque' shows it"
             )
         if signal != LAW_OUTPUT:
-            first_laws(runs, width)
+            first_laws(runs, MOST[width])
         axes = {name: quantity(force_component(name, unit), unit) for name, unit in runs.axes}
         if signal != "torque":
             axes = self._members(runs, width)
@@ -640,5 +642,6 @@ class ReferenceOverTime(Panelled, OfReference):
                 add_title(panels[rows[0][place]], part_name(part.name))
         axes_of = axis_labels(shown.group)
         lines = [Line2D([], [], **component_style(k)) for k in range(len(axes_of))]
-        add_legend(drawing, lines, axes_of)
+        if len(axes_of) > 1:
+            add_legend(drawing, lines, axes_of)
         return drawing

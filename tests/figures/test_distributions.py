@@ -150,6 +150,26 @@ def test_runs_of_several_results_are_counted_by_result(so3, simulate, opened, pi
     assert [text.get_text() for text in axes.texts] == ["6/6", "3/3"]
 
 
+def test_more_than_six_laws_share_no_panel(so3, opened, monkeypatch):
+    monkeypatch.setattr(comparison_figures, "MOST_COLOURS", 2)
+    drawing = Distributions(kind="ecdf").draw([opened(so3)])
+    assert {len(axes.lines) for axes in drawing.axes} == {2}
+    assert "The first 2 laws; no room for “nog”, “asym”." in drawing.get_supxlabel()
+    captions = []
+    drawing = Distributions(kind="ecdf").draw([opened(so3)], captions=captions)
+    assert drawing.get_supxlabel() == "6 runs, first 2 of 4 laws"
+
+
+def test_runs_that_are_alike_have_no_distribution(so3, altered, opened):
+    results = opened(so3)
+    stored = filter(results.has, results.metrics)
+    first = {name: results[name][:, :1] + 0 * results[name] for name in stored}
+    for name in ("initial_pose", "initial_velocity"):
+        first[name] = results[name][:1] + 0 * results[name]
+    with pytest.raises(EqtError, match="shows how runs differ, and here all runs of a law are al"):
+        Distributions().draw([altered(so3, **first)])
+
+
 def test_a_value_that_is_missing_is_remarked_on(so3, altered, opened):
     effort = opened(so3)["effort"]
     effort[0, 2] = np.nan

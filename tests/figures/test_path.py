@@ -249,7 +249,7 @@ def test_near_a_steep_pitch_the_rotation_vector_of_the_error_is_drawn(se3, alter
     R, Rd = (of[..., :3, :3] for of in (pose[1, 2], desired))
     vectors = Rotation.from_matrix(R @ Rd.swapaxes(-1, -2)).as_rotvec(degrees=True)
     for k, axis in enumerate("xyz"):
-        (panel,) = (x for x in drawing.axes if x.get_ylabel().startswith(f"error about ${axis}$"))
+        (panel,) = (x for x in drawing.axes if x.get_ylabel().startswith(f"error ${axis}$"))
         drawn = curve(panel, "gt")[:, 1]
         there = np.isfinite(drawn)
         # The solver keeps R orthonormal to its tolerance, 1e-3, which SciPy mends first.

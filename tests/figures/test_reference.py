@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from said import error_of
+from scipy.spatial.transform import Rotation
 
 from eqt_cli import api
 from eqt_cli.api.drawing import desired_motion
 from eqt_cli.api.loading import open_at
+from eqt_cli.components.matrix_groups import SO3
 from eqt_cli.figures.figure import figures
-from eqt_cli.figures.labels import without_jumps
+from eqt_cli.figures.labels import pose_coordinates, without_jumps
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.shown import ShownReference
 
@@ -95,6 +97,9 @@ def test_a_vector_goes_on_beyond_a_half_turn():
     axis = np.array([0.6, 0.0, 0.8])
     wrapped = ((angles + np.pi) % (2 * np.pi) - np.pi) * axis
     np.testing.assert_allclose(without_jumps(wrapped), angles * axis, rtol=0, atol=1e-12)
+    for count, name in ((25, r"\log R"), (50, r"\log R,\ \mathrm{unwrapped}")):  # 2.5, 5 rad
+        poses = Rotation.from_rotvec(angles[:count] * axis).as_matrix()
+        assert pose_coordinates(SO3(), SO3().parts[0], poses)[1:] == (name, "rad")
 
 
 def test_files_are_in_a_folder_of_the_same_name(tmp_path, monkeypatch):

@@ -385,6 +385,7 @@ def test_cases_are_not_joined_by_lines(swept, picture):
     assert {line.get_linestyle() for line in panel.lines} == {"None"}
     first, second = (line.get_xdata() for line in panel.lines)
     assert (second > first).all()  # side by side
+    assert panel.get_xlim() == (-0.5, 2.5)  # no name of three leaves the figure
 
 
 @pytest.mark.parametrize(("metric", "best"), [("effort", np.argmin), ("settled", np.argmax)])

@@ -175,7 +175,7 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog, pi
     )
     assert [
         axes.get_ylabel() for axes in picture(Torque(share="feedback"), opened(product)).axes
-    ] == [r"rms feedback $\tau_{1}$ $(\mathrm{N\,m})$", r"rms feedback $f_{1_{2}}$ $(\mathrm{N})$"]
+    ] == [r"rms feedback $\tau_{1}$ $(\mathrm{N\,m})$", r"rms feedback $f_{1,2}$ $(\mathrm{N})$"]
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 
 
