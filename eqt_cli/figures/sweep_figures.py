@@ -264,6 +264,12 @@ class Winners(OfDifferences):
         swept.results.check_metrics([self.metric_of(swept)], who=f"figure '{self.name}'")
         resampling = replace(RESAMPLING, confidence=self.confidence)
         wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
+        points = len(wins.cells)
+        if wins.has_too_few_runs:
+            raise swept.error(
+                f"has no winners to show: {wins.runs} runs are too few for a win at one of "
+                f"{points} points, which takes {wins.fewest} (`ensemble.runs`)"
+            )
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
@@ -289,12 +295,6 @@ class Winners(OfDifferences):
         drawing.set_figheight(drawing.get_figheight() + below)
         add_title(panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}")
         _explain_winners(drawing, colours, wins, bool(failed))
-        points = len(wins.cells)
-        if wins.has_too_few_runs:
-            swept.remarks.append(
-                f"{wins.runs} runs are too few for a win at one of {points} points, which takes "
-                f"{wins.fewest}."
-            )
         swept.remarks += [
             "Law and number: the better mean, and the median difference from the next law in per "
             "cent; white: undecided.",

@@ -111,7 +111,8 @@ class Summary(Panelled, OverTime):
         of = f" of {' and '.join(e.title for e in runs.shown[:BANDS])}" * (len(runs.shown) > BANDS)
         bands = f"; bands: quartiles{of}" if several and not self.printed else ""
         runs.remarks.append(f"Curves: {f'{middle} over ' * several}{runs.count()}{bands}.")
-        runs.note = f"{middle}{f', quartiles{of}' * bool(bands)}, {runs.count()}" if several else ""
+        counted = f"{middle}{f', quartiles{of}' * bool(bands)}, {runs.count()}" if several else ""
+        runs.note = ", ".join(filter(None, [counted, runs.note]))
         return drawing
 
     def _draw(self, runs: ShownRuns, width: Width, norms: list[str], degrees: bool) -> Drawing:
@@ -127,6 +128,9 @@ class Summary(Panelled, OverTime):
                 values = runs.errors(signal, e, degrees=degrees)
                 middle = "quartiles" if e in runs.shown[:BANDS] else "median"
                 draw_middle(axes, runs.times(e), values, e, "mean" if self.printed else middle)
+        far = leaving(runs, map(_by_label, panels.values())) if self.printed else set[str]()
+        for signal, axes in panels.items():
+            cut_off(axes, far)
             self._scale(axes, signal, runs, degrees)
             if not self.printed:
                 open_frame(axes)
@@ -170,6 +174,11 @@ class Paper(Summary):
 
     log: bool | None = False
     degrees: bool | None = False
+
+
+def _by_label(axes: Axes) -> dict[str, Array]:
+    """Return the sizes along each curve of a panel."""
+    return {str(x.get_label()): np.abs(np.asarray(x.get_ydata(), float)) for x in axes.lines}
 
 
 def _title(runs: ShownRuns, signal: str) -> str:
@@ -250,10 +259,7 @@ class Torque(Panelled, OverTime):
                 _draw_axis(panels[name], runs.times(ensemble), component, ensemble, signed)
         lines = panels[wanted[0]].lines
         handles: dict[str, Artist] = dict(zip((e.title for e in runs.shown), lines, strict=False))
-        sizes = [
-            {str(x.get_label()): np.abs(np.asarray(x.get_ydata(), float)) for x in axes.lines}
-            for axes in panels.values()
-        ]
+        sizes = [*map(_by_label, panels.values())]
         if self.share != "feedback":
             handles |= _draw_desired(runs, panels, signed=signed)
         far = leaving(runs, sizes)
@@ -421,7 +427,8 @@ class Commands(Panelled, OverTime):
             name_scale(next(iter(rows[name].values())), axes[name])
             within = span if name == _CLOSELY else runs.span
             row = [e for e in runs.shown if e.label in rows[name]]
-            outputs = np.array([np.abs(self._values(runs, e)[0][:, k]).max() for e in row])
+            alike = [*places.values()] if signal in ("thrust", "wheel_momentum") else [k]
+            outputs = np.array([np.abs(self._values(runs, e)[0][:, alike]).max() for e in row])
             reach = _SEEN * np.max(outputs, initial=0.0, where=np.isfinite(outputs))
             for e in row:
                 panel = rows[name][e.label]
