@@ -19,7 +19,14 @@ from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import even, scale_log, spans_decade
 from eqt_cli.figures.figure import OfDifferences, OfMetrics, first_laws
 from eqt_cli.figures.labels import free_text, metric_label
-from eqt_cli.figures.layout import BAND, add_legend, blank_sheet, hide_inner_scales, rows_of
+from eqt_cli.figures.layout import (
+    BAND,
+    LONGEST,
+    add_legend,
+    blank_sheet,
+    hide_inner_scales,
+    rows_of,
+)
 from eqt_cli.figures.shown import MOST_COLOURS, MetricValues, ShownMetrics, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
 from eqt_cli.results.result import Result
@@ -118,10 +125,12 @@ MOST_STEPS = 500
 """Most steps of a distribution function; beyond, each stands for several runs."""
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 3, "slide": 3}
-_NAMES: dict[Width, int] = {"column": 14, "page": 26, "slide": 20}
+_NAMES: dict[Width, int] = {"column": 17, "page": 26, "slide": 20}
 """Most characters in a line of a controller's name beside the boxes."""
 _ROW, _LINE = 0.19, 0.12
 """Height of a row with a box, and of a further line of its name, in."""
+_LEAST_NAME = 5.6
+"""Least size of the names of laws, pt."""
 _AROUND = 0.5
 """Height of the numbers and the name below a panel and the room above it, in."""
 _CURVES: dict[Width, float] = {"column": 1.45, "page": 1.8, "slide": 1.25}
@@ -163,15 +172,20 @@ class Distributions(OfMetrics):
             raise metrics.error("shows how runs differ, and here all runs of a law are alike")
         if self.kind == "ecdf":
             first_laws(metrics, MOST_COLOURS * len(metrics.results))
-        places = rows_of(metrics.metrics, _COLUMNS[width])
-        room = WIDTHS[width] / len(places[0])
         names = [free_text(e.title, _NAMES[width]) for e in metrics.shown]
         lines = max(name.count("\n") for name in names)
         tall = _AROUND + len(names) * (_ROW + _LINE * lines)
         height = tall if self.kind == "box" else _CURVES[width]
+        # Names are smaller where many share a page; their heights are those over the size of type.
+        heights = len(names) * (1.2 + 1.5 * lines)
+        least = _AROUND + heights * _LEAST_NAME / 72 if self.kind == "box" else height
+        most = _COLUMNS[width] * max(1, int(LONGEST[width] / least))
+        if others := metrics.metrics[most:]:
+            metrics.metrics = metrics.metrics[:most]
+            metrics.remarks.append(f"No room for {', '.join(others)} (option 'metrics').")
+        places = rows_of(metrics.metrics, _COLUMNS[width])
+        room = WIDTHS[width] / len(places[0])
         drawing, panels = blank_sheet(width, places, height)
-        # Names are smaller where many share a slide; their heights are those over the size of type.
-        heights = sum(1.2 + 1.5 * name.count("\n") for name in names)
         room_up = drawing.get_figheight() / len(places) - _AROUND
         size = min(size_of_type("ytick.labelsize"), 72 * room_up / heights)
         for metric, axes in panels.items():

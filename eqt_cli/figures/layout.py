@@ -30,7 +30,7 @@ EMPTY = "."
 """Empty place in a mosaic."""
 
 _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65, "slide": 1.4}
-_LONGEST: dict[Width, float] = {"column": 8.4, "page": 8.4, "slide": 2.8}
+LONGEST: dict[Width, float] = {"column": 8.4, "page": 8.4, "slide": 2.8}
 """Largest height of all panels, in: a page, unless panels get lower than `_LOWEST_PANEL`."""
 _LOWEST_PANEL = 0.6
 _LABEL = 8.0
@@ -139,7 +139,7 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float, **options: Any) -> 
     """
     if own_axes is None:
         rows = len(mosaic)
-        height = max(_LOWEST_PANEL, min(height, _LONGEST[width] / rows))
+        height = max(_LOWEST_PANEL, min(height, LONGEST[width] / rows))
         drawing = Figure(figsize=(WIDTHS[width], height * rows))
         FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
         layout: Any = mosaic
