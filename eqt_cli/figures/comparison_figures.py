@@ -284,6 +284,8 @@ _FOREST_ROW, _FOREST_AROUND = 0.2, 0.85
 """Height of a row, and of scales and legend, in."""
 _LONGEST = 24
 """Most characters in a line of a name."""
+_LONGEST_SCALE: dict[Width, int] = {"column": 28, "page": 60, "slide": 40}
+"""Most characters in a line below the differences."""
 _FOREST_BESIDE = 0.16
 """Offset of the shares of the two laws from the middle of their row, in heights of a row."""
 _SMALL = 3.5
@@ -334,9 +336,9 @@ class Forest(OfDifferences):
             [median_difference(quantity, *of_laws, self.confidence) for of_laws in of_points]
         )
         _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
-        words = free_text(quantity.plain, 40)
-        name = free_text(f"{first} − {second}, % of {second}", 40)
-        left.set_xlabel(f"median difference of {words}\n{name}")
+        words = free_text(f"median difference of {quantity.plain}", _LONGEST_SCALE[width])
+        name = free_text(f"{first} − {second}, % of {second}", _LONGEST_SCALE[width])
+        left.set_xlabel(f"{words}\n{name}")
         for k, look in enumerate(swept.looks):
             share = shares(settled[:, k].astype(float), self.confidence)
             _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])

@@ -207,7 +207,7 @@ def add_title(axes: Axes, name: str) -> None:
     """Write a user's text as the title of a panel, in lines that leave room for its letter."""
     room = axes.get_window_extent().width / axes.figure.dpi - _LETTER
     fit = _characters(room, size_of_type("axes.titlesize"))
-    axes.set_title(free_text(name, max(fit, _LEAST_IN_LINE)))
+    axes.set_title(free_text(name, max(fit, *map(len, name.split()), 1)))
 
 
 def add_letters(figure: Figure) -> None:

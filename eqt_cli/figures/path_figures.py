@@ -51,6 +51,8 @@ _TALLEST: dict[Width, tuple[float, float]] = {
 """Largest height of all panels together, of a law or two and of more laws, in."""
 _ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.35
 """Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
+_MOST_SPHERES: dict[Width, int] = {"column": 8, "page": 16, "slide": 12}
+"""Most laws with a sphere each."""
 _MANY = 10
 """Most runs of a single law that are drawn by default."""
 _BODY = 0.045
@@ -128,6 +130,7 @@ class PathFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw all laws together, or a panel for each."""
         view = self._view(runs)
+        first_laws(runs, _MOST_SPHERES[width] if view == "sphere" else _most_together(runs))
         most = self.runs or (1 if len(runs.shown) > 1 else _MANY)
         unit, factor = runs.results[0].shown_in("", "m")
         paths = [self._flown(runs, law, view, most, factor) for law in runs.shown]
@@ -468,7 +471,7 @@ class PoseFigure(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per component and, beneath, one of the errors."""
         G = runs.known_group()
-        first_laws(runs, MOST_COLOURS * len(runs.results))
+        first_laws(runs, _most_together(runs))
         parts = sorted(G.parts, key=lambda part: part.turns)
         shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
         ends = {part.name: f"_{part.name}" if len(parts) > 1 else "" for part in parts}
@@ -517,6 +520,11 @@ class PoseFigure(OverTime):
         runs.remarks += [f"Angles: rotation vector of the error R_E, {why}."] * bool(steep)
         runs.remarks.append(f"Run {self.run}.")
         return drawing
+
+
+def _most_together(runs: ShownRuns) -> int:
+    """Return how many laws share a panel at most."""
+    return MOST_COLOURS * len(runs.results)
 
 
 def _unit(part: Part) -> str:
