@@ -155,10 +155,8 @@ def _controllers(comparison: Comparison, write: Plain, whole: str) -> TextTable:
         notes.append(f"{write.best_is}: the best mean.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
-    if comparison.not_matched:
-        notes.append(
-            f"Gains not matched: {', '.join(titles[label] for label in comparison.not_matched)}."
-        )
+    if unmatched := ", ".join(titles[label] for label in comparison.not_matched):
+        notes.append(f"Gains not matched: {unmatched}.")
     if failed := _counted(comparison.failed, titles):
         notes.append(f"Failed runs, left out: {failed}.")
     if any(level.measured.quantity.counts for level in comparison.levels):

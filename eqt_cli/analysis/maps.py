@@ -385,13 +385,11 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
             largest = [_difference(most, write), at]
         counted.append([write.text(title), str(len(won)), *largest])
     counted.append([wins.without_winner, str(wins.wins(NOBODY)), "", ""])
-    summary = TextTable(
-        "winners",
-        f"Which law has the better {name}, at {points} points of {count_of(wins.runs, 'run')} each",
-        ["law", "points won", f"largest median difference, {write.text('%')}", "at"],
-        [Block("", counted)],
-        [write.text(note) for note in _notes(wins)],
-    )
+    each = f"{count_of(wins.runs, 'run')} each"
+    caption = f"Which law has the better {name}, at {points} points of {each}"
+    header = ["law", "points won", f"largest median difference, {write.text('%')}", "at"]
+    notes = [write.text(note) for note in _notes(wins)]
+    summary = TextTable("winners", caption, header, [Block("", counted)], notes)
     if points > MOST_POINTS and not whole:
         more = f"{points} points are not listed; a table of all comes with --table points."
         return [replace(summary, notes=[*summary.notes, more])]
@@ -406,14 +404,9 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
     difference = f"median difference, {write.text('%')}"
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
     header = ["point", "at", *map(write.text, wins.titles), "winner", difference, "adjusted p"]
-    table = TextTable(
-        "points",
-        caption + (f", {unit}" if unit else ""),
-        header,
-        [Block("", rows)],
-        spare=("adjusted p", difference),
-        keys=2,
-    )
+    caption += f", {unit}" if unit else ""
+    spare = "adjusted p", difference
+    table = TextTable("points", caption, header, [Block("", rows)], spare=spare, keys=2)
     return [summary, table]
 
 
@@ -487,25 +480,20 @@ def _difference(cell: Cell, write: Plain) -> str:
 
 def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
     """Return one record per point with full precision."""
+    named = dict(enumerate(wins.labels))  # without NOBODY
     return [
         {
             "metric": wins.quantity.name,
             "units": wins.unit,
             "point": cell.point,
             **{key.key: key.value(cell.point) for key in result.swept_keys},
-            "winner": None if cell.winner == NOBODY else wins.labels[cell.winner],
-            "in_most_runs": (
-                None if cell.in_most_runs == NOBODY else wins.labels[cell.in_most_runs]
-            ),
+            "winner": named.get(cell.winner),
+            "in_most_runs": named.get(cell.in_most_runs),
             "too_few_runs": wins.has_too_few_runs,
             "best": wins.labels[cell.best],
             "next": wins.labels[cell.runner_up],
-            "difference": cell.difference.value,
-            "low": cell.difference.low,
-            "high": cell.difference.high,
-            "median": cell.lead.value,
-            "median_low": cell.lead.low,
-            "median_high": cell.lead.high,
+            **dict(zip(("difference", "low", "high"), cell.difference, strict=True)),
+            **dict(zip(("median", "median_low", "median_high"), cell.lead, strict=True)),
             "p_adjusted": cell.p_value,
             **{
                 f"{name} of {label}": value
@@ -533,12 +521,9 @@ def extreme_points(result: Result, names: Sequence[str]) -> TextTable:
         settled = np.moveaxis(shares(result.metric("settled")), 1, 0)
         rows = _ends(result, -settled[..., 0], settled, lambda share: Plain().interval(*share))
         blocks.append(Block("share of settled runs, with its 95 % interval", rows))
-    return TextTable(
-        "best",
-        "Points with the best and the worst mean over runs, among points without failed runs",
-        ["law", "which", "point", *(key.key for key in result.swept_keys), "mean"],
-        blocks,
-    )
+    caption = "Points with the best and the worst mean over runs, among points without failed runs"
+    header = ["law", "which", "point", *(key.key for key in result.swept_keys), "mean"]
+    return TextTable("best", caption, header, blocks)
 
 
 def _ends(

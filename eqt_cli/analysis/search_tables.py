@@ -73,14 +73,11 @@ def searches_table(result: Result, record: Record) -> TextTable:
         ]
         for one, two, ends in differences(result, record, name)
     ]
-    return TextTable(
-        "searches",
-        f"Differences of {what} between any search for one law and any search for the other, means "
-        "over held-out runs",
-        ["laws", "smallest", "largest", "the same sign in all"],
-        [Block("", rows)] if rows else [],
-        ["Where the sign is not the same in all, the search decides which law is ahead."],
-    )
+    between = "between any search for one law and any search for the other"
+    caption = f"Differences of {what} {between}, means over held-out runs"
+    header = ["laws", "smallest", "largest", "the same sign in all"]
+    note = "Where the sign is not the same in all, the search decides which law is ahead."
+    return TextTable("searches", caption, header, [Block("", rows)] if rows else [], [note])
 
 
 def tuning_tables(result: Result, record: Record) -> list[TextTable]:
@@ -97,8 +94,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     bounds = _bounds(cases, record)
     if len(record["objectives"]) > 1:
         equal_cost = equal_cost_table(result, record, _WRITE, Resampling())
-        made = [equal_cost, _front_points(result, record)]
-        return [table for table in [*made, bounds] if table.blocks]
+        made = [equal_cost, _front_points(result, record), bounds]
+        return [table for table in made if table.blocks]
     tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     sought = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
     pairs = dict[str, TextTable]()
@@ -165,12 +162,9 @@ def _by_case(cases: Mapping[str, Result], record: Record) -> TextTable:
         values = result.counted(name)[[result.labels.index(label) for label in labels]]
         rows.append([case, *_spreads(values)])
     result = next(iter(cases.values()))
-    return TextTable(
-        "cases",
-        f"{measured(result, name)} of the tuned laws in each case: {_means_over(result)}",
-        ["case", *(result.title_of[label] for label in labels)],
-        [Block("", rows)] if rows and labels else [],
-    )
+    caption = f"{measured(result, name)} of the tuned laws in each case: {_means_over(result)}"
+    header = ["case", *(result.title_of[label] for label in labels)]
+    return TextTable("cases", caption, header, [Block("", rows)] if rows and labels else [])
 
 
 def _spreads(values: Array) -> list[str]:
@@ -193,13 +187,9 @@ def _front_points(result: Result, record: Record) -> TextTable:
         f"{_WRITE.name(result.quantity(name))} {_WRITE.unit(result.units(name))}".strip()
         for name in record["objectives"]
     ]
-    return TextTable(
-        "points",
-        f"Points of the fronts: {_means_over(result)}",
-        ["law", "tuned", *names],
-        [Block("", rows)],
-        list(_notes(result, record)),
-    )
+    caption = f"Points of the fronts: {_means_over(result)}"
+    notes = list(_notes(result, record))
+    return TextTable("points", caption, ["law", "tuned", *names], [Block("", rows)], notes)
 
 
 def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
@@ -220,13 +210,9 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
             if not law["winners"]:
                 rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
         blocks.append(Block(measured(result, name), rows))
-    return TextTable(
-        "tuned",
-        f"Tuned laws against their starting gains: {_means_over(result)}",
-        ["law", "best values", "start", "tuned", "over searches"],
-        blocks,
-        list(_notes(result, record)),
-    )
+    caption = f"Tuned laws against their starting gains: {_means_over(result)}"
+    header = ["law", "best values", "start", "tuned", "over searches"]
+    return TextTable("tuned", caption, header, blocks, list(_notes(result, record)))
 
 
 def _notes(result: Result, record: Record, of: Collection[str] | None = None) -> Iterator[str]:
@@ -288,12 +274,9 @@ def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
     for entry in record["constraints"]:
         for case, result in cases.items():
             rows += _rows(Constraint(**entry), result, record, f", {case}" if case else "")
-    return TextTable(
-        "bounds",
-        "Constraints on the held-out runs",
-        ["law", "constraint", "measured", "runs beyond", "verdict"],
-        [Block("", rows)] if rows else [],
-    )
+    header = ["law", "constraint", "measured", "runs beyond", "verdict"]
+    blocks = [Block("", rows)] if rows else []
+    return TextTable("bounds", "Constraints on the held-out runs", header, blocks)
 
 
 def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:

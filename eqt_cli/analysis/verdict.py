@@ -171,7 +171,7 @@ def _settling(of_law: Sequence[Answer], comparison: Comparison) -> list[Answer]:
 def _cell(answer: Answer, level: Level) -> str:
     """``−14 % [−15, −11] ▲``; of a law with no interval, the difference of the means."""
     pair = answer.pair
-    text = _times(pair).strip() or _mean(level)
+    text = _times(pair) or _mean(level)
     if math.isfinite(pair.low):
         text = pair.percent.replace("points", "pp")
     marks = {Word.BETTER: f" {BETTER_MARK}", Word.WORSE: f" {WORSE_MARK}"}
@@ -196,12 +196,10 @@ def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -
             also.setdefault(words, []).append(law)
         for pair, against_it in ((x.pair, x.contradicted) for x in _headline(of_law)):
             if against_it:
-                side, most = (
-                    ("better", "worse")[int(np.argmax(pair.better_in))],
-                    max(pair.better_in),
-                )
+                better, worse = pair.better_in
+                side = f"better in {better}" if better >= worse else f"worse in {worse}"
                 what = pair.measured.quantity.plain
-                open_.append(f"{law}: {what} {side} in {most} of {pair.runs}, but {against_it}")
+                open_.append(f"{law}: {what} {side} of {pair.runs}, but {against_it}")
     sentences = [f"{listed(laws)} also {words}" for words, laws in also.items()] + open_
     untold = (label for label in comparison.not_matched if label not in comparison.gains)
     if alone := ", ".join(titles[label] for label in untold):
@@ -291,8 +289,8 @@ def _times(pair: Pair) -> str:
     if pair.measured.is_share or not math.isfinite(pair.relative):
         return ""
     if pair.relative > 1:
-        return f" {1 + pair.relative:.3g} times"
-    return f" {fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
+        return f"{1 + pair.relative:.3g} times"
+    return f"{fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
 
 
 def _names(numbers: Sequence[PerRun], comparison: Comparison) -> list[str]:
@@ -323,8 +321,9 @@ def _meaning(comparison: Comparison, against: str) -> Iterator[str]:
             f"take {enough} or more (`ensemble.runs`), or fewer numbers (`--metric`)"
         )
     starts = "" if comparison.between else " from the same starts"
-    base = comparison.titles[against or comparison.labels[0]], "it"
-    first, it = ("the laws of the first result", "them") if comparison.bases else base
+    first, it = comparison.titles[against or comparison.labels[0]], "it"
+    if comparison.bases:
+        first, it = "the laws of the first result", "them"
     sure, none = f"{100 * comparison.confidence:g} %", f"±{100 * comparison.negligible:g} %"
     marks = f"{BETTER_MARK} better, {WORSE_MARK} worse: in most runs"
     yield (

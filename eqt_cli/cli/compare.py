@@ -169,9 +169,8 @@ def compare(
             **vars(how),
         )
         against = _labels(comparison, against or ())
-        as_rows = rows is Rows.CONTROLLERS or (
-            rows is None and format is TableFormat.LATEX and columns > 1
-        )
+        is_wide = format is TableFormat.LATEX and columns > 1
+        as_rows = rows is Rows.CONTROLLERS or (rows is None and is_wide)
         shown = _of_experiment(
             comparison,
             table,

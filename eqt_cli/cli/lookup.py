@@ -128,15 +128,14 @@ def _described(kind: str) -> list[dict[str, Any]]:
             listed.append({"name": each.name, "summary": each.long_name, "unit": unit})
         return listed
     first = yaml.safe_load(shipped.text("paper"))["controllers"]  # the paper's laws lead the list
+    ordered = sorted(registry(kind).all(), key=lambda each: [*first, each.name].index(each.name))
     return [
         {
             "name": component.name,
             "summary": summary(component),
             "options": option_names(component) if has_options(component) else [],
         }
-        for component in sorted(
-            registry(kind).all(), key=lambda each: [*first, each.name].index(each.name)
-        )
+        for component in ordered
     ]
 
 

@@ -162,10 +162,8 @@ def print_source(document: Any, text: str, *, json: bool, nothing: str = "") -> 
 
 def print_error(error: EqtError) -> None:
     """Print an error as one JSON document, with the place of every problem that has one."""
-    problems = problem_records(getattr(error, "problems", ()))
-    print_json(
-        {"error": error.with_advice(option), "exit_code": error.exit_code, "problems": problems}
-    )
+    document = {"error": error.with_advice(option), "exit_code": error.exit_code}
+    print_json(document | {"problems": problem_records(getattr(error, "problems", ()))})
 
 
 def problem_records(problems: Iterable[InputProblem]) -> list[dict[str, str]]:

@@ -103,11 +103,9 @@ def _headline(result: Result) -> Text:
     settled = "settled" if all("settled" in row for row in result.headline) else "runs"
     header = ["law", settled, *(_heading(result, name) for name in names)]
     notes = [f"{BEST} the best mean"] * (len(titles) > 1)
-    spare = [head for head in header if head.startswith("final")]
+    spare = tuple(head for head in reversed(header) if head.startswith("final"))
     rows = [list(row) for row in zip(*columns, strict=True)]
-    return output.laid_out(
-        TextTable("headline", "", header, [Block("", rows)], notes, tuple(reversed(spare)))
-    )
+    return output.laid_out(TextTable("headline", "", header, [Block("", rows)], notes, spare))
 
 
 def _shown(result: Result) -> Iterator[str]:
@@ -173,18 +171,16 @@ def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
     """Yield the shares of unsettled runs, for laws where few of many did not settle."""
     from eqt_cli.analysis.intervals import Resampling, share
 
-    runs = result.good[..., 0, :].size
+    runs, level = result.good[..., 0, :].size, Resampling.confidence
     few = {title: count for title, count in unsettled.items() if count < RARE * runs}
     if runs < MANY or not few:
         return
-    shares = {
-        title: share(count, runs, Resampling.confidence, exact=True) for title, count in few.items()
-    }
+    shares = {title: share(count, runs, level, exact=True) for title, count in few.items()}
     words = "; ".join(
         f"{title} {few[title]} of {runs}, {value:.2g} [{low:.2g}, {high:.2g}]"
         for title, (value, low, high) in shares.items()
     )
-    yield f"not settled: {words} (exact {100 * Resampling.confidence:g} % intervals)"
+    yield f"not settled: {words} (exact {100 * level:g} % intervals)"
     if any(few.values()):
         yield f"`eqt show {result.path.parent} --table unsettled` lists their starts"
 
@@ -301,10 +297,8 @@ def _unsettled(result: Result) -> dict[str, Array]:
 def _print_parquet(table: dict[str, Array]) -> None:
     if sys.stdout.isatty():
         raise EqtError("--format parquet: is for a file; add > FILE.parquet")
-    if missing := [name for name in ("pandas", "pyarrow") if not find_spec(name)]:
-        raise EqtError(
-            f"--format parquet needs {' and '.join(missing)}: pip install pandas pyarrow"
-        )
+    if absent := [name for name in ("pandas", "pyarrow") if not find_spec(name)]:
+        raise EqtError(f"--format parquet needs {' and '.join(absent)}: pip install pandas pyarrow")
     import pandas
 
     sys.stdout.buffer.write(pandas.DataFrame(table).to_parquet())

@@ -100,22 +100,14 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     check_memory(study)
     expected = estimate(study, executor)
     first = [study.sweep.point(k) for k in range(min(FIRST_POINTS, len(study)))]
-    plan = study.plan
-    document = {
-        "points": len(study),
-        "runs": plan.total,
-        "first": first,
-        "seconds": expected.seconds,
-        "workers": expected.workers,
-        "bytes": expected.size,
-    }
-    lines = [
-        f"{len(study)} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}"
-    ]
+    plan, points = study.plan, len(study)
+    document: dict[str, Any] = {"points": points, "runs": plan.total, "first": first}
+    document |= {"seconds": expected.seconds, "workers": expected.workers, "bytes": expected.size}
+    lines = [f"{points} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}"]
     for index, point in enumerate(first):
         values = ", ".join(f"{key} = {value}" for key, value in point.items())
         lines.append(f"  {index}  {values}")
-    if len(study) > FIRST_POINTS:
+    if points > FIRST_POINTS:
         lines.append("  …")
     stored = f"{study.trajectories} trajectories each" if study.trajectories else "metrics only"
     lines.append(time_line(expected.seconds, expected.workers))
@@ -388,13 +380,8 @@ def report(
     from eqt_cli.results.result import open_result
 
     causes = ["some runs failed"] if done.failed else []
-    counted: dict[str, Any] = {
-        "runs": done.runs,
-        "failed": done.failed,
-        "resumed": done.outcome.resumed,
-        "seconds": done.outcome.seconds,
-        "causes": causes,
-    }
+    counted: dict[str, Any] = {"runs": done.runs, "failed": done.failed}
+    counted |= {"resumed": done.outcome.resumed, "seconds": done.outcome.seconds, "causes": causes}
     disagrees = False
     if shard is not None:
         trust = " --trust-plugins" if with_plugins else ""
@@ -447,6 +434,7 @@ def _about(done: StoredResult, results: Result) -> str:
     """``✓ paper: 800 runs of 20 s in 5.1 s``, and stages that took more than a tenth of that."""
     points, seconds = results.dimensions.get("point"), done.outcome.seconds
     over = "" if points is None else f"{output.count_of(points, 'point')}, "
+    runs = output.count_of(done.runs, "run")
     lasting = f" of {results.horizon:g} s" if results.horizon else ""
     total = sum(seconds.values())
     took = f" in {output.duration(total)}" if seconds else ""
@@ -457,9 +445,7 @@ def _about(done: StoredResult, results: Result) -> str:
     ]
     stages = f" ({', '.join(slow)})" if slow else ""
     tick = "✓ " if not done.failed and output.room() is not None else ""
-    return (
-        f"{tick}{results.title}: {over}{output.count_of(done.runs, 'run')}{lasting}{took}{stages}"
-    )
+    return f"{tick}{results.title}: {over}{runs}{lasting}{took}{stages}"
 
 
 def time_line(seconds: float | None, workers: int) -> str:

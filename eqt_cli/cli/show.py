@@ -169,10 +169,7 @@ def _config(results: Result, json: bool) -> None:
 
 
 def _variables(results: Result, json: bool) -> None:
-    rows = [
-        (name, results.dims(name), results.units(name), results.long_name(name))
-        for name in results.names
-    ]
+    rows = [(x, results.dims(x), results.units(x), results.long_name(x)) for x in results.names]
     output.print_records(["variable", "dimensions", "units", "meaning"], rows, json=json)
 
 

@@ -129,7 +129,7 @@ _STYLES = {
 }
 """Colours of verdicts, by their first words; the text says the same without colour."""
 
-_VERDICT, _MARKS = "verdict", {BETTER_MARK: "green", WORSE_MARK: "red"}
+_MARKS = {BETTER_MARK: "green", WORSE_MARK: "red"}
 
 
 class _Column:
@@ -327,11 +327,9 @@ def _wrapped(text: str, width: int, style: str = "") -> list[Text]:
 
 def _style(column: _Column, index: int) -> str:
     cell = column.cells[index]
-    return _style_of(cell) if column.heading == _VERDICT else _MARKS.get(cell[-1:], "")
-
-
-def _style_of(verdict: str) -> str:
-    return next((style for style, starts in _STYLES.items() if verdict.startswith(starts)), "")
+    if column.heading != "verdict":
+        return _MARKS.get(cell[-1:], "")
+    return next((style for style, starts in _STYLES.items() if cell.startswith(starts)), "")
 
 
 def _total(widths: list[int]) -> int:

@@ -325,16 +325,13 @@ class Forest(OfDifferences):
             )
         settled = swept.settled(0)
         rows = np.arange(points)
-        size = (WIDTHS[width], _FOREST_AROUND + _FOREST_ROW * points)
-        drawing = Drawing(figsize=size)
+        drawing = Drawing(figsize=(WIDTHS[width], _FOREST_AROUND + _FOREST_ROW * points))
         left, right = drawing.subplots(1, 2, sharey=True, width_ratios=(3, 2))
         first, second = swept.titles
         quantity = swept.results.quantity(self.metric_of(swept))
-        failed = ~swept.results.good[:, swept.controllers]
-        of_points = zip(values, failed, strict=True)
-        differences = np.array(
-            [median_difference(quantity, *of_laws, self.confidence) for of_laws in of_points]
-        )
+        cases = zip(values, ~swept.results.good[:, swept.controllers], strict=True)
+        leads = [median_difference(quantity, *case, self.confidence) for case in cases]
+        differences = np.array(leads)
         _draw_differences(left, rows, 100 * differences, f"{first} − {second}")
         words = free_text(f"median difference of {quantity.plain}", _LONGEST_SCALE[width])
         name = free_text(f"{first} − {second}, % of {second}", _LONGEST_SCALE[width])

@@ -171,9 +171,7 @@ class ShownRuns(ShownControllers):
         """
         errors = []
         for one in self.results:
-            known = (
-                one.metric("error_estimate") if one.has("error_estimate") else np.array([np.nan])
-            )
+            known = one.metric("error_estimate") if one.has("error_estimate") else np.empty(0)
             compared = one.attributes.get("cross_check_difference") or one.described.rtol or 0.0
             finite = known[np.isfinite(known)]
             errors.append(float(np.median(finite) if finite.size else compared))
@@ -388,11 +386,10 @@ def law_columns(
     laws = runs.shown
     mosaic = [[f"{row} {e.label}" if shows(row, e) else layout.EMPTY for e in laws] for row in rows]
     drawing, panels = layout.sheet(width, mosaic, runs.span, runs.unit("time"), _TALLEST)
-    by_row = {
-        row: {e.label: panels[f"{row} {e.label}"] for e in laws if shows(row, e)} for row in rows
-    }
-    for row in by_row.values():
-        layout.share_scale(row.values())
+    by_row = dict[str, LawRow]()
+    for row in rows:
+        by_row[row] = {e.label: panels[f"{row} {e.label}"] for e in laws if shows(row, e)}
+        layout.share_scale(by_row[row].values())
     for k, law in enumerate(laws):
         top = next((names[k] for names in mosaic if names[k] != layout.EMPTY), layout.EMPTY)
         if top != layout.EMPTY:
@@ -668,9 +665,6 @@ figures = Registry(
     "figure",
     "figures",
     Figure,
-    tuple(
-        f"figures.{kind}_figures"
-        for kind in ("path", "time", "run", "comparison", "sweep", "search")
-    ),
+    tuple(f"figures.{x}_figures" for x in "path time run comparison sweep search".split()),
     "eqt.plots",
 )

@@ -338,9 +338,8 @@ def hide_crowded(scale: Axis) -> None:
 
 def _characters(room: float, size: float, sample: str = _SAMPLE) -> int:
     """Return how many characters like those of a sample, `size` pt, fit in a line, in."""
-    wide, *_ = text_to_path.get_text_width_height_descent(
-        sample, FontProperties(size=size), ismath=False
-    )
+    font = FontProperties(size=size)
+    wide, *_ = text_to_path.get_text_width_height_descent(sample, font, ismath=False)
     return int(len(sample) * 72 * room / wide)
 
 

@@ -43,11 +43,7 @@ _MARGIN, _OBLIQUE, _GLOBE = 0.06, 0.17, 2.4
 largest extents; and extent of a panel over the radius of a sphere."""
 _WIDER = 1.6
 """Most that a panel is wider than its paths need."""
-_TALLEST: dict[Width, tuple[float, float]] = {
-    "column": (4.0, 6.5),
-    "page": (4.6, 6.5),
-    "slide": (2.5, 2.9),
-}
+_TALLEST = {"column": (4.0, 6.5), "page": (4.6, 6.5), "slide": (2.5, 2.9)}
 """Largest height of all panels together, of a law or two and of more laws, in."""
 _ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.35
 """Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
@@ -239,18 +235,16 @@ class PathFigure(OverTime):
         seen = of.places @ eye.T
         for (label, dot), at in zip(_ends(of.law.look.colour), (0, -1), strict=True):
             axes.plot(seen[:, at, 0], seen[:, at, 1], label=label, **dot)
-        self._draw_bodies(axes, eye, of, float(np.max(ends[1] - ends[0])))
+        self._draw_bodies(axes, eye, of, _BODY * float(np.max(ends[1] - ends[0])))
 
-    def _draw_bodies(self, axes: Axes, eye: Array, of: Flown, extent: float) -> None:
+    def _draw_bodies(self, axes: Axes, eye: Array, of: Flown, length: float) -> None:
         """Draw outlines along the first path, what is nearer to the eye over what is behind."""
         look: dict[str, Any] = {"edgecolor": of.law.look.colour, "linewidth": 0.4, "zorder": 3}
         look["facecolor"] = mixed(of.law.look.colour, ink(0), 0.25)
         at = np.linspace(0, of.places.shape[1] - 1, self.bodies).round().astype(int)
         for rotation, place in zip(of.rotation[0, at], of.places[0, at], strict=True):
             if np.isfinite(place).all():
-                faces = [
-                    place + _BODY * extent * face @ rotation.T for face in outline(of.law.results)
-                ]
+                faces = [place + length * face @ rotation.T for face in outline(of.law.results)]
                 faces = sorted((face @ eye.T for face in faces), key=lambda face: face[:, 2].mean())
                 shapes = [face[:, :2] for face in faces]
                 axes.add_collection(PolyCollection(shapes, label=layout.NO_NUMBERS, **look))

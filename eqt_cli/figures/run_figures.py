@@ -72,9 +72,8 @@ class RunsFigure(OverTime):
     def check(self, problems: Problems) -> None:
         """Refuse degrees for signals other than ``pose_error``."""
         if self.degrees and self.signal not in ("", "pose_error"):
-            problems.at("degrees").add(
-                f"applies to signal pose_error only; {self.signal} is not an angle"
-            )
+            problem = f"applies to signal pose_error only; {self.signal} is not an angle"
+            problems.at("degrees").add(problem)
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row per law and a column per part, or else controllers two by two."""
@@ -185,9 +184,11 @@ class EstimateFigure(OverTime):
         }
         judged = {e.label: e for e in shown if e.results.has("nees")}
         names = [*errors, "NEES"] if judged else [*errors]
-        drawing, rows = law_columns(
-            runs, width, names, lambda row, law: row != "NEES" or law.label in judged
-        )
+
+        def shows(row: str, law: Ensemble) -> bool:
+            return row != "NEES" or law.label in judged
+
+        drawing, rows = law_columns(runs, width, names, shows)
         for row, (part, error) in errors.items():
             unit = part.velocity_unit if error == "bias" else part.error_unit
             alone = error == "bias" and len(G.parts) == 1
@@ -212,9 +213,8 @@ class EstimateFigure(OverTime):
                     "set the key 'estimator' and run the experiment again"
                 )
         if runs.group is None:
-            raise runs.error(
-                f"shows no estimate on a group of a plugin, {runs.results[0].group_name}"
-            )
+            name = runs.results[0].group_name
+            raise runs.error(f"shows no estimate on a group of a plugin, {name}")
         return runs.group
 
     def _errors(self, runs: ShownRuns, shown: list[Ensemble]) -> list[str]:
@@ -264,10 +264,9 @@ class EstimateFigure(OverTime):
             axes.plot(times, nees, label="NEES", **_NEES)
             axes.plot(times, mean, label="mean NEES", color=ink(), linewidth=_LINE)
             seen += [*nees[nees > 0], *mean[mean > 0]]
-        for number, axes in enumerate(panels):
+        for axes in panels:
             scale_log(axes, "y", np.array(seen))
-            if not number:
-                name_scale(axes, "NEES")
+        name_scale(next(iter(panels)), "NEES")
 
     def _add_legend(self, drawing: Drawing, G: MatrixLieGroup, judged: bool) -> None:
         names = axis_labels(G)

@@ -386,10 +386,8 @@ class ShownMetrics(ShownControllers):
         super().__init__(results, figure, chosen)
         besides = [row.name for row in RANKED if row.role != "error"]
         parts = [part for name in besides for part in results[0].in_parts(name)]
-        parts = [*results[0].compared_first, *parts]
-        held = [
-            name for name in dict.fromkeys(parts) if all(name in one.metrics for one in results)
-        ]
+        wanted = dict.fromkeys([*results[0].compared_first, *parts])
+        held = [name for name in wanted if all(name in one.metrics for one in results)]
         without = [name for name in held if not any(_sample(name, e).seen.size for e in self.shown)]
         self.metrics = list(dict.fromkeys(metrics)) or [n for n in held if n not in without] or held
         if without and not metrics:
@@ -413,14 +411,12 @@ class ShownMetrics(ShownControllers):
     def notes(self) -> list[str]:
         """Return `ShownControllers.notes`, then how many runs have no value."""
         notes = super().notes()
-        for name, ensemble in product(self.metrics, self.shown):
-            total = int(ensemble.good.sum())
-            without = total - self.samples[name, ensemble.label].values.size
+        for name, e in product(self.metrics, self.shown):
+            total = int(e.good.sum())
+            without = total - self.samples[name, e.label].values.size
             # Other metrics are known only for runs with stored trajectories.
-            if without and name in ensemble.results.metrics:
-                notes.append(
-                    f"{ensemble.title}: {without} of {total} runs have no {name}; left out."
-                )
+            if without and name in e.results.metrics:
+                notes.append(f"{e.title}: {without} of {total} runs have no {name}; left out.")
         return notes
 
 
@@ -481,9 +477,8 @@ class ShownSweep:
     def __init__(self, results: Result, figure: str, chosen: Chosen = ALL) -> None:
         self.results, self.figure, self._shares = results, figure, False
         if not results.is_sweep:
-            raise self.error(
-                "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
-            )
+            message = "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
+            raise self.error(message)
         self.controllers = positions([results], figure, chosen.controllers)[0]
         self.looks = looks([results], [self.controllers], figure, chosen)
         self.titles = [results.titles[position] for position in self.controllers]
@@ -720,11 +715,9 @@ def course(
     if moving is not None:
         column = poses[(..., *moving.entries)][..., 0]
         position[..., : column.shape[-1]] = column[..., :3]
-    return (
-        BodyPath(rotation, position)
-        if frame is None
-        else BodyPath(frame @ rotation, position @ frame.T)
-    )
+    if frame is None:
+        return BodyPath(rotation, position)
+    return BodyPath(frame @ rotation, position @ frame.T)
 
 
 HALF_SIZES = (0.62, 0.36, 0.13)

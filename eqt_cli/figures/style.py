@@ -506,10 +506,8 @@ def line_style(look: int | Look) -> dict[str, Any]:
 def component_style(k: int) -> dict[str, Any]:
     """Return colour and dashes of the k-th component of a vector, in no colour of a law."""
     colours = (ink(), _COMPONENT, ink(0.5))
-    return {
-        "color": colours[k % len(colours)],
-        "linestyle": _DASHES[(k + k // len(colours)) % len(_DASHES)],
-    }
+    dashes = _DASHES[(k + k // len(colours)) % len(_DASHES)]
+    return {"color": colours[k % len(colours)], "linestyle": dashes}
 
 
 def marker(look: int | Look) -> str:

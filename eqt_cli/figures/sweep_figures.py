@@ -276,10 +276,8 @@ class Winners(OfDifferences):
         drawing, panel = one_panel(width, height)
         laws = [look.colour for look in swept.looks]
         # Cells have no dashes: a colour that the style gives to several laws is paler for each.
-        colours = [
-            ink(0),
-            *(mixed(c, ink(0), 0.5 ** laws[:k].count(c)) for k, c in enumerate(laws)),
-        ]
+        paler = [mixed(c, ink(0), 0.5 ** laws[:k].count(c)) for k, c in enumerate(laws)]
+        colours = [ink(0), *paler]
         winners = np.array([cell.winner - NOBODY for cell in wins.cells], dtype=float)
         look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
         look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
@@ -389,9 +387,8 @@ class Settled(OfSweep):
 
         columns = map_columns(len(swept.titles), width)
         drawing = _draw_maps(swept, cells, columns, (width, height), label, draw)
-        swept.remarks.append(
-            f"A cell per tested value, of {swept.count}; {_intervals(percent, written)}."
-        )
+        ends = _intervals(percent, written)
+        swept.remarks.append(f"A cell per tested value, of {swept.count}; {ends}.")
         return drawing
 
     def _proved(self, swept: ShownSweep) -> Iterator[str]:
@@ -481,9 +478,8 @@ class Pareto(OfSweep):
         panel.set_xlabel(metric_label(swept.results, cost_name, 36))
         panel.set_ylabel(metric_label(swept.results, error_name, 36))
         add_legend(drawing, lines, swept.titles)
-        swept.remarks.append(
-            f"Each point: mean over {swept.count}. Pale: another is better in both."
-        )
+        points = f"Each point: mean over {swept.count}."
+        swept.remarks.append(f"{points} Pale: another is better in both.")
         return drawing
 
 

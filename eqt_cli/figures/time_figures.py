@@ -631,23 +631,20 @@ class ReferenceOverTime(Panelled, OfReference):
 
     def compose(self, shown: ShownReference, width: Width) -> Drawing:
         """Draw three rows; the coordinates of a part share a panel."""
-        parts = shown.group.parts
-        names = self.picked(_ROWS)
+        G, parts, names = shown.group, shown.group.parts, self.picked(_ROWS)
         rows = [[f"{row} {part.name}" for part in parts] for row in names]
         span = float(shown.times[0]), float(shown.times[-1])
         drawing, panels = sheet(width, rows, span, "s")
         for place, part in enumerate(parts):
             for row, name in zip(rows, names, strict=True):
                 axes, of = panels[row[place]], getattr(shown, name)
-                values, label = part_curves(
-                    shown.group, part, name, of, degrees=self.degrees, index="d"
-                )
-                for k, axis in enumerate(shown.group.axis_names[part.axes]):
+                values, label = part_curves(G, part, name, of, degrees=self.degrees, index="d")
+                for k, axis in enumerate(G.axis_names[part.axes]):
                     axes.plot(shown.times, values[:, k], label=axis, **component_style(k))
                 name_scale(axes, label)
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name))
-        axes_of = axis_labels(shown.group)
+        axes_of = axis_labels(G)
         lines = [Line2D([], [], **component_style(k)) for k in range(len(axes_of))]
         if len(axes_of) > 1:
             add_legend(drawing, lines, axes_of)

@@ -25,7 +25,7 @@ from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import summary as summary_of
-from eqt_cli.base.reporting import WORD, reporter, significant, step
+from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.figures.animation import (
     AXES,
@@ -76,13 +76,8 @@ def page(template: str, styles: Sequence[str], script: str, **values: Any) -> st
         lstrip_blocks=True,
         finalize=_finalized,
     )
-    environment.filters |= {
-        "typeset": _typeset,
-        "prose": _prose,
-        "minus": _minus,
-        "numeric": _numeric,
-        "significant": significant,
-    }
+    environment.filters |= {"typeset": _typeset, "prose": _prose}
+    environment.filters |= {"minus": _minus, "numeric": _numeric}
     return environment.get_template(template).render(version=__version__, css=css, js=js, **values)
 
 
@@ -106,14 +101,11 @@ def _typeset(text: str) -> Markup:
 def _prose(text: str) -> Markup:
     """Typeset a sentence: symbols, powers of ten, minus signs, and no break before a unit."""
     signed = re.sub(r"(?<![\w.])-(?=\d)", "−", text)
-    powers = re.sub(
-        r"(?<=\d)e([-+]?)0*(\d+)",
-        lambda match: (
-            f"\u00a0·\u00a010<sup>{match[1].replace('-', '−').strip('+')}{match[2]}</sup>"
-        ),
-        str(_typeset(signed)),
-    )
-    return Markup(powers)
+
+    def power(match: re.Match[str]) -> str:
+        return f"\u00a0·\u00a010<sup>{match[1].replace('-', '−').strip('+')}{match[2]}</sup>"
+
+    return Markup(re.sub(r"(?<=\d)e([-+]?)0*(\d+)", power, str(_typeset(signed))))
 
 
 def _minus(text: str) -> str:
@@ -287,19 +279,15 @@ CASES = (Wanted("forest"), Wanted("forest", *_BY_EFFORT), Wanted("pareto"))
 
 COMPARED = Wanted(
     "winners",
-    {},
-    "Which law has the better mean pose error at each point, and by how many per cent; white: "
-    "undecided. All tests of the map are counted.",
+    caption="Which law has the better mean pose error at each point, and by how many per cent; "
+    "white: undecided. All tests of the map are counted.",
 )
 """Further default figure of a sweep with several laws over one or two keys."""
 
-FRONTS = (
-    Wanted(
-        "fronts",
-        {},
-        "Winners of the search by both objectives, means over held-out runs with 95 % intervals. "
-        "The line joins the Pareto front of these runs. Half-filled: the starting gains.",
-    ),
+FRONTS = Wanted(
+    "fronts",
+    caption="Winners of the search by both objectives, means over held-out runs with 95 % "
+    "intervals. The line joins the Pareto front of these runs. Half-filled: the starting gains.",
 )
 """Default figure of a report on a search with two objectives."""
 
@@ -343,7 +331,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     """
     known = {
         figure.name: replace(figure, needs="")
-        for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED, *FRONTS))
+        for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED, FRONTS))
     }
     for name in names:
         figures.get(name)
@@ -406,17 +394,7 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 
 OPTIONAL = (
-    "best",
-    "premises",
-    "answer",
-    "findings",
-    "claims",
-    "levels",
-    "pairs",
-    "others",
-    "missing",
-    "picker",
-    "animation",
+    "best premises answer findings claims levels pairs others missing picker animation".split()
 )
 """Parts of a page that only sweeps or only single experiments have."""
 
@@ -496,7 +474,7 @@ def _default(result: Result) -> Sequence[Wanted]:
     if WORST.beside(result):
         return (Wanted("worst"),)
     if _has_fronts(TUNE.beside(result)):
-        return FRONTS
+        return (FRONTS,)
     if side_by_side(result):
         return CASES
     if result.is_sweep:

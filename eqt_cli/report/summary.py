@@ -330,9 +330,8 @@ def point_table(result: Result) -> Document:
     names = [name for name in column_names(result) if not result.censored(name).any()]
     means = np.stack([result.means(name) for name in names], axis=-1)
     counts = [name for name in names if result.quantity(name).counts]
-    means = np.concatenate(
-        [means, *(shares(result.metric(name))[..., 1:] for name in counts)], axis=-1
-    )
+    ends = [shares(result.metric(name))[..., 1:] for name in counts]
+    means = np.concatenate([means, *ends], axis=-1)
     failed = np.count_nonzero(result.status, axis=-1)
     points, controllers = failed.shape
     order = [(c, p) for p in range(points) for c in range(controllers)]
