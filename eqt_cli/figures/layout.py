@@ -17,7 +17,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import text_to_path
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.base.arrays import Array
@@ -300,6 +300,7 @@ def freeze(figure: Figure) -> None:
                 scale.get_majorticklabels()  # which may differ in the new room
             narrowed = any(axes.get_aspect() != "auto" for axes in figure.axes)
             if narrowed or _numbers(scales) != measured:
+                _keep_numbers(scales)
                 engine.execute(figure)
         except UserWarning as warning:
             raise EqtError(
@@ -316,6 +317,13 @@ def freeze(figure: Figure) -> None:
             hide_crowded(scale)
             place = scale.label.get_transform().transform(scale.label.get_position())
             scale.set_label_coords(*axes.transAxes.inverted().transform(place))
+
+
+def _keep_numbers(scales: Iterable[Axis]) -> None:
+    """Keep the numbers of scales: else they and the room that they leave may change in turns."""
+    for scale in scales:
+        if isinstance(scale.get_major_locator(), MaxNLocator):
+            scale.set_major_locator(FixedLocator([*scale.get_majorticklocs()]))
 
 
 def _numbers(scales: Iterable[Axis]) -> list[str]:

@@ -45,7 +45,7 @@ _WIDER = 1.6
 """Most that a panel is wider than its paths need."""
 _TALLEST = {"column": (4.0, 6.5), "page": (4.6, 6.5), "slide": (2.5, 2.9)}
 """Largest height of all panels together, of a law or two and of more laws, in."""
-_ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.35
+_ASIDE, _GAP, _ABOVE, _BELOW = 0.4, 0.08, 0.15, 0.42
 """Room for numbers beside a panel, between panels, for a title, and below all panels, in."""
 _MOST_SPHERES: dict[Width, int] = {"column": 8, "page": 16, "slide": 12}
 """Most laws with a sphere each."""
