@@ -45,6 +45,7 @@ OPTIONS = {
     "commands": [{}, {"thrusters": True}, {"wheels": True}],
     "torque": [{}, {"share": "feedforward"}, {"signed": True}],
     "distributions": [{}, {"kind": "ecdf"}],
+    "rates": [{"bounds": 3}],  # each takes a proof for every law
 }
 """Options of figures with several pictures."""
 
