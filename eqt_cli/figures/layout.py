@@ -204,8 +204,8 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
 
 
 def add_title(axes: Axes, name: str) -> None:
-    """Write a user's text as the title of a panel, in lines that leave room for its letter."""
-    room = axes.get_window_extent().width / axes.figure.dpi - _LETTER
+    """Write a user's text as the title of a panel, in centred lines beside its letter."""
+    room = axes.get_window_extent().width / axes.figure.dpi - 2 * _LETTER
     fit = _characters(room, size_of_type("axes.titlesize"))
     axes.set_title(free_text(name, max(fit, *map(len, name.split()), 1)))
 
