@@ -430,6 +430,8 @@ def cut_off(axes: Axes, far: set[str]) -> None:
         return
     values = np.concatenate(near)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if low == high:  # nothing else moves there
+        return
     low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
     axes.set_ylim(low, high)
     for line in (line for line in axes.lines if line.get_label() in far):
