@@ -37,7 +37,10 @@ ESTIMATED = {
     },
     "estimator": {"kind": "invariant"},
 }
-SWEEP = {"sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]}
+SWEEP = {
+    "sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}],
+    "ensemble": {"runs": 8, "seed": 1},  # the fewest of which a win is significant
+}
 SMALL = {"budget": 1, "population": 5, "seeds": 1}
 TUNE = SMALL | {
     "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
