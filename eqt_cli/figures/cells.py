@@ -66,7 +66,8 @@ def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) 
 
 def scale_norm(axes: Axes, *, log: bool) -> None:
     """Set a scale for non-negative curves: logarithmic if asked and possible, else from 0."""
-    drawn = np.concatenate([[0.0], *(np.ravel(line.get_ydata()) for line in axes.lines)])
+    lines = [line for each in axes.get_shared_y_axes().get_siblings(axes) for line in each.lines]
+    drawn = np.concatenate([[0.0], *(np.ravel(line.get_ydata()) for line in lines)])
     seen = drawn[np.isfinite(drawn) & (drawn > 0)]
     if log and seen.size:
         scale_log(axes, "y", seen)

@@ -349,6 +349,7 @@ class Forest(OfDifferences):
             panel.tick_params(axis="y", length=0)
         add_legend(drawing, right.lines[:2], swept.titles)
         swept.remarks += self._remarks(swept, differences, first)
+        swept.note = f"bars: {100 * self.confidence:g} % intervals; hollow: undecided"
         return drawing
 
     def _remarks(self, swept: ShownSweep, differences: Array, first: str) -> list[str]:

@@ -57,6 +57,8 @@ _BETWEEN = 0.06
 """Least gap between two numbers side by side, in."""
 _LETTER = 0.2
 """Width of the letter of a panel, in."""
+_NARROW_LETTERS = 12
+"""Number of panels whose letters, a to l, are narrower than half of that."""
 _SMALLER = re.compile(r"\$[^$]*(\^|_|\\frac)")
 """Mathematics with letters that are smaller than the others."""
 _LABEL_REACH = 1.2
@@ -205,7 +207,8 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
 
 def add_title(axes: Axes, name: str) -> None:
     """Write a user's text as the title of a panel, in centred lines beside its letter."""
-    room = axes.get_window_extent().width / axes.figure.dpi - 2 * _LETTER
+    letters = 2 if len(axes.figure.axes) > _NARROW_LETTERS else 1  # a title is centred
+    room = axes.get_window_extent().width / axes.figure.dpi - letters * _LETTER
     fit = _characters(room, size_of_type("axes.titlesize"))
     axes.set_title(free_text(name, max(fit, *map(len, name.split()), 1)))
 
@@ -416,6 +419,8 @@ def diverging(curves: Mapping[str, Array]) -> list[str]:
 def leaving(shown: ShownControllers, errors: Iterable[Mapping[str, Array]]) -> set[str]:
     """Return the labels of laws of which an error diverges, and say that they are cut off."""
     far = {label for each in errors for label in diverging(each)}
+    if len(far) == len(shown.shown):  # of each, another number; so none leaves what others do
+        return set()
     if far:
         titles = ", ".join(f"“{e.title}”" for e in shown.shown if e.label in far)
         shown.remarks.append(f"Cut off where it leaves the reference: {titles}.")
@@ -436,7 +441,8 @@ def cut_off(axes: Axes, far: set[str]) -> None:
     axes.set_ylim(low, high)
     for line in (line for line in axes.lines if line.get_label() in far):
         drawn = np.asarray(line.get_ydata())
-        inside = np.logical_and.accumulate((drawn >= low) & (drawn <= high))
+        least = 0.0 if min(map(np.nanmin, near)) >= 0 else low  # a norm leaves upwards
+        inside = np.logical_and.accumulate((drawn >= least) & (drawn <= high))
         line.set_ydata(np.where(inside, drawn, np.nan))
 
 

@@ -154,6 +154,7 @@ def _draw_curves(
     lines, laws = [], len(swept.looks)
     if axis.is_number and laws > BANDS:
         swept.remarks.append(f"Bands are those of {' and '.join(swept.titles[:BANDS])}.")
+        swept.note += f", bands of {' and '.join(swept.titles[:BANDS])}"
     for k, (look, title) in enumerate(zip(swept.looks, swept.titles, strict=True)):
         across, band, style = axis.values[order], bands[:, order, k], line_style(look)
         if axis.is_number and k < BANDS:
@@ -266,10 +267,9 @@ class Winners(OfDifferences):
         wins = compare_map(swept.results, self.metric_of(swept), resampling, swept.controllers)
         points = len(wins.cells)
         if wins.has_too_few_runs:
-            raise swept.error(
-                f"has no winners to show: {wins.runs} runs are too few for a win at one of "
-                f"{points} points, which takes {wins.fewest} (`ensemble.runs`)"
-            )
+            swept.note = f"no winners: {wins.runs} runs are too few, it takes {wins.fewest}"
+        elif wins.wins(NOBODY) == points:
+            swept.note = "no law wins at any point"
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
@@ -291,7 +291,8 @@ class Winners(OfDifferences):
             _number_leads(panel, cells, wins, int(room / _LETTER))
         below = cells.scales(panel, swept.results, WIDTHS[width] - _SCALE)
         drawing.set_figheight(drawing.get_figheight() + below)
-        add_title(panel, f"better {metric_label(swept.results, self.metric_of(swept), 60)}")
+        quantity = swept.results.quantity(self.metric_of(swept))
+        add_title(panel, f"better {quantity.plain}, by %")
         _explain_winners(drawing, colours, wins, bool(failed))
         swept.remarks += [
             "Law and number: the better mean, and the median difference from the next law in per "
@@ -536,5 +537,6 @@ class Rates(Figure[ShownControllers]):
         panel.set(xlabel=bound.removesuffix(" (mixed)"), xlim=(0, fastest or 1))
         panel.set(ylabel="rate of small errors (1/s)", ylim=(0, None))
         add_legend(drawing, panel.lines[: len(known)], known)
-        shown.remarks.append("Thick: proved for all references. Thin: slowest constant velocity.")
+        shown.note = "thick: proved for all references; thin: slowest constant velocity"
+        shown.remarks.append(f"{shown.note.capitalize()}.")
         return drawing

@@ -97,3 +97,15 @@ def test_an_odd_number_of_controllers_leaves_a_place_empty(so3, opened, picture)
 def test_a_single_controller_fills_the_width(so3, opened, picture):
     (axes,) = picture(RunsFigure(controllers=["gt"]), opened(so3)).axes
     assert axes.get_position().width > 0.8
+
+
+@unarranged
+def test_a_shared_scale_has_numbers_for_the_widest_of_its_panels(so3, altered, opened):
+    """The last law spans a decade, and the first nine."""
+    values = np.ones_like(opened(so3)["pose_error"])
+    values[0] = np.logspace(0, -9, values.shape[-1])
+    values[-1] = np.logspace(0, -1.5, values.shape[-1])
+    panel = RunsFigure(log=True).draw([altered(so3, pose_error=values)]).axes[0]
+    low, high = panel.get_ylim()
+    assert low < 1e-2  # nine decades but for the error of the solver
+    assert np.count_nonzero((low <= panel.get_yticks()) & (panel.get_yticks() <= high)) >= 2
