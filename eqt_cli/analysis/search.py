@@ -430,8 +430,8 @@ def carry_out(
     folder.check(search.laws)
     with locked(out, name=f"{LOCK}-{search.kind.command}"):
         folder.claim(search.settings, force)
-        with step(RUNS_DONE, search.all_runs):
-            judged, outcome = search.conclude(folder, executor)
+        with executor.opened(out) as opened, step(RUNS_DONE, search.all_runs):
+            judged, outcome = search.conclude(folder, opened)
         record = search.settings | outcome
         folder.write_record(record)
     return Searched(search, judged, record)

@@ -168,8 +168,9 @@ def without_ctrl_c() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # as it starts, it unblocks the signal
-    earlier = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    earlier = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGHUP])
+    resource_tracker.ensure_running()  # outlives a closed terminal; it unblocks Ctrl-C as it starts
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
     finally:

@@ -1,5 +1,6 @@
 """The version of eqt, and the versions that a result records of each session."""
 
+from collections.abc import Mapping
 from typing import Any
 
 __version__ = "0.1.0"
@@ -14,7 +15,7 @@ OTHERS = "other_sessions"
 """Entry for other sessions that computed some of the runs and differ in `NUMERIC`."""
 
 
-def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
+def differences(other: Mapping[str, Any], origin: Mapping[str, Any]) -> str:
     """Describe the differences of a session from this one, as ``numpy 2.0.0 (not 2.4.6)``."""
     return ", ".join(
         f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
@@ -23,7 +24,7 @@ def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
     )
 
 
-def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+def together(origin: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Any]:
     """Return `origin` with the sessions of both that differ from it in `NUMERIC`."""
     plain = {key: value for key, value in origin.items() if key != OTHERS}
     sessions = [plain]

@@ -27,6 +27,12 @@ def arithmetic() -> str:
     return sha256(b"".join(np.asarray(each).tobytes() for each in results)).hexdigest()[:12]
 
 
+def by(study: Study) -> dict[str, str]:
+    """Return the arithmetic of this processor, and whether numbers of a study depend on it."""
+    processor, of = arithmetic(), dependent(study)
+    return {"processor": processor, "arithmetic": f"{processor} by {of}" if of else "any"}
+
+
 MOST_POINTS = 1000
 """Most points of a sweep that are looked at: those whose values are not only numbers."""
 

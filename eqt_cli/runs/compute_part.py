@@ -28,6 +28,7 @@ from eqt_cli.loop.signals import LAW_OUTPUT, holds, knows_energy, of_pose, outpu
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import (
     BOUND_PER_RTOL,
     Batch,
@@ -40,6 +41,7 @@ from eqt_cli.runs.batches import (
 from eqt_cli.runs.executors import TaskContext
 from eqt_cli.runs.folder import Layout, measured_of, outputs_of_laws
 from eqt_cli.runs.part_files import FinishedPart, PartFiles
+from eqt_cli.runs.provenance import versions
 
 LEADING = {
     ValuePer.TRAJECTORY: "kept",
@@ -615,6 +617,10 @@ class PartTask:
     def runs_of(self, item: int) -> int:
         """Return the number of runs of a part."""
         return len(self.part(item)[1])
+
+    def origin(self) -> dict[str, Any]:
+        """Return what the last bits depend on in this process."""
+        return versions() | by(self.study)
 
     def missing(self, wanted: Iterable[int] | None = None) -> list[int]:
         """Return the numbers of the missing parts, among all or the wanted ones."""

@@ -5,25 +5,27 @@ from __future__ import annotations
 import math
 import os
 import pickle
-import signal
 import sys
 import threading
 import time
 from abc import abstractmethod
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import suppress
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent import futures
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import copy_context
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import islice
 from multiprocessing import connection, get_context, parent_process
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.base import process
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.option_types import Count
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.reporting import reporter
@@ -63,13 +65,20 @@ class Task(Protocol):
     def runs_of(self, item: int) -> int:
         """Return the amount of progress of one item."""
 
+    def origin(self) -> Mapping[str, Any]:
+        """Return what the last bits of its numbers depend on in this process."""
+
 
 @dataclass(frozen=True)
 class Outcome:
-    """The end of one item; `failed` is None if every worker that tried it was lost."""
+    """The end of one item; `failed` is None if every worker that tried it was lost.
+
+    `origin` says what the last bits depend on in another process; empty in this one.
+    """
 
     item: int
     failed: int | None
+    origin: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,10 @@ class Executor(Component):
     def wall_time(self, items: int, each: float) -> float:
         """Return the wall time of so many items, s, if one takes `each` s."""
         return math.ceil(items / max(self.at_once(items, each), 1)) * each
+
+    def opened(self, folder: Path) -> AbstractContextManager[Executor]:
+        """Start what lives for a whole command, with its files in a folder."""
+        return nullcontext(self)
 
     @abstractmethod
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
@@ -165,11 +178,11 @@ class Threads(ExecutorHere):
             return pool.submit(copy_context().run, task, item, context)  # keeps the reporter
 
         context = TaskContext(report, threads)
-        with threadpool_limits(1), ThreadPoolExecutor(self.workers) as pool:
+        with threadpool_limits(1), futures.ThreadPoolExecutor(self.workers) as pool:
             begun = {begin(item): item for item in islice(waiting, self.workers)}
             try:
                 while begun:
-                    for future in wait(begun, return_when=FIRST_COMPLETED).done:
+                    for future in futures.wait(begun, return_when=futures.FIRST_COMPLETED).done:
                         for item in islice(waiting, 1):
                             begun[begin(item)] = item
                         yield Outcome(begun.pop(future), future.result())
@@ -177,143 +190,158 @@ class Threads(ExecutorHere):
                 pool.shutdown(wait=True, cancel_futures=True)
 
 
-# Computes items in several processes of this machine. A lost process loses only its current item --
+# Executors over an engine of `concurrent.futures`, such as processes of this machine --------------
 #
-# Processes are spawned, not forked, because a fork copies locks that threads of the parent hold.
-# The process pool of the standard library is not used, because it gives up all items when one
-# process dies.
+# What a task raises, it returns; so an exception of a future is the engine's. Of these, only those
+# that the engine itself uses for a lost worker mean one.
 
 
-NONE = -1
-"""Marks a worker without an item."""
+LOOK_EVERY = 0.2
+"""Time between looks at running items, s."""
 
-REPORT_EVERY = 0.2
-"""Time between progress reports of a worker, s."""
+QUIET = 10.0
+"""Multiple of the longest time between two ends of items after which silence is remarked on."""
+
+AGAIN = "run the same command again to continue"
 
 
 @dataclass(frozen=True)
-class Local(Executor):
-    """Processes of this machine, each with one BLAS thread."""
+class Pool:
+    """An open engine of `concurrent.futures`.
 
-    name: ClassVar[str] = "local"
+    Attributes
+    ----------
+    engine
+        Takes what `_Work` submits.
+    lost
+        For each exception of the engine that means a lost worker, the number of these after which
+        an item is given up.
+    room
+        Largest number of items that are submitted at a time.
+    check
+        Raises if the engine is gone and does not say so.
+    reached
+        Returns the progress of a running item.
+    notice
+        Time in which the engine notices a lost worker, s.
+    """
+
+    engine: futures.Executor
+    lost: Mapping[Any, int]
+    room: int
+    check: Callable[[], None] = lambda: None
+    reached: Callable[[Future[Any]], float] = lambda future: 0.0
+    notice: float = 60.0
+
+
+@dataclass(frozen=True)
+class Pooled(Executor):
+    """An executor over an engine of `concurrent.futures`, which runs while it is `opened`."""
+
+    @abstractmethod
+    def started(self, folder: Path) -> AbstractContextManager[Pool]:
+        """Start the engine, with its files in a folder; at the end, stop it and what it runs."""
+
+    @contextmanager
+    def opened(self, folder: Path) -> Iterator[Executor]:
+        with self.started(folder) as pool:
+            yield _Opened(self.workers, pool)
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        workers = [_Worker(task) for _ in range(min(self.workers, len(items)))]
-        waiting, tries = deque(items), dict.fromkeys(items, 0)
-        try:
-            while busy := _busy(workers, waiting):
-                ready = connection.wait([worker.pipe for worker in busy])
-                for worker in [worker for worker in busy if worker.pipe in ready]:
-                    item = worker.item
-                    kind, failed = worker.answer()
-                    if kind == "done":
-                        yield Outcome(item, int(failed))
-                    elif kind == "lost":
-                        tries[item] += 1
-                        if tries[item] < MOST_TRIES:
-                            waiting.appendleft(item)
-                        else:
-                            yield Outcome(item, None)
-        finally:
-            for worker in workers:
-                worker.end()
+        with self.opened(Path()) as opened:
+            yield from opened.outcomes(task, items)
 
 
-def _busy(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
-    """Give an item to each free worker, and return the busy workers."""
-    for worker in workers:
-        if worker.item == NONE and waiting:
-            worker.give(waiting.popleft())
-    return [worker for worker in workers if worker.item != NONE]
+@dataclass(frozen=True)
+class _Opened(Executor):
+    """An executor whose engine runs."""
+
+    pool: Any = None
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from _Work(self.pool, task, deque(items)).outcomes()
 
 
 @dataclass
-class _Worker:
-    """A process, started with its first item, and its current item."""
+class _Work:
+    """Items at an engine: their progress, and how often each lost its worker."""
 
+    pool: Pool
     task: Task
-    item: int = NONE
-    process: Any = None
-    pipe: Any = None
-    reported: float = 0.0
+    waiting: deque[int]
+    running: dict[Future[Any], int] = field(default_factory=dict)
+    reached: Counter[int] = field(default_factory=Counter)
+    tries: Counter[tuple[int, type]] = field(default_factory=Counter)
 
-    def give(self, item: int) -> None:
-        self.item, self.reported = item, 0.0
-        if self.process is None:
-            self.start()
-        with suppress(OSError):  # `answer` finds out if the process has died
-            self.pipe.send(item)
+    def outcomes(self) -> Iterator[Outcome]:
+        payload, last, longest = pickle.dumps(self.task), time.monotonic(), 0.0
+        while self.waiting or self.running:
+            while self.waiting and len(self.running) < self.pool.room:
+                item = self.waiting.popleft()
+                self.running[self.pool.engine.submit(_computed, payload, item)] = item
+            self.pool.check()
+            done, others = futures.wait(self.running, LOOK_EVERY, futures.FIRST_COMPLETED)
+            for future in others:
+                self._advance(self.running[future], self.pool.reached(future))
+            for future in done:
+                if outcome := self._outcome(future, self.running.pop(future)):
+                    yield outcome
+            silent = time.monotonic() - last
+            if done:
+                last, longest = last + silent, max(longest, silent)
+            elif longest and silent > QUIET * longest + self.pool.notice:
+                words = f"no part has ended for {silent:.0f} s, and before one did every"
+                hint = f"the workers may be gone: end with Ctrl-C, and {AGAIN}"
+                reporter().remark(EqtWarning(f"{words} {longest:.0f} s; {hint}"))
+                longest = 0.0
 
-    def start(self) -> None:
-        context = get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        started = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
-        with process.without_ctrl_c():
-            started.start()
-        self.process = started
-        theirs.close()
-
-    def answer(self) -> tuple[str, Any]:
-        """Return ``done`` with the number of failed runs, or ``progress``; ``lost`` if it died."""
+    def _outcome(self, future: Future[Any], item: int) -> Outcome | None:
+        """Return the outcome of an item; None if it waits again."""
         try:
-            kind, value = self.pipe.recv()
-        except (EOFError, OSError):
-            self._advance(0.0)
-            self.end()
-            self.process, self.item = None, NONE
-            return "lost", None
-        if kind == "error":
-            raise value
-        if kind == "progress":
-            self._advance(self.reported + value)
-        else:
-            self._advance(self.task.runs_of(self.item))
-            self.item = NONE
-        return kind, value
+            failed, error, origin = future.result()
+        except tuple(self.pool.lost) as loss:
+            self._advance(item, 0)
+            kind = next(kind for kind in self.pool.lost if isinstance(loss, kind))
+            self.tries[item, kind] += 1
+            if self.tries[item, kind] == self.pool.lost[kind]:
+                return Outcome(item, None)
+            self.waiting.appendleft(item)
+            return None
+        except Exception as fault:
+            raise EqtError(f"executor: {type(fault).__name__}: {fault}; {AGAIN}") from fault
+        if error is not None:
+            raise error
+        self._advance(item, self.task.runs_of(item))
+        return Outcome(item, failed, origin)
 
-    def _advance(self, reached: float) -> None:
-        reporter().advance(reached - self.reported)
-        self.reported = reached
-
-    def end(self) -> None:
-        if self.process is not None:
-            self.process.kill()  # an unfinished part leaves no file
-            self.process.join()
-            self.pipe.close()
+    def _advance(self, item: int, reached: Any) -> None:
+        reporter().advance(reached - self.reached[item])
+        self.reached[item] = reached
 
 
-def _serve(pipe: Any, task: Task) -> None:
-    """Compute items in a worker process, until the pipe is closed, as by the end of the parent."""
-    process.of_worker()
-    # At exit, Python stops the workers that an interruption left with this signal.
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    if sys.platform != "linux":  # which ends it with its parent
-        threading.Thread(target=_end_with_parent, daemon=True).start()
-    due = pending = 0.0
-
-    def report(amount: float) -> None:
-        nonlocal due, pending
-        pending += amount
-        if time.monotonic() >= due:
-            pipe.send(("progress", pending))
-            due, pending = time.monotonic() + REPORT_EVERY, 0.0
-
-    with threadpool_limits(1), pipe, suppress(EOFError, OSError):
-        while True:
-            item = pipe.recv()
-            try:
-                answer: Any = ("done", task(item, TaskContext(report)))
-            except Exception as error:
-                answer = ("error", _portable(error))
-            pending = 0.0
-            pipe.send(answer)
+_progress: Any = None
+"""In a process of `Local`: what it has done of its item, shared with its parent."""
 
 
-def _end_with_parent() -> None:
-    """Exit when the parent process ends, even if it was killed."""
-    parent: Any = parent_process()
-    connection.wait([parent.sentinel])
-    os._exit(1)
+def _computed(payload: bytes, item: int) -> tuple[int, Exception | None, Mapping[str, Any]]:
+    """Compute an item in a worker; return its failed runs, its error, and the task's origin."""
+
+    def advance(amount: float) -> None:
+        if _progress is not None:
+            _progress.value += amount
+
+    try:
+        task, origin = _task(payload)
+        with threadpool_limits(1):
+            return task(item, TaskContext(advance)), None, origin
+    except Exception as error:
+        return 0, _portable(error), {}
+
+
+@lru_cache(maxsize=1)
+def _task(payload: bytes) -> tuple[Task, Mapping[str, Any]]:
+    task: Task = pickle.loads(payload)
+    return task, task.origin()
 
 
 def _portable(error: Exception) -> Exception:
@@ -323,6 +351,72 @@ def _portable(error: Exception) -> Exception:
     except Exception:
         return EqtError(str(error)) if isinstance(error, EqtError) else RuntimeError(repr(error))
     return error
+
+
+def _begin(progress: Any) -> None:
+    """Begin a process of `Local`, which ends with its parent, even if that was killed."""
+    global _progress
+    _progress = progress
+    process.of_worker()
+    if sys.platform != "linux":  # which ends it with its parent
+        threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent: Any = parent_process()
+    connection.wait([parent.sentinel])
+    os._exit(1)
+
+
+class _Processes(futures.Executor):
+    """Pools of one process each, since a pool gives up all items when one process dies.
+
+    Processes are spawned, not forked, because a fork copies locks that threads of the parent hold.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self.context = get_context("spawn")
+        self.progress = [self.context.Value("d", lock=False) for _ in range(workers)]
+        self.pools: list[futures.ProcessPoolExecutor | None] = [None] * workers
+        self.busy: dict[Future[Any], int] = {}
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        for future in [future for future in self.busy if future.done()]:
+            place = self.busy.pop(future)
+            if isinstance(future.exception(), futures.BrokenExecutor):
+                self.pools[place] = None
+        place = min({*range(len(self.pools))} - {*self.busy.values()})
+        progress, pool = self.progress[place], self.pools[place]
+        progress.value = 0.0
+        with process.without_ctrl_c():
+            if pool is None:
+                begin: Any = {"initializer": _begin, "initargs": (progress,)}
+                pool = self.pools[place] = futures.ProcessPoolExecutor(1, self.context, **begin)
+            future = pool.submit(fn, *args, **kwargs)
+        self.busy[future] = place
+        return future
+
+    def reached(self, future: Future[Any]) -> float:
+        return float(self.progress[self.busy[future]].value)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        for pool in filter(None, self.pools):
+            for started in [*(pool._processes or {}).values()]:
+                started.kill()  # an unfinished part leaves no file
+            pool.shutdown(wait, cancel_futures=cancel_futures)
+
+
+@dataclass(frozen=True)
+class Local(Pooled):
+    """Processes of this machine, each with one BLAS thread."""
+
+    name: ClassVar[str] = "local"
+
+    @contextmanager
+    def started(self, folder: Path) -> Iterator[Pool]:
+        with _Processes(self.workers) as engine:
+            lost = {futures.BrokenExecutor: MOST_TRIES}
+            yield Pool(engine, lost, self.workers, reached=engine.reached, notice=0.0)
 
 
 # Starts in this process, and switches to worker processes if much work remains --------------------

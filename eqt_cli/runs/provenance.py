@@ -47,14 +47,21 @@ def commit_of(folder: Path) -> str | None:
 PACKAGES = ("numpy", "scipy", "h5py")
 
 
-def provenance(folder: Path, tools: Mapping[str, str]) -> dict[str, Any]:
-    """Describe this machine, the tools of the engine, and the session of a configuration."""
+def versions() -> dict[str, Any]:
+    """Describe this machine and its packages."""
     return {
         "eqt": __version__,
         "python": platform.python_version(),
         **{name: import_module(name).__version__ for name in PACKAGES},
         "platform": platform.platform(),
         "machine": platform.machine(),
+    }
+
+
+def provenance(folder: Path, tools: Mapping[str, str]) -> dict[str, Any]:
+    """Describe this machine, the tools of the engine, and the session of a configuration."""
+    return {
+        **versions(),
         **tools,
         "cpu_count": os.cpu_count(),
         "command": " ".join(["eqt", *sys.argv[1:]]),

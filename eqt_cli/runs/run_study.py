@@ -25,7 +25,7 @@ from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.runs.arithmetic import arithmetic, dependent
+from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
@@ -176,7 +176,8 @@ def execute(
                         Remedy(f"use at most {parts.replace('part', 'shard')}"),
                     )
                 )
-        session = _Session(study, folder, executor or Serial())
+        chosen = locks.enter_context((executor or Serial()).opened(folder.path))
+        session = _Session(study, folder, chosen)
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:  # parts whose runs all failed are computed as a whole
@@ -244,6 +245,8 @@ class _Session:
     folder: ResultFolder
     executor: Executor
     seconds: dict[str, float] = field(default_factory=dict)
+    origin: dict[str, Any] = field(default_factory=dict, init=False)
+    """Where numbers come from that are computed now, here or by workers."""
 
     def __post_init__(self) -> None:
         self.plan, self.files = self.study.plans, self.folder.parts
@@ -271,12 +274,12 @@ class _Session:
                 )
             if shard is None:
                 with timed(self.seconds, "writing", without="cross-check"):
-                    self._pack(manifest["provenance"])
+                    self._pack()
                 unless_packed.pop_all()
         failed = sum(finished[number].failed for number in wanted)
         if shard is None:
             ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
-            self.folder.finish(manifest | ending)
+            self.folder.finish(manifest | ending | {"provenance": self.origin})
         return Execution(
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
         )
@@ -291,13 +294,13 @@ class _Session:
         here = _origin(self.study)
         earlier = manifest.get("provenance", here)
         self._remark_versions([earlier], here)
-        origin = together(earlier, here)
+        self.origin = together(earlier, here)
         with timed(self.seconds, "simulation", without=COMPILING):
             self._compute(again)
         with timed(self.seconds, "writing"):
-            described = json.dumps(origin, ensure_ascii=False)
+            described = json.dumps(self.origin, ensure_ascii=False)
             still = replace_runs(again, self.folder.results, {"provenance": described})
-        self.folder.finish(manifest | {"failed": still, "provenance": origin})
+        self.folder.finish(manifest | {"failed": still, "provenance": self.origin})
         self.folder.remove(RERUN)
         done, total = self.plan.total - failed, self.plan.total
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
@@ -314,15 +317,17 @@ class _Session:
             for outcome in self.executor.outcomes(task, missing):
                 if time.monotonic() > begun + UNSAVED_SECONDS:
                     task.save()
+                if outcome.origin:
+                    self._note_origin(outcome.origin)
                 if outcome.failed is None:
                     message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
                     reporter().advance(task.lose(outcome.item, message))
         if counted.uncounted:
             self.seconds[COMPILING] = round(counted.uncounted, 3)
 
-    def _pack(self, origin: dict[str, Any]) -> None:
+    def _pack(self) -> None:
         """Pack all parts; damaged parts are computed again."""
-        attributes, mended = described(self.study, origin), set[Path]()
+        attributes, mended = described(self.study, self.origin), set[Path]()
         while True:
             try:
                 pack(self.task, self.folder.results, attributes, self.seconds)
@@ -346,6 +351,14 @@ class _Session:
                 )
             )
 
+    def _note_origin(self, origin: Mapping[str, Any]) -> None:
+        """Add where a worker's numbers come from, and remark if it computes otherwise."""
+        both = together(self.origin, origin)
+        if both != self.origin:
+            self.origin, words = both, differences(origin, self.origin)
+            agree = "its runs agree with the others within tolerances, not bit for bit"
+            reporter().remark(EqtWarning(f"a worker has {words}: {agree}"))
+
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
@@ -353,6 +366,7 @@ class _Session:
         if same and not afresh and "provenance" in earlier:
             origin = together(origin, earlier["provenance"])
             self._remark_versions(origin.get(OTHERS, []), origin)
+        self.origin = origin
         return {
             "name": study.name,
             "digest": study.digest,
@@ -371,9 +385,7 @@ class _Session:
 
 def _origin(study: Study) -> dict[str, Any]:
     """Return where numbers come from that are computed now."""
-    tools, processor, of = study.base.engine.provenance(), arithmetic(), dependent(study)
-    tools |= {"processor": processor, "arithmetic": f"{processor} by {of}" if of else "any"}
-    return provenance(study.document.home.folder, tools)
+    return provenance(study.document.home.folder, study.base.engine.provenance() | by(study))
 
 
 PACKING, CHECKING = "parts packed", "runs cross-checked"

@@ -34,6 +34,9 @@ class Task:
     def runs_of(self, item):
         return 10
 
+    def origin(self):
+        return {"machine": "here"}
+
     def __call__(self, item, ways):
         with open(Path(self.folder) / f"{item}-{os.getpid()}-{time.monotonic_ns()}", "w"):
             pass
