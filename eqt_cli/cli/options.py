@@ -29,8 +29,8 @@ Computing
     --workers N  Number of cores to use. Default: all.
     --engine NAME  auto (native where it can be used, else solve_ivp) or another engine (`eqt list
         engines`). Same as --set solver.engine=NAME.
-    --executor NAME  auto, serial, threads or local, or NAME:KEY=VALUE with options of it
-        (`eqt list executors`). Default: auto.
+    --executor NAME  auto, serial, threads or local; parsl:FILE.py or dask:ADDRESS for other
+        machines; NAME:KEY=VALUE with options of it (`eqt list executors`). Default: auto.
     --shard I/N  Compute only share I of N. `eqt pack` joins the shares.
     --dry-run  Print the points, runs and expected time only.
 """

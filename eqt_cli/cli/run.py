@@ -324,12 +324,17 @@ def shard_from(text: str | None) -> Shard | None:
 def executor_from(experiment: Study, setup: options.Setup) -> Executor:
     """Return the requested executor, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or a default."""
     from eqt_cli.api import choose_executor
+    from eqt_cli.base.option_types import option_names
     from eqt_cli.base.yaml_source import parse_value
+    from eqt_cli.runs.executors import executors
 
     name, _, listed = (setup.executor or "").partition(":")
-    values = {}
-    for option in filter(None, listed.split(",")):
+    values = dict[str, Any]()
+    for number, option in enumerate(filter(None, listed.split(","))):
         key, equals, value = option.partition("=")
+        if not equals and number == 0 and "at" in option_names(executors.get(name)):
+            values["at"] = option
+            continue
         if not equals:
             raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{setup.executor}'")
         values[key.strip()] = parse_value(value, "--executor")

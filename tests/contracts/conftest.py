@@ -92,9 +92,13 @@ def components() -> dict[str, list[type]]:
         forget_plugins(patch)
         for path in PLUGINS:
             load_plugin(path)
-        # Code of a user's own is for any task, and no formula.
+        # Code of a user's own is for any task, and no formula; some executors are somewhere.
         return {
-            kind: [each for each in registry(kind).all() if getattr(each, "tasks", True)]
+            kind: [
+                each
+                for each in registry(kind).all()
+                if getattr(each, "tasks", True) and getattr(each, "at", None) != ""
+            ]
             for kind in KINDS
         }
 

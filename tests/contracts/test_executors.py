@@ -21,6 +21,9 @@ class Task:
     def runs_of(self, item):
         return 10
 
+    def origin(self):
+        return {"machine": "here"}
+
     def __call__(self, item, ways):
         assert ways.threads >= 1
         Path(self.folder, f"{item}-{os.getpid()}-{time.monotonic_ns()}").touch()

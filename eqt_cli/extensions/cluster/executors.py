@@ -1,0 +1,140 @@
+"""Executors over engines of `concurrent.futures` that reach other machines."""
+
+from __future__ import annotations
+
+import os
+import runpy
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+from urllib.parse import urlsplit
+
+from eqt_cli.base.errors import EqtError
+from eqt_cli.runs.executors import AGAIN, MOST_TRIES, Pool, Pooled
+
+MOST_JOBS = 10
+"""Number of jobs that end while they compute an item, after which it is given up."""
+
+RUN_FOLDER = "parsl"
+"""Folder of Parsl's keys and logs in that of the result."""
+
+AHEAD = 1000
+"""Largest number of items that wait for workers in an engine."""
+
+_HERE = ("127.0.0.1", "::1", "localhost")
+
+
+@dataclass(frozen=True)
+class Parsl(Pooled):
+    """Workers that Parsl starts: here, or as jobs of SLURM, PBS, LSF, HTCondor or Kubernetes.
+
+    Attributes
+    ----------
+    at
+        A Python file that defines Parsl's ``config``. It is executed.
+    """
+
+    name: ClassVar[str] = "parsl"
+    at: str = ""
+
+    @contextmanager
+    def started(self, folder: Path) -> Iterator[Pool]:
+        try:
+            import parsl
+            from parsl.concurrent import ParslPoolExecutor
+            from parsl.executors.high_throughput.errors import ManagerLost, WorkerLost
+        except ImportError as error:
+            raise EqtError("executor parsl needs pip install 'eqt-cli[cluster]'") from error
+        config, place = self._config(parsl.Config), folder / RUN_FOLDER
+        shutil.rmtree(place, ignore_errors=True)  # of a process that was killed
+        config.run_dir, config.initialize_logging, config.retries = str(place), False, 0
+        heads = [executor for executor in config.executors if hasattr(executor, "interchange_proc")]
+        scripts = Path(sys.executable).parent
+        os.environ["PATH"] = f"{scripts}{os.pathsep}{os.environ['PATH']}"  # for workers here
+        for head in heads:
+            if not head.encrypted:
+                reason = "whoever reaches its port can run code as you"
+                raise EqtError(f"{self.at}: leave out encrypted=False of {head.label}: {reason}")
+            if setpriv := shutil.which("setpriv"):  # else it outlives a process that is killed
+                command = [setpriv, "--pdeathsig", "KILL", *head.interchange_launch_cmd]
+                head.interchange_launch_cmd = command
+
+        def check() -> None:
+            for head in heads:
+                if head.interchange_proc is not None and head.interchange_proc.poll() is not None:
+                    # Parsl does not notice, and its cleanup would wait for ever.
+                    head.set_bad_state_and_fail_all(RuntimeError("its interchange has ended"))
+                    raise EqtError(f"executor parsl: {head.label} has ended; {AGAIN}")
+
+        notice = max((head.heartbeat_threshold for head in heads), default=0)
+        try:
+            pool = ParslPoolExecutor(config)
+            lost = {WorkerLost: MOST_TRIES, ManagerLost: MOST_JOBS}
+            try:
+                yield Pool(pool, lost, AHEAD, check, notice=notice)
+            finally:
+                pool.shutdown(wait=False)
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+
+    def _config(self, kind: type) -> Any:
+        """Return what the file defines."""
+        if not Path(self.at).is_file():
+            example = "such as --executor parsl:cluster.py"
+            raise EqtError(f"executor parsl: expected a Python file, {example}, got '{self.at}'")
+        try:
+            config = runpy.run_path(self.at).get("config")
+        except Exception as error:
+            raise EqtError(f"{self.at}: {type(error).__name__}: {error}") from error
+        if not isinstance(config, kind):
+            raise EqtError(f"{self.at}: expected config = parsl.Config(…), got {config!r}")
+        return config
+
+
+@dataclass(frozen=True)
+class Dask(Pooled):
+    """Workers of a running Dask scheduler.
+
+    Attributes
+    ----------
+    at
+        Address of the scheduler: ``tls://host:8786``.
+    insecure
+        Whether the address may be a plain one on another machine: ``tcp://host:8786``. Whoever
+        reaches such a scheduler can run code as you, on its workers and here.
+    """
+
+    name: ClassVar[str] = "dask"
+    at: str = ""
+    insecure: bool = False
+
+    @contextmanager
+    def started(self, folder: Path) -> Iterator[Pool]:
+        address = urlsplit(self.at)
+        if not (address.scheme and address.hostname):
+            example = "such as --executor dask:tls://host:8786"
+            raise EqtError(f"executor dask: expected an address, {example}, got '{self.at}'")
+        if address.scheme != "tls" and address.hostname not in _HERE and not self.insecure:
+            reason = "whoever reaches such a scheduler can run code as you"
+            trusted = f"in a network that you trust --executor dask:{self.at},insecure=true"
+            raise EqtError(f"executor dask: {self.at}: {reason}; use tls://, or {trusted}")
+        try:
+            from distributed import Client, KilledWorker
+        except ImportError as error:
+            raise EqtError("executor dask needs pip install distributed") from error
+        try:
+            client = Client(self.at, timeout=20, set_as_default=False)
+        except Exception as error:
+            raise EqtError(f"executor dask: {self.at}: no scheduler answers: {error}") from error
+        with client:
+            pool = client.get_executor(pure=False)
+            try:
+                # Dask itself tries an item on several workers before it raises.
+                yield Pool(pool, {KilledWorker: 1}, AHEAD)
+            finally:
+                with suppress(Exception):
+                    pool.shutdown(wait=False)
