@@ -4,20 +4,25 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from case_tables import from_yaml
 from said import error_of
 
+from eqt_cli import api
 from eqt_cli.api import choose_executor, load_experiment
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.process import STOP_SIGNALS, Interrupted, as_exceptions
 from eqt_cli.base.reporting import Reporter, reporting, step
 from eqt_cli.cli.options import Setup
 from eqt_cli.cli.run import executor_from
+from eqt_cli.results.result import open_result
 from eqt_cli.runs import executors as auto
-from eqt_cli.runs.executors import MOST_TRIES, Auto, Local, Outcome, executors
+from eqt_cli.runs.executors import MOST_TRIES, Auto, Local, Outcome, Pool, Pooled, Serial, executors
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -281,3 +286,54 @@ def test_threads_share_what_items_leave():
     assert executors.get("serial")(8).threads_for(3) == 8
     assert Auto(8, threads=True).threads_for(3) == 2
     assert executors.get("local")(8).threads_for(3) == 1
+
+
+class Silent(Pooled):
+    """Its first item ends at once, and its others never do."""
+
+    name = "silent"
+
+    @contextmanager
+    def started(self, folder):
+        engine = ThreadPoolExecutor(1)
+        begun = iter([0.0])
+        yield Pool(Waiting(engine, begun), {}, 5, notice=0.0)
+        engine.shutdown()
+
+
+class Waiting:
+    def __init__(self, engine, begun):
+        self.engine, self.begun, self.left = engine, begun, []
+
+    def submit(self, work, *arguments):
+        if next(self.begun, None) is None:
+            self.left.append(Future())
+            return self.left[-1]
+        return self.engine.submit(work, *arguments)
+
+
+def test_silence_is_remarked_on(task):
+    class Heard(Exception):
+        pass
+
+    class Listening(Reporter):
+        def remark(self, remark):
+            raise Heard(str(remark))
+
+    said = r"no part has ended for .* end with Ctrl-C, and run the same"
+    with reporting(Listening()), pytest.raises(Heard, match=said):
+        list(Silent().outcomes(task, [2, 4]))
+
+
+def test_a_worker_that_computes_otherwise_is_named_and_kept(tmp_path):
+    class Elsewhere(Serial):
+        def outcomes(self, task, items):
+            for outcome in super().outcomes(task, items):
+                yield replace(outcome, origin={**task.origin(), "numpy": "1.0"})
+
+    study = load_experiment(CONFIGS / "paper.yaml", {"ensemble.runs": 2, "time.duration": 0.1})
+    with pytest.warns(EqtWarning, match=r"^a worker has numpy 1.0 \(not .*\): its runs agree with"):
+        api.run(study, tmp_path / "out", executor=Elsewhere())
+    with open_result(tmp_path / "out") as result:
+        [other] = result.provenance["other_sessions"]
+        assert other["numpy"] == "1.0"
