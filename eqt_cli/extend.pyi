@@ -215,6 +215,8 @@ from eqt_cli.runs.executors import Auto as Auto
 from eqt_cli.runs.executors import Executor as Executor
 from eqt_cli.runs.executors import Local as Local
 from eqt_cli.runs.executors import Outcome as Outcome
+from eqt_cli.runs.executors import Pool as Pool
+from eqt_cli.runs.executors import Pooled as Pooled
 from eqt_cli.runs.executors import Serial as Serial
 from eqt_cli.runs.executors import Task as Task
 from eqt_cli.runs.executors import TaskContext as TaskContext
