@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
@@ -18,9 +19,6 @@ from eqt_cli.runs.executors import AGAIN, MOST_TRIES, Pool, Pooled
 
 MOST_JOBS = 10
 """Number of jobs that end while they compute an item, after which it is given up."""
-
-RUN_FOLDER = "parsl"
-"""Folder of Parsl's keys and logs in that of the result."""
 
 AHEAD = 1000
 """Largest number of items that wait for workers in an engine."""
@@ -49,9 +47,7 @@ class Parsl(Pooled):
             from parsl.executors.high_throughput.errors import ManagerLost, WorkerLost
         except ImportError as error:
             raise EqtError("executor parsl needs pip install 'eqt-cli[cluster]'") from error
-        config, place = self._config(parsl.Config), folder / RUN_FOLDER
-        shutil.rmtree(place, ignore_errors=True)  # of a process that was killed
-        config.run_dir, config.initialize_logging, config.retries = str(place), False, 0
+        config = self._config(parsl.Config)
         heads = [executor for executor in config.executors if hasattr(executor, "interchange_proc")]
         scripts = Path(sys.executable).parent
         os.environ["PATH"] = f"{scripts}{os.pathsep}{os.environ['PATH']}"  # for workers here
@@ -71,15 +67,15 @@ class Parsl(Pooled):
                     raise EqtError(f"executor parsl: {head.label} has ended; {AGAIN}")
 
         notice = max((head.heartbeat_threshold for head in heads), default=0)
-        try:
+        lost = {WorkerLost: MOST_TRIES, ManagerLost: MOST_JOBS}
+        # Keys and logs, for this user alone; workers may still write there as it is removed.
+        with TemporaryDirectory(dir=folder, prefix="parsl-", ignore_cleanup_errors=True) as place:
+            config.run_dir, config.initialize_logging, config.retries = place, False, 0
             pool = ParslPoolExecutor(config)
-            lost = {WorkerLost: MOST_TRIES, ManagerLost: MOST_JOBS}
             try:
                 yield Pool(pool, lost, AHEAD, check, notice=notice)
             finally:
                 pool.shutdown(wait=False)
-        finally:
-            shutil.rmtree(place, ignore_errors=True)
 
     def _config(self, kind: type) -> Any:
         """Return what the file defines."""

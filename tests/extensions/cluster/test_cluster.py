@@ -108,8 +108,8 @@ def wait_for(condition, seconds=60):
 
 def test_parsl_outlives_all_that_is_killed_but_its_head(task, cluster, tmp_path):
     folder, done = tmp_path / "result", tmp_path / "done"
-    executor = Parsl(at=str(cluster))
-    with executor.opened(folder) as opened:
+    folder.mkdir()
+    with Parsl(at=str(cluster)).opened(folder) as opened:
         found = list(opened.outcomes(task, [1, 17, 13, 4]))  # a worker is lost, one again and again
         assert sorted(found, key=lambda x: x.item) == [
             Outcome(1, 1),
@@ -132,7 +132,7 @@ def test_parsl_outlives_all_that_is_killed_but_its_head(task, cluster, tmp_path)
         with pytest.raises(EqtError, match="has ended; run the same command again to continue"):
             list(outcomes)
         assert time.monotonic() < begun + 5
-    assert not folder.exists() or not list(folder.iterdir())
+    assert not list(folder.iterdir())
     wait_for(lambda: not processes(str(folder)), 20)
 
 
@@ -195,7 +195,7 @@ def test_an_interrupted_sweep_goes_on_and_has_the_bits_of_one_process(eqt, tmp_p
     begun = time.monotonic()
     first.send_signal(signal.SIGINT)
     assert "runs are kept in many: run the same command again to continue" in ended(first, 130)
-    assert time.monotonic() < begun + 5  # 2 s where nothing else runs
+    assert time.monotonic() < begun + 10  # 2 s where nothing else runs
     assert list((many / "parts").glob("0*.h5"))
     assert " runs were already computed" in ended(eqt(*command), 0)
     assert numbers(many) == numbers(tmp_path / "alone")
