@@ -386,15 +386,22 @@ class _Processes(futures.Executor):
             if isinstance(future.exception(), futures.BrokenExecutor):
                 self.pools[place] = None
         place = min({*range(len(self.pools))} - {*self.busy.values()})
-        progress, pool = self.progress[place], self.pools[place]
-        progress.value = 0.0
+        self.progress[place].value = 0.0
         with process.without_ctrl_c():
-            if pool is None:
-                begin: Any = {"initializer": _begin, "initargs": (progress,)}
-                pool = self.pools[place] = futures.ProcessPoolExecutor(1, self.context, **begin)
-            future = pool.submit(fn, *args, **kwargs)
+            try:
+                future = self._pool(place).submit(fn, *args, **kwargs)
+            except futures.BrokenExecutor:  # its process has died without an item
+                self.pools[place] = None
+                future = self._pool(place).submit(fn, *args, **kwargs)
         self.busy[future] = place
         return future
+
+    def _pool(self, place: int) -> futures.ProcessPoolExecutor:
+        pool = self.pools[place]
+        if pool is None:
+            begin: Any = {"initializer": _begin, "initargs": (self.progress[place],)}
+            pool = self.pools[place] = futures.ProcessPoolExecutor(1, self.context, **begin)
+        return pool
 
     def reached(self, future: Future[Any]) -> float:
         return float(self.progress[self.busy[future]].value)

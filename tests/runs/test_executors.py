@@ -110,6 +110,17 @@ def test_an_item_that_loses_its_worker_again_and_again_is_given_up(task, tmp_pat
     assert told.total("runs") == 10  # of the good item alone
 
 
+@POSIX
+def test_a_worker_that_dies_between_items_is_replaced(task, tmp_path):
+    with Local(1).opened(tmp_path) as opened:
+        assert list(opened.outcomes(task, [2])) == [Outcome(2, 0)]
+        [pool] = opened.pool.engine.pools
+        [worker] = pool._processes.values()
+        worker.kill()
+        pool._executor_manager_thread.join(10)  # which marks the pool as broken
+        assert list(opened.outcomes(task, [4])) == [Outcome(4, 0)]
+
+
 def test_workers_end_when_nobody_listens_any_more(task):
     outcomes = executors.get("local")(2).outcomes(task, list(range(1, 10)))
     next(outcomes)
