@@ -251,7 +251,8 @@ class Torque(Panelled, OverTime):
         band = f" ± {_ERRORS:g} standard errors" if signed else ""
         over = f"{middle}{band} of the {share or 'torque '}over " if several else ""
         runs.remarks.append(f"Curves: {over}{runs.count(_MOST_RUNS)}.")
-        runs.note = f"{over}{runs.count(_MOST_RUNS)}" if several else ""
+        counted = f"{over}{runs.count(_MOST_RUNS)}" if several else ""
+        runs.note = ", ".join(filter(None, [counted, runs.note]))
         drawing, panels = layout.sheet(width, _places(units, width), runs.span, runs.unit("time"))
         for k, (name, _) in enumerate(runs.axes):
             for ensemble in runs.shown if name in wanted else ():
