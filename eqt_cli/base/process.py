@@ -29,9 +29,6 @@ AGAIN_AFTER = 0.05
 ONE_MOMENT = 0.5
 """Time in which two signals are one request, s: `timeout` signals a process and its group."""
 
-PATIENCE = 5.0
-"""Time for an orderly end, s; a later signal ends the process immediately."""
-
 
 class Interrupted(BaseException):
     """A request to stop this process.
@@ -52,11 +49,7 @@ class Interrupted(BaseException):
 
 @contextmanager
 def as_exceptions(at_once: Callable[[], None]) -> Iterator[Requests]:
-    """Raise `Interrupted` on the first signal; on a much later one, end the process immediately.
-
-    Until then, the current work can end in order. A second request restores the system's default
-    action for all signals. Then the next signal ends the process also where no Python code runs,
-    as in a library that computes without end.
+    """Raise `Interrupted` on the first signal; on a later one, end the process immediately.
 
     A signal that the parent process ignores, as under `nohup`, stays ignored. An exception that is
     swallowed, as by finalisers and callbacks of libraries, is raised again.
@@ -64,7 +57,7 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[Requests]:
     Parameters
     ----------
     at_once
-        Called before a later signal ends the process.
+        Called before the process is ended immediately.
     """
     requests, print_ignored = Requests(at_once), sys.unraisablehook
 
@@ -112,13 +105,9 @@ class Requests:
         if self.requested_at is None:
             self.requested_at, self.number = now, number
             raise self._interruption(number)
-        if now > self.requested_at + PATIENCE:
+        if now > self.requested_at + ONE_MOMENT:
             self._at_once()
             _end_now(number)
-        elif now > self.requested_at + ONE_MOMENT:
-            for stop_signal in STOP_SIGNALS:
-                if signal.getsignal(stop_signal) == self.handle:
-                    signal.signal(stop_signal, signal.SIG_DFL)
 
     def _interruption(self, number: int) -> Interrupted:
         """Return the exception; if it is released before `end`, it was swallowed."""
