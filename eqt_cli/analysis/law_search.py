@@ -226,6 +226,8 @@ def value_at(data: Any, path: KeyPath) -> Any:
 GENERATIONS = "generations"
 
 
+_SEEDS = re.compile(r"seeds-(\d+)-(\d+)")
+
 _NUMBERED = files.FilePattern(r"\d+\.yaml", marked=True)
 
 
@@ -241,14 +243,14 @@ def _entries(kind: Kind, slug: str, *, marked: bool) -> dict[str, files.Entry]:
         name.
     """
     generation = files.FolderPattern(r"\d{3,}(-case-\d+)?", RESULT_ENTRIES, MANIFEST)
-    one_search = files.FolderPattern(r"seed-\d+", (generation,))
+    of_seeds = files.FolderPattern(_SEEDS.pattern, (generation,))
     winners = files.FolderPattern(slug, (*COPY_FOLDERS, files.FilePattern(_NUMBERED.name, marked)))
     run = files.FolderPattern(slug, RESULT_ENTRIES, MANIFEST)
     single = files.FilePattern(rf"({slug})\.yaml", marked)
     entries: tuple[files.Entry, ...] = (*COPY_FOLDERS, single, run if kind.runs else winners)
     return {
         kind.record: files.FilePattern(re.escape(kind.record)),
-        GENERATIONS: files.FolderPattern(GENERATIONS, (files.FolderPattern(slug, (one_search,)),)),
+        GENERATIONS: files.FolderPattern(GENERATIONS, (files.FolderPattern(slug, (of_seeds,)),)),
         kind.configs: files.FolderPattern(kind.configs, entries),
     }
 
@@ -265,9 +267,19 @@ class SearchFolder:
         with files.refusals(self.path, "used", OTHER_FOLDER):
             files.write_record(self.path / self.kind.record, record)
 
-    def generation(self, law: LawSearch, seed: int, number: int, cases: int = 1) -> list[Path]:
+    def groups(self, law: LawSearch, seeds: range) -> list[range]:
+        """Return the seeds in groups that share generations: those in the folder, and new ones."""
+        groups, first = [], seeds.start
+        paths = (self.path / GENERATIONS / law.slug).glob("*")
+        matches = filter(None, (_SEEDS.fullmatch(path.name) for path in paths))
+        for start, last in sorted((int(match[1]), int(match[2])) for match in matches):
+            if start == first and last < seeds.stop:
+                groups.append(range(start, first := last + 1))
+        return groups + ([range(first, seeds.stop)] if first < seeds.stop else [])
+
+    def generation(self, law: LawSearch, seeds: range, number: int, cases: int = 1) -> list[Path]:
         """Return the folders of one generation, one for each case; each holds an ordinary sweep."""
-        of_search = self.path / GENERATIONS / law.slug / f"seed-{seed}"
+        of_search = self.path / GENERATIONS / law.slug / f"seeds-{seeds[0]}-{seeds[-1]}"
         ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
         return [of_search / f"{number:03d}{end}" for end in ends]
 

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from hashlib import sha256
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
@@ -28,7 +29,7 @@ from eqt_cli.analysis.search_record import Kind, coordinate_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME
-from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, reporter, step
+from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, count_of, reporter, step
 from eqt_cli.config.designs import DrawnRange
 from eqt_cli.config.document import Document, changed_at
 from eqt_cli.config.experiment import Experiment
@@ -281,24 +282,32 @@ def evolve(
     """Run all generations of all searches for one law; return the last population by seed."""
     section, cases = search.section, search.in_cases(law).values()
     searches: dict[int, Population] = {}
-    for count, seed in enumerate(search.seeds):
-        shares = first_points(section.population, list(law.axes), law.start, seed)
-        for number in range(section.budget):
-            if number:
-                random = generator(seed, law.label, number)
-                shares = trials(searches[seed], random, search.keeps_ends)
-            outs = folder.generation(law, seed, number, len(cases))
-            scores = [
-                _generation(search, case, out, shares, executor)
-                for case, out in zip(cases, outs, strict=True)
-            ]
-            tried = Population(shares, search.over_cases(scores))
+    for seeds, number in product(folder.groups(law, search.seeds), range(section.budget)):
+        shares = [_tried(search, law, seed, number, searches.get(seed)) for seed in seeds]
+        outs = folder.generation(law, seeds, number, len(cases))
+        by_case = [
+            _generation(search, case, out, np.concatenate(shares), executor)
+            for case, out in zip(cases, outs, strict=True)
+        ]
+        scores = search.over_cases(by_case)
+        rows = np.arange(len(scores)).reshape(len(seeds), -1)
+        for seed, points, of_seed in zip(seeds, shares, rows, strict=True):
+            tried = Population(points, scores.at(of_seed))
             searches[seed] = selected(searches[seed], tried) if number else tried
-            search.keep(law, searches, folder)
-            done = f"seed {count + 1}/{len(search.seeds)}, generation {number + 1}/{section.budget}"
-            so_far = search.so_far(law, reduce(selected, searches.values()))
-            reporter().note(law.label, f"{done}, {so_far}")
+        search.keep(law, searches, folder)
+        done = f"{count_of(len(seeds), 'seed')}, generation {number + 1}/{section.budget}"
+        so_far = search.so_far(law, reduce(selected, searches.values()))
+        reporter().note(law.label, f"{done}, {so_far}")
     return searches
+
+
+def _tried(
+    search: Searches[Any], law: LawSearch, seed: int, number: int, before: Population | None
+) -> Array:
+    """Return the points that a search tries in a generation, ``(points, dimensions)``."""
+    if before is None:
+        return first_points(search.section.population, list(law.axes), law.start, seed)
+    return trials(before, generator(seed, law.label, number), search.keeps_ends)
 
 
 @dataclass(frozen=True)
@@ -329,9 +338,9 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
     points = len(search.laws) * search.all_generations * section.population
     share = PROBE_SECONDS / sum(len(search.in_cases(law)) for law in search.laws)
     first_generations = (
-        study(_swept(case, _columns(law, shares)))
+        study(_swept(case, _columns(law, np.concatenate(shares))))
         for law in search.laws
-        for shares in [first_points(section.population, list(law.axes), law.start, section.seed)]
+        for shares in [[_tried(search, law, seed, 0, None) for seed in search.seeds]]
         for case in search.in_cases(law).values()
     )
     for generation in first_generations:
@@ -340,7 +349,7 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
         if estimated.seconds is None:
             return Expected(points, search.all_runs, None, workers)
         groups = len(generation) if generation.is_ragged else 0
-        seconds += (estimated.seconds + SWEEP + groups * GROUP) * search.all_generations
+        seconds += (estimated.seconds + SWEEP + groups * GROUP) * section.budget
     seconds *= search.all_runs / search.searched_runs
     return Expected(points, search.all_runs, seconds, workers)
 

@@ -260,8 +260,9 @@ def _search_record(
 ) -> dict[str, Any]:
     """Describe what each search found at worst, by seed, and how many runs did not settle."""
     axes, points, unsettled = dict(zip(law.written, law.axes.values(), strict=True)), 0, 0
-    for seed in costs:  # of the first generations, which are spread over the ranges
-        with open_result(folder.generation(law, seed, 0)[0]) as result:
+    for seeds in folder.groups(law, search.seeds):
+        # Of the first generations, which are spread over the ranges
+        with open_result(folder.generation(law, seeds, 0)[0]) as result:
             scored = search.scores(result)
         points += len(scored)
         unsettled += int((scored.failed + scored.unsettled).sum())

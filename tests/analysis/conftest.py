@@ -70,7 +70,7 @@ def searched_twice(tmp_path_factory):
     few = {"budget": 1, "confirm": {"runs": 3, "seed": 9}, "over": {"gains.kp": [0.5, 5]}}
     tune = SMALL["tune"] | few
     api.tune(SMALL | {"tune": tune}, folder)
-    first = folder / "generations/eqt/seed-0/000/results.h5"
+    first = folder / "generations/eqt/seeds-0-0/000/results.h5"
     before = first.stat().st_mtime_ns
     record = api.tune(SMALL | {"tune": tune | {"seeds": 2}}, folder).record
     assert first.stat().st_mtime_ns == before  # a further search computes no earlier one anew

@@ -66,7 +66,7 @@ def test_the_mean_and_the_worst_of_cases_choose_different_points():
 
 def test_a_point_is_scored_by_its_worst_case(tuned):
     done, folder = tuned
-    found = folder / "generations/stabilising/seed-0"
+    found = folder / "generations/stabilising/seeds-0-0"
     means = []
     for name in ("000-case-1", "000-case-2"):
         with open_result(found / name) as result:

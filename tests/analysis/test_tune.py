@@ -84,7 +84,7 @@ def test_a_comparison_has_no_seeds_and_blames_no_gains(searched, tmp_path):
 def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(searched):
     done, folder = searched
     for law in done.record["laws"]:
-        with open_result(folder / "generations" / law["label"] / "seed-0/000") as first:
+        with open_result(folder / "generations" / law["label"] / "seeds-0-0/000") as first:
             start = first.metric("mean_pose_error")[0, 0].mean()
         assert law["winners"][0]["objectives"][0] <= start
 

@@ -104,7 +104,7 @@ def test_an_interruption_says_the_best_so_far(eqt, config, monkeypatch):
     assert done.code == 130
     assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err
     assert re.search(
-        r"^  eqt, seed 1/1, generation (\d)/\1, best so far: mean_pose_error [\d.]+ at kp ",
+        r"^  eqt, 1 seed, generation (\d)/\1, best so far: mean_pose_error [\d.]+ at kp ",
         done.err,
         re.M,
     )

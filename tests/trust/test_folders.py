@@ -402,7 +402,7 @@ def test_only_own_names_are_deleted(lay, command):
     slug = "tuned/eqt.yaml" if base == "tuned" else "tuned/notes.yaml"
     kept = {
         f"{folder}/{name}"
-        for folder in (PARTS, RERUN, FIGURES, PLUGINS, FILES, "generations/eqt/seed-0")
+        for folder in (PARTS, RERUN, FIGURES, PLUGINS, FILES, "generations/eqt/seeds-0-0")
         for name in ("notes.txt", "x.tmp", "mine/000000.h5", f"notes.{'0' * 16}.tmp")
     }
     kept |= {"x.tmp", "results.h5.tmp", "notes.txt", f"{FIGURES}/mine/torque.json"}
