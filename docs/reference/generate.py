@@ -556,7 +556,11 @@ def statuses() -> Iterator[str]:
     """How a run can end."""
     from eqt_cli.engines.engine import Status
 
-    rows = [[str(status.value), status.name.lower().replace("_", " ")] for status in Status]
+    rows = [
+        [str(status.value), status.name.lower().replace("_", " ")]
+        for status in Status
+        if status >= 0
+    ]
     yield from table(["status", "meaning"], rows)
 
 

@@ -7,6 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import ContextVar, copy_context
 from copy import copy
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -33,8 +34,9 @@ ROUNDING = 1e-12
 
 
 class Status(IntEnum):
-    """Outcome of a run; only 0 is success."""
+    """Outcome of a run; only 0 is success. No result holds one that was stopped."""
 
+    STOPPED = -1
     OK = 0
     SOLVER_FAILED = 1
     NON_FINITE = 2
@@ -358,6 +360,10 @@ class Integrator(ABC):
         Whole states at the samples of the current runs, to be filled in, if these are neighbours.
     reached
         May be called with a time that the runs have reached, to show progress.
+    ends_stopped
+        Whether `advance` ends unfinished runs once ``stop[0]`` is not 0, also in a long call of C.
+    stop
+        `STOP`, or None.
     """
 
     runs: Array
@@ -368,9 +374,11 @@ class Integrator(ABC):
     vector_field: Callable[[float, Array], Array]
     samples: Array | None
     reached: Callable[[float], None]
+    ends_stopped: ClassVar[bool] = False
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+        self.stop = STOP.get()
 
     def begin(self, runs: Array) -> None:
         """Begin these runs, at their initial states."""
@@ -472,10 +480,25 @@ REPORT_EVERY = 0.2
 """Longest time between two reports of progress while a vector field is evaluated in Python, s."""
 
 
+class Stopped(Exception):
+    """Runs were stopped by `STOP` and are not finished."""
+
+
+STOP: ContextVar[Array | None] = ContextVar("STOP", default=None)
+"""An integer, ``(1,)``, that stops runs once it is not 0; set where several threads or processes
+compute. Without it, an exception in this thread stops them."""
+
+
 def walked(
     integrator: Integrator, groups: Sequence[Array], progress: Progress, threads: int
 ) -> Solution:
-    """Return the solution of all groups of runs, by at most this number of threads."""
+    """Return the solution of all groups of runs, by at most this number of threads.
+
+    Raises
+    ------
+    Stopped
+        If they are stopped and the integrator does not end them itself.
+    """
     problem, lock = integrator.problem, threading.Lock()
     runs, n = problem.states.shape
     states = np.empty((runs, len(problem.times), n))  # whose memory is touched where it is filled
@@ -483,6 +506,10 @@ def walked(
     solution = Solution(states, status, steps, [""] * runs)
 
     def report(runs: float) -> None:
+        if stop[0]:
+            if not integrator.ends_stopped:
+                raise Stopped
+            return
         with lock:
             progress(runs)
 
@@ -490,14 +517,21 @@ def walked(
         with np.errstate(all="ignore"):  # a state that is not finite ends its run
             _walk(copy(integrator), solution, group, report)
 
-    threads = min(threads, len(groups))
-    if threads == 1:
+    threads, waits = min(threads, len(groups)), integrator.stop is None and integrator.ends_stopped
+    stop = integrator.stop = np.zeros(1, np.int64) if integrator.stop is None else integrator.stop
+    if threads == 1 and not waits:
         for group in groups:
             walk(group)
         return solution
-    with ThreadPoolExecutor(threads) as pool:
-        for _ in pool.map(walk, groups):  # after an error no further group is begun
-            pass
+    contexts = [copy_context() for _ in groups]
+    with ThreadPoolExecutor(threads) as pool:  # for a thread in C handles no signals
+        try:
+            # After an error no further group is begun.
+            for _ in pool.map(lambda context, group: context.run(walk, group), contexts, groups):
+                pass
+        except BaseException:
+            stop[:] = 1
+            raise
     return solution
 
 

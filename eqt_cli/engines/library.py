@@ -194,7 +194,7 @@ def _text(name: str) -> str:
 # A call releases the interpreter's lock, so that threads integrate side by side.
 
 
-THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
+THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING, STOPPED = range(6)
 """Outcomes of a run, as in advance.h."""
 
 
@@ -222,7 +222,9 @@ class _Span(ctypes.Structure):
     _fields_ = [
         *_each(ctypes.c_int64, "runs later most_steps to_next_run row"),
         *_each(ctypes.c_double, "start stop first_inside last_inside rtol atol longest"),
-        *_each(ctypes.c_void_p, "grid held parameters states samples steps counts ends times"),
+        *_each(
+            ctypes.c_void_p, "grid held parameters states samples steps counts ends times stopped"
+        ),
         ("measuring", ctypes.POINTER(_Measuring)),
     ]
 

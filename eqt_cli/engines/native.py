@@ -318,7 +318,7 @@ def _explain(error: Exception, loop: ClosedLoop) -> str:
 RUN_SPANS = 50_000
 """Most spans, counted for each run, between two reports of progress: some tenths of a second."""
 
-LEFT = library.SWITCHING + 1
+LEFT = library.STOPPED + 1
 """Outcome of a run that has ended at an instant."""
 
 
@@ -342,6 +342,7 @@ class Lanes(Integrator):
     """
 
     _walk: library.Walk | None
+    ends_stopped = True
 
     def __init__(
         self,
@@ -380,6 +381,7 @@ class Lanes(Integrator):
             "counts": self._counts,
             "ends": self._ends,
             "times": self._times,
+            "stopped": self.stop,
             **self._settings,
         }
         self._walk = self._walking(runs) if len(self._listed) else None
@@ -555,6 +557,8 @@ class Lanes(Integrator):
         if end == library.STEP_LIMIT:
             reason = f"step limit: {self._settings['most_steps']} steps (solver.max_steps)"
             return Failure(Status.STEP_LIMIT, reason, t)
+        if end == library.STOPPED:
+            return Failure(Status.STOPPED, "stopped", t)
         if end == library.NOT_FINITE:
             return Failure(t=t)
         reason = "the law switches back and forth without end; smooth it, as with tanh"

@@ -422,7 +422,9 @@ CONSISTENCY = (
 # The table of all quantities that a result holds or that follow from it, by name ------------------
 
 
-STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
+STATUS_MEANINGS = "; ".join(
+    f"{status.value} {status.name.lower()}" for status in Status if status >= 0
+)
 
 DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torque": "torque"}
 """Stored quantities of the reference, and the signal that each corresponds to."""

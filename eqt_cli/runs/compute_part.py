@@ -22,7 +22,7 @@ from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Measured, Solution, Status
+from eqt_cli.engines.engine import Measured, Solution, Status, Stopped
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.signals import LAW_OUTPUT, holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
@@ -60,6 +60,9 @@ ROWS = "rows_of_numbers"
 CHECKED = "checked_"
 """Prefix of the variables with the states, ``(checked, sample, …)``, of the runs that are
 cross-checked when the parts are packed."""
+
+ENDED = "ended"
+"""Variable of a part that was stopped: 1 for runs that have ended, else 0."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
@@ -101,7 +104,11 @@ def _desired(system: ClosedLoop, t: Any, states: Array) -> dict[str, Array]:
 
 @np.errstate(all="ignore")  # starts may be absurd; states of failed runs are NaN or very large
 def compute_part(
-    study: Study, part: StudyPart, shared: Desired | None, context: TaskContext
+    study: Study,
+    part: StudyPart,
+    shared: Desired | None,
+    context: TaskContext,
+    begun: Path | None = None,
 ) -> Table:
     """Compute everything that is stored of a part's runs.
 
@@ -109,8 +116,20 @@ def compute_part(
     ----------
     shared
         The reference that all points share; None if each point has its own.
+    begun
+        File of the runs that had ended when the part was stopped; None without one.
+
+    Raises
+    ------
+    StoppedPart
+        If it is stopped, with the table of the runs that have ended.
     """
     gathered = PartArrays(study, part)
+    if begun is not None:
+        with suppress(ResultError):  # they are computed again
+            gathered.read(begun)
+            context.progress(float(gathered.ended.sum()))
+    left = np.flatnonzero(~gathered.ended)
     desired = None
     if shared is None:
         desired = solve_references(study, gathered.points)
@@ -119,7 +138,8 @@ def compute_part(
     laws = list(study.base.loops)
     which = f"law {laws.index(gathered.label) + 1} of {len(laws)} ({gathered.label})"
     with working_for(which):
-        for batch in batches(study, gathered.label, gathered.entries):
+        for batch in batches(study, gathered.label, gathered.entries[left]):
+            batch = replace(batch, rows=left[batch.rows])
             for runs in batch.engine.blocks(batch.problem, context.threads):
                 block, reference = batch.select(runs), shared
                 if desired is not None:
@@ -127,7 +147,23 @@ def compute_part(
                     reference = {name: values[where] for name, values in desired.items()}
                 assert reference is not None
                 gathered.add(block, *_solve(block, reference, *gathered.wanted(block), context))
+                if not gathered.ended[block.rows].all():
+                    raise StoppedPart(gathered)
     return gathered.table()
+
+
+class StoppedPart(Stopped):
+    """A part was stopped.
+
+    Attributes
+    ----------
+    gathered
+        The arrays of the runs that have ended.
+    """
+
+    def __init__(self, gathered: PartArrays) -> None:
+        super().__init__()
+        self.gathered = gathered
 
 
 class PartArrays:
@@ -169,6 +205,7 @@ class PartArrays:
         self.state_layout = base.loops[self.label].layout
         shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
         self.check_states = np.full(shape, np.nan)
+        self.ended = np.zeros(len(part), dtype=bool)
 
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.
@@ -197,6 +234,7 @@ class PartArrays:
                 self.data[quantity.name][batch.rows] = values[quantity.name]
             elif quantity.per is ValuePer.TRAJECTORY and (stored >= 0).any():
                 self._keep(batch, quantity.name, stored, values)
+        self.ended[batch.rows] = solution.status != Status.STOPPED
         checked[solution.status != Status.OK] = -1
         if (checked >= 0).any():
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
@@ -212,6 +250,14 @@ class PartArrays:
             if output in self.outputs:
                 signal = values[name][stored >= 0][:, self.samples, k]
                 dataset[rows, :, list(self.outputs).index(output)] = signal
+
+    def read(self, path: Path) -> None:
+        """Read the runs that had ended when the part was stopped."""
+        with open_results(path) as results:
+            data, ended = read_part(results, path, self.quantities), results[ENDED] != 0
+            if len(self.check_states):
+                self.check_states = checked_states(results, self.state_layout)
+        self.data, self.ended = data, ended
 
     def table(self) -> Table:
         """Return the table of the part. The numbers per run are the rows of one array.
@@ -230,6 +276,8 @@ class PartArrays:
             for name, values in self.state_layout.split(self.check_states).items():
                 dims = ("checked", "sample", f"entry_of_{name}")
                 variables[CHECKED + name] = Variable(dims, values)
+        if not self.ended.all():
+            variables[ENDED] = Variable((LEADING[ValuePer.RUN],), self.ended.astype(np.int8))
         return Table(variables, {}, {ROWS: " ".join(rows)})
 
 
@@ -304,6 +352,7 @@ def _solve(
         tighter = engine.tightened(0.05 if batch.problem.loop.period else 0.1)
         second = tighter.measured(difference, largest_difference, again, motion, (), *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
+        first.solution.status[second.solution.status == Status.STOPPED] = Status.STOPPED
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
     limit = solver.judgement.max_error
@@ -551,8 +600,9 @@ def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
         other = replace(problem, states=start)
         solved = batch.engine.measured(difference, largest_difference, other, motion, (), threads)
         ends = solved.solution.status == Status.OK  # or the error has made it diverge
+        first.solution.status[near[solved.solution.status == Status.STOPPED]] = Status.STOPPED
         apart = np.fmax(apart, np.where(ends, solved.numbers[ERROR], np.inf))
-    for run in near[apart > limit]:
+    for run in near[(apart > limit) & (first.solution.status[near] == Status.OK)]:
         first.solution.status[run] = Status.BY_ROUNDING
         first.solution.messages[run] = (
             f"rounding decides: at its start, an error of {NEAR:g} grows beyond {limit:g}; no "
@@ -591,12 +641,15 @@ class PartTask:
     keeps
         Whether finished parts stay in memory, up to `MEMORY_BYTES`, until they are packed; `save`
         writes their files. Copies of the task in other processes keep none and write at once.
+    stopped
+        Files of parts that were stopped, by number.
     """
 
     study: Study
     files: PartFiles
     chosen: tuple[tuple[int, StudyPart], ...] | None = None
     keeps: bool = False
+    stopped: dict[int, Path] = field(default_factory=dict)
     _tables: dict[int, Table] = field(default_factory=dict, init=False)
     """Finished parts in memory, by number."""
     _unsaved: dict[int, FinishedPart] = field(default_factory=dict, init=False)
@@ -635,8 +688,14 @@ class PartTask:
     def __call__(self, item: int, context: TaskContext) -> int:
         """Compute and keep one part; returns how many of its runs failed."""
         index, part = self.part(item)
-        piece = self.study.piece(index)
-        return self._keep(item, compute_part(piece, part, self.shared(index), context))
+        piece, shared = self.study.piece(index), self.shared(index)
+        try:
+            table = compute_part(piece, part, shared, context, self.stopped.get(item))
+        except StoppedPart as stopped:
+            if runs := int(stopped.gathered.ended.sum()):
+                write(self.files.part(item, runs, "r"), stopped.gathered.table())
+            raise
+        return self._keep(item, table)
 
     def lose(self, item: int, message: str) -> int:
         """Keep a part whose workers were lost; returns the number of its runs, which all fail."""
@@ -674,7 +733,9 @@ class PartTask:
 
     @blamed()
     def prepare(self) -> None:
-        """Save the shared references of the pieces that have no complete file yet."""
+        """Look for stopped parts, and save the shared references that have no complete file yet."""
+        if self.chosen is None:
+            self.stopped.update((item, path) for item, (path, _) in self.files.stopped().items())
         for index in range(len(self.study.shapes)):
             piece, path = self.study.piece(index), self.files.reference(index)
             if piece.desired_varies:
@@ -696,5 +757,4 @@ class PartTask:
         return self._references.get(index)
 
     def __getstate__(self) -> dict[str, Any]:
-        state = {"study": self.study, "files": self.files, "chosen": self.chosen}
-        return state | {"_tables": {}, "_unsaved": {}, "_references": {}}
+        return vars(self) | {"keeps": False, "_tables": {}, "_unsaved": {}, "_references": {}}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import pickle
 import sys
@@ -20,18 +19,18 @@ from functools import lru_cache
 from itertools import islice
 from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.base import process
+from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.base.option_types import Count
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.reporting import reporter
-
-if TYPE_CHECKING:
-    from eqt_cli.engines.engine import Engine
+from eqt_cli.engines.engine import STOP, Engine
 
 # Base class of executors, which compute numbered items without knowing what they are --------------
 
@@ -105,10 +104,6 @@ class Executor(Component):
         """Return the largest number of threads for one of so many items."""
         return 1
 
-    def wall_time(self, items: int, each: float) -> float:
-        """Return the wall time of so many items, s, if one takes `each` s."""
-        return math.ceil(items / max(self.at_once(items, each), 1)) * each
-
     def opened(self, folder: Path) -> AbstractContextManager[Executor]:
         """Start what lives for a whole command, with its files in a folder."""
         return nullcontext(self)
@@ -121,23 +116,56 @@ class Executor(Component):
         """
 
 
-class ExecutorHere(Executor):
-    """An executor in this process, which takes items one by one."""
-
-    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        yield from self.take(task, items, self.threads_for(len(items)))
-
-    @abstractmethod
-    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
-
-
 executors = Registry("executor", "executors", Executor, ("runs.executors",))
 
 
 @dataclass(frozen=True)
-class Serial(ExecutorHere):
-    """In this process, one item at a time. Some engines use several threads for an item."""
+class Threads(Executor):
+    """In threads of this process. If there are fewer items than workers, they share the rest."""
+
+    name: ClassVar[str] = "threads"
+
+    def threads_for(self, items: int) -> int:
+        """Return the threads for each item: more than one if there are fewer items than workers."""
+        return max(1, self.workers // min(self.workers, max(items, 1)))
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from self.take(task, items, self.threads_for(len(items)))
+
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
+        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
+        lock, waiting, here, stop = threading.Lock(), iter(items), reporter(), np.zeros(1, np.int64)
+
+        def report(amount: float) -> None:
+            with lock:
+                here.advance(amount)
+
+        def begin(item: int) -> Future[int]:
+            return pool.submit(within.copy().run, task, item, context)  # keeps the reporter
+
+        context, within, at_once = (
+            TaskContext(report, threads),
+            copy_context(),
+            self.at_once(self.workers, 0.0),
+        )
+        within.run(STOP.set, stop)
+        # Results must not depend on how a library splits a product.
+        with threadpool_limits(1), futures.ThreadPoolExecutor(at_once) as pool:
+            begun = {begin(item): item for item in islice(waiting, at_once)}
+            try:
+                while begun:
+                    for future in futures.wait(begun, return_when=futures.FIRST_COMPLETED).done:
+                        for item in islice(waiting, 1):
+                            begun[begin(item)] = item
+                        yield Outcome(begun.pop(future), future.result())
+            finally:
+                stop[:] = 1
+                pool.shutdown(wait=True, cancel_futures=True)
+
+
+@dataclass(frozen=True)
+class Serial(Threads):
+    """One item at a time, in this process. Some engines use several threads for an item."""
 
     name: ClassVar[str] = "serial"
 
@@ -149,46 +177,6 @@ class Serial(ExecutorHere):
         """Return all workers."""
         return self.workers
 
-    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        context = TaskContext(threads=threads)
-        for item in items:
-            with threadpool_limits(1):  # results must not depend on how a library splits a product
-                failed = task(item, context)
-            yield Outcome(item, failed)
-
-
-@dataclass(frozen=True)
-class Threads(ExecutorHere):
-    """In threads of this process. If there are fewer items than workers, they share the rest."""
-
-    name: ClassVar[str] = "threads"
-
-    def threads_for(self, items: int) -> int:
-        """Return the threads for each item: more than one if there are fewer items than workers."""
-        return max(1, self.workers // min(self.workers, max(items, 1)))
-
-    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        lock, waiting, here = threading.Lock(), iter(items), reporter()
-
-        def report(amount: float) -> None:
-            with lock:
-                here.advance(amount)
-
-        def begin(item: int) -> Future[int]:
-            return pool.submit(copy_context().run, task, item, context)  # keeps the reporter
-
-        context = TaskContext(report, threads)
-        with threadpool_limits(1), futures.ThreadPoolExecutor(self.workers) as pool:
-            begun = {begin(item): item for item in islice(waiting, self.workers)}
-            try:
-                while begun:
-                    for future in futures.wait(begun, return_when=futures.FIRST_COMPLETED).done:
-                        for item in islice(waiting, 1):
-                            begun[begin(item)] = item
-                        yield Outcome(begun.pop(future), future.result())
-            finally:
-                pool.shutdown(wait=True, cancel_futures=True)
-
 
 # Executors over an engine of `concurrent.futures`, such as processes of this machine --------------
 #
@@ -198,6 +186,9 @@ class Threads(ExecutorHere):
 
 LOOK_EVERY = 0.2
 """Time between looks at running items, s."""
+
+STOP_WITHIN = 1.5
+"""Time in which a stopped process may save the finished runs of its part, s."""
 
 QUIET = 10.0
 """Multiple of the longest time between two ends of items after which silence is remarked on."""
@@ -222,6 +213,8 @@ class Pool:
         Raises if the engine is gone and does not say so.
     reached
         Returns the progress of a running item.
+    stop
+        Stops running items once it is not 0, `STOP`; None if nothing does but the engine's end.
     notice
         Time in which the engine notices a lost worker, s.
     """
@@ -231,6 +224,7 @@ class Pool:
     room: int
     check: Callable[[], None] = lambda: None
     reached: Callable[[Future[Any]], float] = lambda future: 0.0
+    stop: Array | None = None
     notice: float = 60.0
 
 
@@ -274,6 +268,15 @@ class _Work:
     tries: Counter[tuple[int, type]] = field(default_factory=Counter)
 
     def outcomes(self) -> Iterator[Outcome]:
+        try:
+            yield from self._outcomes()
+        finally:
+            if self.pool.stop is not None:
+                self.pool.stop[:] = 1
+                futures.wait(self.running, STOP_WITHIN)
+                self.pool.stop[:] = 0
+
+    def _outcomes(self) -> Iterator[Outcome]:
         payload, last, longest = pickle.dumps(self.task), time.monotonic(), 0.0
         while self.waiting or self.running:
             while self.waiting and len(self.running) < self.pool.room:
@@ -353,10 +356,11 @@ def _portable(error: Exception) -> Exception:
     return error
 
 
-def _begin(progress: Any) -> None:
+def _begin(progress: Any, stop: Any) -> None:
     """Begin a process of `Local`, which ends with its parent, even if that was killed."""
     global _progress
     _progress = progress
+    STOP.set(np.frombuffer(stop, np.int64))
     process.of_worker()
     if sys.platform != "linux":  # which ends it with its parent
         threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -377,6 +381,7 @@ class _Processes(futures.Executor):
     def __init__(self, workers: int) -> None:
         self.context = get_context("spawn")
         self.progress = [self.context.Value("d", lock=False) for _ in range(workers)]
+        self.stop = self.context.Value("q", lock=False)
         self.pools: list[futures.ProcessPoolExecutor | None] = [None] * workers
         self.busy: dict[Future[Any], int] = {}
 
@@ -399,7 +404,7 @@ class _Processes(futures.Executor):
     def _pool(self, place: int) -> futures.ProcessPoolExecutor:
         pool = self.pools[place]
         if pool is None:
-            begin: Any = {"initializer": _begin, "initargs": (self.progress[place],)}
+            begin: Any = {"initializer": _begin, "initargs": (self.progress[place], self.stop)}
             pool = self.pools[place] = futures.ProcessPoolExecutor(1, self.context, **begin)
         return pool
 
@@ -423,7 +428,8 @@ class Local(Pooled):
     def started(self, folder: Path) -> Iterator[Pool]:
         with _Processes(self.workers) as engine:
             lost = {futures.BrokenExecutor: MOST_TRIES}
-            yield Pool(engine, lost, self.workers, reached=engine.reached, notice=0.0)
+            stop = np.frombuffer(engine.stop, np.int64)
+            yield Pool(engine, lost, self.workers, reached=engine.reached, stop=stop, notice=0.0)
 
 
 # Starts in this process, and switches to worker processes if much work remains --------------------
@@ -461,17 +467,14 @@ class Auto(Executor):
 
     def at_once(self, items: int, each: float) -> int:
         """Return the number of items at a time, after the switch to processes if there is one."""
-        here, later = self._split(items, each)
-        return Local(self.workers).at_once(later, each) if later else self._here.at_once(here, each)
+        here = self._here.at_once(items, each)
+        later = items - here
+        worth = self._worth_starting(later, each / max(here, 1))
+        return Local(self.workers).at_once(later, each) if worth else here
 
     def threads_for(self, items: int) -> int:
         """Return the threads per item before a switch to processes."""
         return self._here.threads_for(items)
-
-    def wall_time(self, items: int, each: float) -> float:
-        """Return the wall time: first in this process, then in processes, s."""
-        here, later = self._split(items, each)
-        return self._here.wall_time(here, each) + Local(self.workers).wall_time(later, each)
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         waiting = deque(items)
@@ -480,14 +483,8 @@ class Auto(Executor):
             yield from Local(self.workers).outcomes(task, list(waiting))
 
     @property
-    def _here(self) -> ExecutorHere:
+    def _here(self) -> Threads:
         return Threads(self.workers) if self.threads else Serial()
-
-    def _split(self, items: int, each: float) -> tuple[int, int]:
-        """Return how many of the items are done here, and how many in processes."""
-        first = self._here.at_once(items, each)
-        pace = each / max(first, 1)
-        return (first, items - first) if self._worth_starting(items - first, pace) else (items, 0)
 
     def _until_switch(self, waiting: deque[int]) -> Iterator[int]:
         """Yield waiting items, each when the next one can begin, until processes are worthwhile."""

@@ -119,10 +119,10 @@ class ResultFolder:
         return study.begun_by(engine, self.path)
 
     def finished_runs(self, study: Study) -> int:
-        """Return the number of a study's runs in finished parts."""
+        """Return the number of a study's finished runs."""
         if self.manifest.get("digest") != study.digest:
             return 0
-        return sum(study.plans.runs_of(n) for n in self.parts.listed() if n < len(study.plans))
+        return self.parts.done(study.plans)
 
     @contextmanager
     def reporting_finished_runs(self, study: Study) -> Iterator[None]:

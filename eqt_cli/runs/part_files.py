@@ -19,7 +19,7 @@ from eqt_cli.runs.lock import holder
 MANIFEST, PARTS = "manifest.json", "parts"
 """Names in a result folder: the record of the experiment, and the folder of finished parts."""
 
-_NAME = re.compile(r"(\d{6,})(?:\.f(\d+))?\.h5")
+_NAME = re.compile(r"(\d{6,})(?:\.([fr])(\d+))?\.h5")
 
 _PART = files.FilePattern(_NAME.pattern)
 PART_ENTRIES = (_PART, files.FilePattern(r"reference(-\d+)?\.h5"))
@@ -47,28 +47,46 @@ class PartFiles:
     def listed(self) -> dict[int, FinishedPart]:
         """Return the finished parts, by number."""
         parts: dict[int, FinishedPart] = {}
-        try:
-            names = sorted(os.listdir(self.folder))  # noqa: PTH208  # thousands, quickly
-        except FileNotFoundError:
-            return parts
-        for name in names:
-            if match := _NAME.fullmatch(name):
-                number, failed = int(match[1]), int(match[2] or 0)
-                # During a rerun a part can have two files; the one with fewer failures counts.
-                if number not in parts or failed < parts[number].failed:
-                    parts[number] = FinishedPart(self.folder / name, failed)
+        for number, kind, failed, path in self._files():
+            # During a rerun a part can have two files; the one with fewer failures counts.
+            if kind == "f" and (number not in parts or failed < parts[number].failed):
+                parts[number] = FinishedPart(path, failed)
         return parts
 
-    def part(self, number: int, failed: int) -> Path:
-        """Return the file of a finished part with so many failed runs."""
-        return self.folder / (f"{number:06d}.f{failed}.h5" if failed else f"{number:06d}.h5")
+    def stopped(self) -> dict[int, tuple[Path, int]]:
+        """Return the files of parts that were stopped, each with the number of finished runs."""
+        finished = self.listed()
+        return {
+            number: (path, runs)
+            for number, kind, runs, path in self._files()
+            if kind == "r" and number not in finished
+        }
+
+    def part(self, number: int, count: int, kind: str = "f") -> Path:
+        """Return the file of a finished part with so many failed runs; `r`: finished ones."""
+        return self.folder / (f"{number:06d}.{kind}{count}.h5" if count else f"{number:06d}.h5")
 
     def tidy(self) -> None:
-        """Remove parts of which another file has fewer failed runs."""
-        best = {part.path.name for part in self.listed().values()}
-        for path in self.folder.iterdir() if self.folder.exists() else ():
-            if _NAME.fullmatch(path.name) and path.name not in best:
+        """Remove parts of which another file has fewer failed runs, or more runs."""
+        best = {path for path, _ in self.stopped().values()}
+        best |= {part.path for part in self.listed().values()}
+        for *_, path in self._files():
+            if path not in best:
                 files.remove_written(path, _PART)
+
+    def done(self, plans: Plans) -> int:
+        """Return the number of finished runs."""
+        whole = sum(plans.runs_of(number) for number in self.listed() if number < len(plans))
+        return whole + sum(runs for _, runs in self.stopped().values())
+
+    def _files(self) -> list[tuple[int, str, int, Path]]:
+        """Return number, kind, count and path of the files of parts; those with most runs last."""
+        try:
+            names = os.listdir(self.folder)  # noqa: PTH208  # thousands, quickly
+        except FileNotFoundError:
+            return []
+        matches = filter(None, map(_NAME.fullmatch, names))
+        return sorted((int(m[1]), m[2] or "f", int(m[3] or 0), self.folder / m[0]) for m in matches)
 
 
 RECENT = 200
@@ -119,8 +137,7 @@ def unfinished(path: Path) -> Unfinished | None:
     # A manifest of another program may hold anything.
     with suppress(ValueError, TypeError, LookupError, AttributeError, ArithmeticError):
         plan = Plans.of_data(manifest["plan"])
-        listed = PartFiles(path / PARTS).listed()
-        done = sum(plan.runs_of(number) for number in listed if number < len(plan))
+        listed, done = PartFiles(path / PARTS).listed(), PartFiles(path / PARTS).done(plan)
         failed = sum(part.failed for part in listed.values())
         writer = holder(path)
         since = None if writer is None else writer.get("since")

@@ -6,6 +6,7 @@
 7. `estimate`: times the first part of some points, for `--dry-run`.
 """
 
+import math
 import os
 import shutil
 import time
@@ -183,8 +184,8 @@ def estimate(study: Study, executor: Executor, most_seconds: float = PROBE_SECON
             return ExpectedCost(None, executor.at_once(parts, most_seconds) * threads, size)
         timed += per_run * plans.plans[index].total
     each = timed / runs * plans.total / parts
-    workers = executor.at_once(parts, each) * threads
-    return ExpectedCost(executor.wall_time(parts, each), workers, size)
+    at_once = executor.at_once(parts, each)
+    return ExpectedCost(math.ceil(parts / max(at_once, 1)) * each, at_once * threads, size)
 
 
 def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | None:

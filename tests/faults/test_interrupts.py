@@ -37,12 +37,12 @@ EXECUTORS = {
 }
 
 
-def started(tmp_path, command, text, options):
-    """A session that has kept two parts."""
+def started(tmp_path, command, text, options, least=2):
+    """A session that has kept some parts."""
     config = tmp_path / "config.yaml"
     config.write_text(text, encoding="utf-8")
     session = Session(command, config, tmp_path / "out", options)
-    while session.running and len(parts(tmp_path / "out")) < 2:
+    while session.running and len(parts(tmp_path / "out")) < least:
         time.sleep(0.01)
     return session
 
@@ -77,6 +77,20 @@ def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, 
     assert Session(command, session.config, session.out, options).finish()["resumed"] == done
     Session(command, session.config, tmp_path / "whole", EXECUTORS["serial"]).finish()
     assert_equal(session.out / "results.h5", contents(tmp_path / "whole/results.h5"))
+
+
+@pytest.mark.parametrize("executor", EXECUTORS)
+def test_ctrl_c_ends_a_long_call_of_c_and_keeps_its_finished_runs(tmp_path, executor):
+    """A call of C takes 3 s, for eight runs at a time; it need not be the first."""
+    text = RUN.replace("rtol: 1.0e-6, block: 10", "engine: native")
+    text = text.replace("duration: 1.0", "duration: 20000")
+    session = started(tmp_path, "run", text, EXECUTORS[executor], least=0)
+    time.sleep(4)
+    begun = time.monotonic()
+    os.killpg(session.process.pid, signal.SIGINT)
+    assert kept(session, 400) > 0
+    assert time.monotonic() < begun + 2
+    assert not parts(session.out)
 
 
 def test_a_second_ctrl_c_changes_nothing(tmp_path):

@@ -15,7 +15,8 @@
 #ifndef EQT_ADVANCE_H
 #define EQT_ADVANCE_H
 
-enum { EQT_THROUGH, EQT_STEP_LIMIT, EQT_NOT_FINITE, EQT_STEP_TOO_SHORT, EQT_SWITCHING };
+enum { EQT_THROUGH, EQT_STEP_LIMIT, EQT_NOT_FINITE, EQT_STEP_TOO_SHORT, EQT_SWITCHING,
+       EQT_STOPPED };
 
 /* Runs and a span, as the caller gives them. Arrays go row by row, with a row for each run. */
 typedef struct {
@@ -35,6 +36,7 @@ typedef struct {
     int64_t *counts;                  /* (runs): steps taken so far */
     int64_t *ends;                    /* (runs): how it has ended; others than 0 are left alone */
     double *times;                    /* (runs): where it has ended, s */
+    const volatile int64_t *stopped;  /* not 0, as soon as runs are to end unfinished */
     const struct eqt_measuring *measuring; /* measure.h */
 } eqt_span;
 
@@ -525,6 +527,15 @@ void eqt_advance(const eqt_span *span)
         int accepted[EQT_LANES], crossing[EQT_LANES], active = 0, slopes = EQT_COMPARISONS;
         eqt_real error, factor;
         eqt_mask suspected, taken;
+        if (*span->stopped) {
+            for (lane = 0; lane < EQT_LANES; lane++)
+                if (lanes.run[lane] >= 0)
+                    eqt_leave(&lanes, lane, EQT_STOPPED);
+            for (; next_run < span->runs; next_run++)
+                if (span->ends[next_run] == EQT_THROUGH)
+                    span->ends[next_run] = EQT_STOPPED;
+            return;
+        }
         for (lane = 0; lane < EQT_LANES; lane++) {
             while (lanes.run[lane] < 0 && next_run < span->runs) {
                 int64_t run = next_run++;
