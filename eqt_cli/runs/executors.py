@@ -8,15 +8,15 @@ import sys
 import threading
 import time
 from abc import abstractmethod
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent import futures
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import copy_context
 from dataclasses import dataclass, field
-from functools import lru_cache
-from itertools import islice
+from functools import lru_cache, partial
+from itertools import chain, islice
 from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
@@ -119,65 +119,6 @@ class Executor(Component):
 executors = Registry("executor", "executors", Executor, ("runs.executors",))
 
 
-@dataclass(frozen=True)
-class Threads(Executor):
-    """In threads of this process. If there are fewer items than workers, they share the rest."""
-
-    name: ClassVar[str] = "threads"
-
-    def threads_for(self, items: int) -> int:
-        """Return the threads for each item: more than one if there are fewer items than workers."""
-        return max(1, self.workers // min(self.workers, max(items, 1)))
-
-    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        yield from self.take(task, items, self.threads_for(len(items)))
-
-    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
-        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
-        lock, waiting, here, stop = threading.Lock(), iter(items), reporter(), np.zeros(1, np.int64)
-
-        def report(amount: float) -> None:
-            with lock:
-                here.advance(amount)
-
-        def begin(item: int) -> Future[int]:
-            return pool.submit(within.copy().run, task, item, context)  # keeps the reporter
-
-        context, within, at_once = (
-            TaskContext(report, threads),
-            copy_context(),
-            self.at_once(self.workers, 0.0),
-        )
-        within.run(STOP.set, stop)
-        # Results must not depend on how a library splits a product.
-        with threadpool_limits(1), futures.ThreadPoolExecutor(at_once) as pool:
-            begun = {begin(item): item for item in islice(waiting, at_once)}
-            try:
-                while begun:
-                    for future in futures.wait(begun, return_when=futures.FIRST_COMPLETED).done:
-                        for item in islice(waiting, 1):
-                            begun[begin(item)] = item
-                        yield Outcome(begun.pop(future), future.result())
-            finally:
-                stop[:] = 1
-                pool.shutdown(wait=True, cancel_futures=True)
-
-
-@dataclass(frozen=True)
-class Serial(Threads):
-    """One item at a time, in this process. Some engines use several threads for an item."""
-
-    name: ClassVar[str] = "serial"
-
-    def at_once(self, items: int, each: float) -> int:
-        """Return 1."""
-        return 1
-
-    def threads_for(self, items: int) -> int:
-        """Return all workers."""
-        return self.workers
-
-
 # Executors over an engine of `concurrent.futures`, such as processes of this machine --------------
 #
 # What a task raises, it returns; so an exception of a future is the engine's. Of these, only those
@@ -223,7 +164,7 @@ class Pool:
     lost: Mapping[Any, int]
     room: int
     check: Callable[[], None] = lambda: None
-    reached: Callable[[Future[Any]], float] = lambda future: 0.0
+    reached: Callable[[int], float] = lambda item: 0.0
     stop: Array | None = None
     notice: float = 60.0
 
@@ -253,7 +194,12 @@ class _Opened(Executor):
     pool: Any = None
 
     def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
-        yield from _Work(self.pool, task, deque(items)).outcomes()
+        compute = partial(_computed, pickle.dumps(task))
+        yield from _Work(self.pool, task, compute).outcomes(items)
+
+
+_Answer = tuple[int, Exception | None, Mapping[str, Any]]
+"""What a worker returns of an item: its failed runs, its error, and the task's origin."""
 
 
 @dataclass
@@ -262,30 +208,34 @@ class _Work:
 
     pool: Pool
     task: Task
-    waiting: deque[int]
-    running: dict[Future[Any], int] = field(default_factory=dict)
-    reached: Counter[int] = field(default_factory=Counter)
+    compute: Callable[[int], _Answer]
+    running: dict[Future[_Answer], int] = field(default_factory=dict)
+    again: list[int] = field(default_factory=list)
+    advanced: Counter[int] = field(default_factory=Counter)
     tries: Counter[tuple[int, type]] = field(default_factory=Counter)
 
-    def outcomes(self) -> Iterator[Outcome]:
+    def outcomes(self, items: Iterable[int]) -> Iterator[Outcome]:
         try:
-            yield from self._outcomes()
+            yield from self._outcomes(iter(items))
         finally:
             if self.pool.stop is not None:
                 self.pool.stop[:] = 1
                 futures.wait(self.running, STOP_WITHIN)
                 self.pool.stop[:] = 0
 
-    def _outcomes(self) -> Iterator[Outcome]:
-        payload, last, longest = pickle.dumps(self.task), time.monotonic(), 0.0
-        while self.waiting or self.running:
-            while self.waiting and len(self.running) < self.pool.room:
-                item = self.waiting.popleft()
-                self.running[self.pool.engine.submit(_computed, payload, item)] = item
+    def _outcomes(self, waiting: Iterator[int]) -> Iterator[Outcome]:
+        last, longest = time.monotonic(), 0.0
+        while True:
+            for item in islice(chain(self.again, waiting), self.pool.room - len(self.running)):
+                self.running[self.pool.engine.submit(self.compute, item)] = item
+            self.again = []
+            if not self.running:
+                return
             self.pool.check()
             done, others = futures.wait(self.running, LOOK_EVERY, futures.FIRST_COMPLETED)
             for future in others:
-                self._advance(self.running[future], self.pool.reached(future))
+                item = self.running[future]
+                self._advance(item, self.pool.reached(item))
             for future in done:
                 if outcome := self._outcome(future, self.running.pop(future)):
                     yield outcome
@@ -298,7 +248,7 @@ class _Work:
                 reporter().remark(EqtWarning(f"{words} {longest:.0f} s; {hint}"))
                 longest = 0.0
 
-    def _outcome(self, future: Future[Any], item: int) -> Outcome | None:
+    def _outcome(self, future: Future[_Answer], item: int) -> Outcome | None:
         """Return the outcome of an item; None if it waits again."""
         try:
             failed, error, origin = future.result()
@@ -308,7 +258,7 @@ class _Work:
             self.tries[item, kind] += 1
             if self.tries[item, kind] == self.pool.lost[kind]:
                 return Outcome(item, None)
-            self.waiting.appendleft(item)
+            self.again.append(item)
             return None
         except Exception as fault:
             raise EqtError(f"executor: {type(fault).__name__}: {fault}; {AGAIN}") from fault
@@ -318,16 +268,65 @@ class _Work:
         return Outcome(item, failed, origin)
 
     def _advance(self, item: int, reached: Any) -> None:
-        reporter().advance(reached - self.reached[item])
-        self.reached[item] = reached
+        reporter().advance(reached - self.advanced[item])
+        self.advanced[item] = reached
+
+
+@dataclass(frozen=True)
+class Threads(Executor):
+    """In threads of this process. If there are fewer items than workers, they share the rest."""
+
+    name: ClassVar[str] = "threads"
+
+    def threads_for(self, items: int) -> int:
+        """Return the threads for each item: more than one if there are fewer items than workers."""
+        return max(1, self.workers // min(self.workers, max(items, 1)))
+
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from self.take(task, items, self.threads_for(len(items)))
+
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
+        """Yield the outcomes of items, each taken when it can begin, with `threads` for each."""
+        reached, within = defaultdict[int, float](float), copy_context()
+        at_once, stop = self.at_once(self.workers, 0.0), np.zeros(1, np.int64)
+        within.run(STOP.set, stop)
+
+        def compute(item: int) -> _Answer:
+            def advance(amount: float) -> None:
+                reached[item] += amount
+
+            try:
+                return within.copy().run(task, item, TaskContext(advance, threads)), None, {}
+            except Exception as error:
+                return 0, error, {}
+
+        # Results must not depend on how a library splits a product.
+        with threadpool_limits(1), futures.ThreadPoolExecutor(at_once) as engine:
+            pool = Pool(engine, {}, at_once, reached=reached.__getitem__, stop=stop)
+            yield from _Work(pool, task, compute).outcomes(items)
+
+
+@dataclass(frozen=True)
+class Serial(Threads):
+    """One item at a time, in this process. Some engines use several threads for an item."""
+
+    name: ClassVar[str] = "serial"
+
+    def at_once(self, items: int, each: float) -> int:
+        """Return 1."""
+        return 1
+
+    def threads_for(self, items: int) -> int:
+        """Return all workers."""
+        return self.workers
 
 
 _progress: Any = None
 """In a process of `Local`: what it has done of its item, shared with its parent."""
 
 
-def _computed(payload: bytes, item: int) -> tuple[int, Exception | None, Mapping[str, Any]]:
-    """Compute an item in a worker; return its failed runs, its error, and the task's origin."""
+def _computed(payload: bytes, item: int) -> _Answer:
+    """Compute an item in a worker."""
 
     def advance(amount: float) -> None:
         if _progress is not None:
@@ -382,37 +381,36 @@ class _Processes(futures.Executor):
         self.context = get_context("spawn")
         self.progress = [self.context.Value("d", lock=False) for _ in range(workers)]
         self.stop = self.context.Value("q", lock=False)
-        self.pools: list[futures.ProcessPoolExecutor | None] = [None] * workers
-        self.busy: dict[Future[Any], int] = {}
+        self.pools: dict[int, futures.ProcessPoolExecutor] = {}
+        self.busy: dict[int, tuple[Future[Any], int]] = {}
 
-    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
-        for future in [future for future in self.busy if future.done()]:
-            place = self.busy.pop(future)
+    def submit(self, compute: Any, item: Any) -> Future[Any]:  # type: ignore[override]
+        for done in [done for done, (future, _) in self.busy.items() if future.done()]:
+            future, place = self.busy.pop(done)
             if isinstance(future.exception(), futures.BrokenExecutor):
-                self.pools[place] = None
-        place = min({*range(len(self.pools))} - {*self.busy.values()})
+                del self.pools[place]
+        place = min({*range(len(self.progress))} - {place for _, place in self.busy.values()})
         self.progress[place].value = 0.0
         with process.without_ctrl_c():
             try:
-                future = self._pool(place).submit(fn, *args, **kwargs)
+                future = self._pool(place).submit(compute, item)
             except futures.BrokenExecutor:  # its process has died without an item
-                self.pools[place] = None
-                future = self._pool(place).submit(fn, *args, **kwargs)
-        self.busy[future] = place
+                del self.pools[place]
+                future = self._pool(place).submit(compute, item)
+        self.busy[item] = future, place
         return future
 
     def _pool(self, place: int) -> futures.ProcessPoolExecutor:
-        pool = self.pools[place]
-        if pool is None:
+        if place not in self.pools:
             begin: Any = {"initializer": _begin, "initargs": (self.progress[place], self.stop)}
-            pool = self.pools[place] = futures.ProcessPoolExecutor(1, self.context, **begin)
-        return pool
+            self.pools[place] = futures.ProcessPoolExecutor(1, self.context, **begin)
+        return self.pools[place]
 
-    def reached(self, future: Future[Any]) -> float:
-        return float(self.progress[self.busy[future]].value)
+    def reached(self, item: int) -> float:
+        return float(self.progress[self.busy[item][1]].value)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        for pool in filter(None, self.pools):
+        for pool in self.pools.values():
             for started in [*(pool._processes or {}).values()]:
                 started.kill()  # an unfinished part leaves no file
             pool.shutdown(wait, cancel_futures=cancel_futures)

@@ -114,7 +114,7 @@ def test_an_item_that_loses_its_worker_again_and_again_is_given_up(task, tmp_pat
 def test_a_worker_that_dies_between_items_is_replaced(task, tmp_path):
     with Local(1).opened(tmp_path) as opened:
         assert list(opened.outcomes(task, [2])) == [Outcome(2, 0)]
-        [pool] = opened.pool.engine.pools
+        [pool] = opened.pool.engine.pools.values()
         [worker] = pool._processes.values()
         worker.kill()
         pool._executor_manager_thread.join(10)  # which marks the pool as broken

@@ -11,8 +11,10 @@ from pathlib import Path
 
 import h5py
 import pytest
+from plugin_sources import component
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.engines.engine import Status
 from eqt_cli.extensions.cluster.executors import Dask, Parsl
 from eqt_cli.runs.executors import MOST_TRIES, Outcome
 
@@ -209,6 +211,28 @@ def test_a_search_on_a_cluster_has_the_bits_of_one_process(eqt, tmp_path):
     for name, executor in (("alone", "serial"), ("many", "parsl:cluster.py")):
         ended(eqt("tune", "t.yaml", "--executor", executor, "--out", name), 0)
     assert numbers(tmp_path / "many") == numbers(tmp_path / "alone")
+
+
+DYING = component("""
+import os
+import numpy as np
+dying(eqt_cli.components.laws.Controller):
+    def torque(self, s):
+        if np.any((np.abs(s.V_tilde) > 0.1).any(axis=-1) & (s.t > 1)):
+            os._exit(1)
+        return 0 * s.V_tilde
+""")
+
+
+@pytest.mark.parametrize("executor", ["parsl:cluster.py", "local"])
+def test_a_law_that_ends_its_process_costs_its_own_runs(eqt, tmp_path, executor):
+    (tmp_path / "dying.py").write_text(DYING)
+    laws = CONFIG.replace("[eqt, gt]", "[eqt, dying]") + "plugins: [dying.py]\n"
+    (tmp_path / "d.yaml").write_text(laws)
+    words = "run", "d.yaml", "--executor", executor, "--out", "d", "--trust-plugins"
+    assert "worker lost 3 times (killed, or out of memory)" in ended(eqt(*words), 3)
+    with h5py.File(tmp_path / "d/results.h5") as file:
+        assert (file["status"][()] == [[Status.OK], [Status.WORKER_LOST]]).all()
 
 
 @pytest.fixture
