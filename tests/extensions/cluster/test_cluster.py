@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -292,3 +293,17 @@ def test_what_is_wrong_with_a_cluster_is_said(asked, said, eqt, tmp_path):
     (tmp_path / "empty.py").write_text("")
     (tmp_path / "wrong.py").write_text("x")
     assert said in ended(eqt("sweep", "c.yaml", "--executor", asked), 2)
+
+
+def test_templates_of_the_page_are_accepted(tmp_path):
+    """They are only submitted by a machine that has such a queue."""
+    parsl = pytest.importorskip("parsl")
+    page = Path(__file__).parents[3] / "docs/howto/clusters.md"
+    first, *others = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+    head, workers = first.split("jobs = ")[0], first[first.index("workers = ") :]
+    assert len(others) == 5
+    for text in (first, *(head + jobs + workers for jobs in others if "Kubernetes" not in jobs)):
+        path = tmp_path / "cluster.py"
+        path.write_text(text)
+        config = Parsl(at=str(path))._config(parsl.Config)
+        assert config.executors[0].provider.max_blocks == 2
