@@ -261,7 +261,8 @@ class _Work:
             self.again.append(item)
             return None
         except Exception as fault:
-            raise EqtError(f"executor: {type(fault).__name__}: {fault}; {AGAIN}") from fault
+            words = " ".join(str(fault).split())
+            raise EqtError(f"executor: {type(fault).__name__}: {words}; {AGAIN}") from fault
         if error is not None:
             raise error
         self._advance(item, self.task.runs_of(item))
