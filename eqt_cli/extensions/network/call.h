@@ -2,7 +2,7 @@
 
    EQT_INPUTS, EQT_OUTPUTS, EQT_AXES   how many it reads and commands, and of the torque
    EQT_HIDDEN, EQT_MEMORY              its states, and these with the outputs that it remembers
-   EQT_REMEMBERS, EQT_LAST_AT          whether it reads its last outputs, and where
+   EQT_REMEMBERS, EQT_LAST_AT          how many of its last outputs it reads, and where
    EQT_LAST_SCALE, EQT_LIMITED         their scale, and y[i] within its limits
    EQT_OFFSET, EQT_LINEAR, EQT_SQUARE  the curve of each command
    EQT_MATRIX                          from the commands to the torque, row by row */
@@ -23,9 +23,10 @@ void eqt_code(long runs, int how, double period, const double *options, double *
         for (i = 0; i < EQT_OUTPUTS * EQT_REMEMBERS; i++)
             x[EQT_LAST_AT + i] = EQT_LAST_SCALE * last[i];
         network(x, h, y);
+        for (i = EQT_OUTPUTS; i < EQT_OUTPUTS * EQT_REMEMBERS; i++) last[i - EQT_OUTPUTS] = last[i];
         for (i = 0; i < EQT_OUTPUTS; i++) {
             y[i] = EQT_LIMITED;
-            if (EQT_REMEMBERS) last[i] = y[i];
+            if (EQT_REMEMBERS) last[EQT_OUTPUTS * (EQT_REMEMBERS - 1) + i] = y[i];
             u[i] = offset[i] + (linear[i] + square[i] * y[i]) * y[i];
         }
         for (k = 0; k < EQT_AXES; k++) {

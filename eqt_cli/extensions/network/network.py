@@ -5,21 +5,35 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-from pydantic import Field
+import yaml
+from pydantic import BeforeValidator, Field
 
-from eqt_cli.base.arrays import Array, Arrays, apply_matrix, clip, transpose
+from eqt_cli.base.arrays import (
+    Array,
+    Arrays,
+    absolute,
+    apply,
+    apply_matrix,
+    clip,
+    less,
+    maximum,
+    sqrt,
+    stack,
+    transpose,
+    where,
+)
 from eqt_cli.base.errors import InputError, Problems, TraceError
-from eqt_cli.base.option_types import Keys, Positive, Real, Unit
+from eqt_cli.base.option_types import Count, Keys, Positive, Real, Unit
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, Controller, RunsCode
 from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
-from eqt_cli.extensions.network.reader import Built, network_of
+from eqt_cli.extensions.network.reader import ENTRIES, LETTERS, Built, network_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # What a network observes --------------------------------------------------------------------------
@@ -27,17 +41,10 @@ from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 LAST = "last_command"
 """The outputs of the network a period before; 0 at the start."""
 
-Observable = Literal[
-    "position",
-    "position_error",
-    "velocity",
-    "velocity_error",
-    "rotation",
-    "rotation_error",
-    "rates",
-    "rates_error",
-    "last_command",
-]
+Motion = Literal["position", "position_error", "velocity", "velocity_error"]
+Rotation = Literal["rotation", "rotation_error", "rates", "rates_error"]
+Attitude = Literal["gravity", "quaternion", "euler"]
+Observable = Literal[Motion, Rotation, Attitude, "last_command"]
 
 
 MOST_AHEAD = 1000
@@ -68,14 +75,23 @@ class Observed:
     ----------
     signal
         position p, position_error p − p_d, velocity ṗ, velocity_error ṗ − ṗ_d; rotation R and
-        rotation_error R_dᵀR, row by row; rates ω and rates_error ω − RᵀR_d ω_d, or last_command.
+        rotation_error R_dᵀR, row by row; rates ω and rates_error ω − RᵀR_d ω_d; gravity −Rᵀe_z, of
+        length 1; quaternion of R, with w ≥ 0; euler: roll, pitch and yaw of R, rad; last_command.
     frame
-        Of a position or velocity only: space (default) or body.
-    scale
-        The network is given so many times the signal.
+        Of a position or velocity: space (default) or body. Of rates: body (default) or space.
+    order
+        Of a quaternion only: wxyz or xyzw.
+    entries
+        Which numbers of the signal, from 0. Default: all.
     clip
-        The signal is clipped to ± so much before, in m, m/s or rad/s. Not for last_command, which
-        `clip` of the commands limits.
+        The signal is clipped to ± so much, in m, m/s or rad/s. Not for last_command, which `clip`
+        of the commands limits.
+    mean, deviation
+        Then it is normalised: less the mean, over the deviation; a number, or one for each entry.
+    scale
+        The network is given so many times what results.
+    steps
+        Of last_command only: so many last commands, the oldest first.
     preview
         Of an error only: it is given to the reference at so many later `steps`, `every` so long, in
         the order of time, in place of the reference now.
@@ -85,22 +101,34 @@ class Observed:
 
     signal: Observable
     frame: Literal["space", "body"] | None = None
+    order: Literal["wxyz", "xyzw"] | None = None
+    entries: list[Annotated[int, Field(ge=0)]] | None = None
     scale: Real = 1.0
     clip: Positive | None = None
+    mean: Real | list[Real] = 0.0
+    deviation: Positive | list[Positive] = 1.0
+    steps: Count = 1
     preview: Preview | None = None
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note a signal that the group has not, and options that the signal does not take."""
         turning, moving = G.moving_parts
         if self.signal == LAST:
-            if self.clip is not None:
-                problems.at("clip").add("last_command is limited by commands.clip; leave this out")
-        elif (turning if self.signal[0] == "r" else moving) is None:
+            for key in ("clip", "entries", "mean", "deviation"):
+                if getattr(self, key) != getattr(Observed(LAST), key):
+                    problems.at(key).add("last_command is limited by commands.clip; leave this out")
+        elif (moving if self.signal in get_args(Motion) else turning) is None or (
+            self.signal in get_args(Attitude) and turning is not None and len(G.identity) < 3
+        ):
             problems.at("signal").add(f"{G.name} has no {self.signal}")
-        if self.frame and self.signal[0] not in "pv":
+        if self.frame and self.signal not in (*get_args(Motion), "rates"):
             problems.at("frame").add(
-                f"applies to positions and velocities, not to {self.signal}; leave it out"
+                f"applies to positions, velocities and rates, not to {self.signal}; leave it out"
             )
+        if (self.order is None) == (self.signal == "quaternion"):
+            problems.at("order").add("belongs to a quaternion, of which it is wxyz or xyzw")
+        if self.steps > 1 and self.signal != LAST:
+            problems.at("steps").add(f"applies to {LAST}, not to {self.signal}; leave it out")
         if self.preview and not self.signal.endswith("error"):
             problems.at("preview").add(
                 f"applies to errors, such as position_error, not to {self.signal}; leave it out"
@@ -116,16 +144,26 @@ class Observed:
         else:
             later = range(first, first + self.preview.steps)
             value = np.concatenate([self._signal(G, x.at_later(k)) for k in later], axis=-1)
+        if self.entries is not None:
+            value = value[..., self.entries]
         if self.clip is not None:
             value = clip(value, -self.clip, self.clip)
-        return self.scale * value
+        return self.scale * ((value - np.array(self.mean)) / np.array(self.deviation))
 
     def _signal(self, G: MatrixLieGroup, x: LawInput) -> Array:
         turning, moving = G.moving_parts
-        if self.signal.startswith("r"):  # of the rotation
+        if self.signal not in get_args(Motion):
             assert turning is not None
             R, Rd = (pose[(..., *turning.entries)] for pose in (x.pose, x.desired_pose))
             w, wd = (V[..., turning.axes] for V in (x.velocity, x.desired_velocity))
+            if self.signal == "gravity":
+                return -R[..., 2, :]
+            if self.signal == "euler":
+                return _roll_pitch_yaw(R)
+            if self.signal == "quaternion":
+                return _quaternion(R)[..., [0, 1, 2, 3] if self.order == "wxyz" else [1, 2, 3, 0]]
+            if self.signal == "rates" and self.frame == "space" and w.shape[-1] > 1:
+                return apply_matrix(R, w)
             relative = transpose(Rd) @ R
             if self.signal.startswith("rotation"):
                 R = relative if self.signal.endswith("error") else R
@@ -147,6 +185,59 @@ class Observed:
             return pose[(..., *moving.entries)][..., 0]
         v = V[..., moving.axes]
         return v if turning is None else apply_matrix(pose[(..., *turning.entries)], v)
+
+
+def _angle(y: Array, x: Array) -> Array:
+    """Return the angle of (x, y) by atan of half of it, which is far from a jump; 0 of (0, 0)."""
+    r, least = sqrt(x * x + y * y), np.finfo(float).tiny
+    ahead = 2.0 * apply("atan", y / maximum(r + x, least))
+    behind = np.pi - 2.0 * apply("atan", absolute(y) / maximum(r - x, least))
+    return where(less(x, 0.0), where(less(y, 0.0), -behind, behind), ahead)
+
+
+def _roll_pitch_yaw(R: Array) -> Array:
+    """Return the angles of R = R_z(yaw) R_y(pitch) R_x(roll)."""
+    roll, yaw = _angle(R[..., 2, 1], R[..., 2, 2]), _angle(R[..., 1, 0], R[..., 0, 0])
+    across = sqrt(R[..., 0, 0] ** 2 + R[..., 1, 0] ** 2)
+    return stack([roll, _angle(-R[..., 2, 0], across), yaw])
+
+
+def _quaternion(R: Array) -> Array:
+    """Return w, x, y, z of rotations, w ≥ 0, from the largest of four squares (Shepperd 1978)."""
+    (a, b, c), (d, e, f), (g, h, i) = ([R[..., k, j] for j in range(3)] for k in range(3))
+    rows = [
+        [1.0 + a + e + i, h - f, c - g, d - b],
+        [h - f, 1.0 + a - e - i, b + d, c + g],
+        [c - g, b + d, 1.0 - a + e - i, f + h],
+        [d - b, c + g, f + h, 1.0 - a - e + i],
+    ]
+    q, square = stack(rows[0]), rows[0][0]
+    for k in (1, 2, 3):
+        larger = less(square, rows[k][k])
+        q = where(larger[..., None], stack(rows[k]), q)
+        square = where(larger, rows[k][k], square)
+    q = q / (2.0 * sqrt(square))[..., None]
+    return where(less(q[..., :1], 0.0), -q, q)
+
+
+_LIBRARIES: dict[str, dict[str, list[Any]]] = yaml.safe_load(
+    Path(__file__).with_name("observations.yaml").read_text(encoding="utf-8")
+)
+
+
+def _with_terms(listed: Any) -> Any:
+    """Replace terms of libraries, such as ``isaaclab3.root_quat_w``, by their signals."""
+    if not isinstance(listed, list):
+        return listed
+    signals = []
+    for entry in listed:
+        library, _, term = entry.partition(".") if isinstance(entry, str) else ("", "", "")
+        terms = _LIBRARIES.get(library, {})
+        if isinstance(entry, str) and term not in terms:
+            names = terms or _LIBRARIES
+            raise ValueError(f"{entry}: expected LIBRARY.TERM, of {', '.join(names)}")
+        signals += terms[term] if isinstance(entry, str) else [entry]
+    return signals
 
 
 @dataclass(frozen=True)
@@ -184,19 +275,6 @@ class Commanded:
 # Each step is a loop over its outputs; a product with a matrix takes its columns one after the
 # other, so that a compiler may take several rows at once without another order of any sum.
 
-_BY_ENTRY = {
-    "relu": "v < 0.0 ? 0.0 : v",
-    "tanh": "eqt_tanh(v)",
-    "sigmoid": "1.0 / (1.0 + eqt_exp(-v))",
-    "elu": "v > 0.0 ? v : {a} * (eqt_exp(v) - 1.0)",
-    "leaky_relu": "v > 0.0 ? v : {a} * v",
-    "fast_tanh": "v < -3.0 ? -1.0 : v > 3.0 ? 1.0 : v * (27.0 + v * v) / (27.0 + 9.0 * v * v)",
-    "clip": "v < {low} ? {low} : v > {high} ? {high} : v",
-}
-"""Functions of single numbers, each NaN of NaN."""
-
-_PAIRS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
-
 
 class Emitted:
     """The steps of a network as C."""
@@ -205,86 +283,71 @@ class Emitted:
         self.network = network
         self.constants: list[str] = []
         self.lines: list[str] = []
-        for step in network.steps:
-            name, size = step["out"], network.length[step["out"]]
-            self.lines.append(f"double {name}[{size}];")
-            getattr(self, f"_{step['op']}", self._by_entry)(step, name, size)
+        at = 0
+        for vector, _ in network.states:  # a state a period later may be another one now
+            self.lines.append(f"double {vector}[{network.length[vector]}];")
+            self._copy(vector, network.length[vector], f"h[{at} + i]")
+            at += network.length[vector]
+        for step in network.needed:
+            size = network.length[step["out"]]
+            self.lines.append(f"double {step['out']}[{size}];")
+            getattr(self, f"_{step['op']}", self._entry)(step, step["out"], size)
+        at = 0
+        for before, after in network.states:
+            self._copy(f"(h + {at})", network.length[before], f"{after}[i]")
+            at += network.length[before]
 
-    def _constant(self, values: Sequence[float]) -> str:
-        name = f"c{len(self.constants)}"
-        listed = ", ".join(repr(float(value)) for value in values)
-        self.constants.append(f"static const double {name}[] = {{{listed}}};")
+    def _constant(self, values: Sequence[float], kind: str = "double") -> str:
+        name, listed = f"c{len(self.constants)}", ", ".join(map(repr, values))
+        self.constants.append(f"static const {kind} {name}[] = {{{listed}}};")
         return name
 
-    def _assign(self, entry: str, size: int, formula: str) -> None:
-        self.lines.append(f"for (i = 0; i < {size}; i++) {entry} = {formula};")
-
-    def _product(self, name: str, vector: str, W: Array, b: Array) -> None:
-        """name = W vector + b."""
-        m, n = W.shape
-        weights, bias = self._constant(W.T.ravel().tolist()), self._constant(b.tolist())
-        self._assign(f"{name}[i]", m, f"{bias}[i]")
-        self.lines.append(f"for (j = 0; j < {n}; j++)")
-        self._assign(f"{name}[i]", m, f"{name}[i] + {weights}[{m} * j + i] * {vector}[j]")
+    def _copy(self, vector: str, size: int, formula: str) -> None:
+        self.lines.append(f"for (i = 0; i < {size}; i++) {vector}[i] = {formula};")
 
     def _affine(self, step: Mapping[str, Any], name: str, size: int) -> None:
-        self._product(name, step["of"][0], np.array(step["W"]), np.array(step["b"]))
+        (vector,), (m, n) = step["of"], np.shape(step["W"])
+        weights, bias = self._constant(np.transpose(step["W"]).ravel().tolist()), step["b"]
+        self._copy(name, m, f"{self._constant(bias)}[i]")
+        self.lines.append(f"for (j = 0; j < {n}; j++)")
+        self._copy(name, m, f"{name}[i] + {weights}[{m} * j + i] * {vector}[j]")
 
-    def _by_entry(self, step: Mapping[str, Any], name: str, size: int) -> None:
-        vector, numbers = step["of"][0], step.get("numbers", {})
-        formula = _BY_ENTRY[step["op"]].format(**{key: repr(x) for key, x in numbers.items()})
-        self.lines.append(
-            f"for (i = 0; i < {size}; i++) "
-            f"{{ const double v = {vector}[i]; {name}[i] = {formula}; }}"
-        )
-
-    def _pair(self, step: Mapping[str, Any], name: str, size: int) -> None:
-        sides = []
-        for side in step["of"]:
-            vector = side if isinstance(side, str) else self._constant(side)
-            length = self.network.length[side] if isinstance(side, str) else len(side)
-            sides.append(f"{vector}[{'0' if length == 1 else 'i'}]")
-        self._assign(f"{name}[i]", size, f" {_PAIRS[step['op']]} ".join(sides))
-
-    _add = _sub = _mul = _div = _pair
+    def _entry(self, step: Mapping[str, Any], name: str, size: int) -> None:
+        terms = {key: repr(number) for key, number in step["numbers"].items()}
+        for letter, operand in zip("uvw", step["of"], strict=False):
+            single = self.network.size(operand) == 1
+            vector = operand if isinstance(operand, str) else self._constant(operand)
+            terms[letter] = f"{vector}[{0 if single else 'i'}]"
+        self._copy(name, size, LETTERS.sub(lambda x: terms[x[0]], ENTRIES[step["op"]]))
 
     def _concat(self, step: Mapping[str, Any], name: str, size: int) -> None:
         start = 0
-        for vector in step["of"]:
-            length = self.network.length[vector]
-            self._assign(f"{name}[{start} + i]", length, f"{vector}[i]")
-            start += length
+        for operand in step["of"]:
+            vector = operand if isinstance(operand, str) else self._constant(operand)
+            self._copy(f"({name} + {start})", self.network.size(operand), f"{vector}[i]")
+            start += self.network.size(operand)
 
-    def _head(self, step: Mapping[str, Any], name: str, size: int) -> None:
-        """The first half."""
-        self._assign(f"{name}[i]", size, f"{step['of'][0]}[i]")
-
-    def _gru(self, step: Mapping[str, Any], name: str, size: int) -> None:
-        """h ← (1 − z) n + z h, n = tanh(W_n x + b_n + r (U_n h + d_n)); in the order r, z, n."""
-        W, U, b, d = (np.array(step[key]) for key in ("W", "U", "b", "d"))
-        a, u, h = f"a_{name}", f"u_{name}", f"h_{name}"
-        self.lines.append(f"double {a}[{3 * size}], {u}[{3 * size}];")
-        self.lines.append(f"double *{h} = h + {step['at']};")
-        self._product(a, step["of"][0], W, b)
-        self._product(u, h, U, d)
-        self.lines += [
-            f"for (i = 0; i < {size}; i++) {{",
-            f"    const double r = 1.0 / (1.0 + eqt_exp(-({a}[i] + {u}[i])));",
-            f"    const double z = 1.0 / (1.0 + eqt_exp(-({a}[{size} + i] + {u}[{size} + i])));",
-            f"    const double n = eqt_tanh({a}[{2 * size} + i] + r * {u}[{2 * size} + i]);",
-            f"    {name}[i] = {h}[i] = (1.0 - z) * n + z * {h}[i];",
-            "}",
-        ]
+    def _take(self, step: Mapping[str, Any], name: str, size: int) -> None:
+        places, first = step["places"], step["places"][0]
+        neighbours = places == [*range(first, first + size)]
+        place = f"{first} + i" if neighbours else f"{self._constant(places, 'int')}[i]"
+        self._copy(name, size, f"{step['of'][0]}[{place}]")
 
 
 CALL = Path(__file__).with_name("call.h")
 """How native calls a network for many runs."""
 
+ENTRY = Path(__file__).with_name("entries.h")
+"""Functions that operations entry by entry call."""
+
+
+Memory = tuple[tuple[str, str], ...] | None
+
 
 @lru_cache(maxsize=16)
-def emitted(text: str, name: str) -> Emitted:
+def emitted(text: str, name: str, memory: Memory = None) -> Emitted:
     """Return the steps of the network of a text, which many points of a sweep share."""
-    return Emitted(network_of(text, name))
+    return Emitted(network_of(text, name, memory))
 
 
 def source_of(
@@ -292,7 +355,7 @@ def source_of(
     matrix: Array,
     curve: Array,
     most: float | None = None,
-    last: tuple[int, float] | None = None,
+    last: tuple[int, float, int] | None = None,
 ) -> str:
     """Return the C of a law: `eqt_code`, as native calls it, around the steps of a network.
 
@@ -305,15 +368,15 @@ def source_of(
     most
         The size to which outputs are clipped.
     last
-        Where the last outputs stand among the inputs, and their scale; None if they are not
-        observed.
+        Where the last outputs stand among the inputs, their scale, and of how many periods; None if
+        they are not observed.
     """
-    network, hidden = made.network, len(made.network.start)
-    outputs = network.outputs
-    remembers, (last_at, last_scale) = int(last is not None), last or (0, 1.0)
+    network, hidden = made.network, len(made.network.initial)
+    outputs = network.commands
+    last_at, last_scale, remembers = last or (0, 1.0, 0)
     numbers = {"offset": curve[0], "linear": curve[1], "square": curve[2], "matrix": matrix.ravel()}
     defined = {
-        "inputs": network.inputs,
+        "inputs": network.length[network.observed],
         "outputs": outputs,
         "axes": len(matrix),
         "hidden": hidden,
@@ -324,18 +387,18 @@ def source_of(
         "limited": f"y[i] < -{most} ? -{most} : y[i] > {most} ? {most} : y[i]" if most else "y[i]",
         **{name: ", ".join(map(repr, x.tolist())) or "0" for name, x in numbers.items()},
     }
-    result = network.steps[-1]["out"]
     text = "\n".join(
         [
             *(f"#define EQT_{name.upper()} {value}" for name, value in defined.items()),
-            "static void network(const double *x, double *h, double *y)\n{",
+            f"static void network(const double *{network.observed}, double *h, double *y)\n{{",
             "    long i, j;\n    (void)h, (void)j;",
             *(f"    {line}" for line in made.lines),
-            f"    for (i = 0; i < EQT_OUTPUTS; i++) y[i] = {result}[i];\n}}",
+            f"    for (i = 0; i < EQT_OUTPUTS; i++) y[i] = {network.result}[i];\n}}",
             CALL.read_text(encoding="utf-8"),
         ]
     )
-    return "\n".join([PRELUDE, needed(PRELUDE + text, headers("double")), *made.constants, text])
+    functions = headers("double") + "\n" + ENTRY.read_text(encoding="utf-8")
+    return "\n".join([PRELUDE, needed(PRELUDE + text, functions), *made.constants, text])
 
 
 @lru_cache(maxsize=64)
@@ -360,7 +423,7 @@ def check_examples(text: str, name: str) -> None:
     if not network.examples:
         return
     inputs, expected = map(np.array, network.examples)
-    outputs, states = np.empty_like(expected), np.array([[*network.start]])
+    outputs, states = np.empty_like(expected), np.array([[*network.initial]])
     function = function_of(bare_source(emitted(text, name)))
     for k, row in enumerate(np.ascontiguousarray(inputs)):
         call(function, states, row[None], outputs[k : k + 1])
@@ -374,7 +437,7 @@ def check_examples(text: str, name: str) -> None:
 
 def bare_source(made: Emitted) -> str:
     """Return the C of a network by itself, whose outputs are what it returns."""
-    unit = np.eye(made.network.outputs)
+    unit = np.eye(made.network.commands)
     return source_of(made, unit, np.outer([0.0, 1.0, 0.0], np.ones(len(unit))))
 
 
@@ -400,9 +463,13 @@ class Network(Controller):
     file
         The file, relative to the configuration.
     observes
-        Inputs of the network in their order: signals, each with a frame, a scale and a clip.
+        Inputs of the network in their order: signals, each with a frame, a scale and a clip; or
+        terms of a library, as `isaaclab3.root_quat_w`.
     commands_
         Meaning of its outputs: rotors, wrench or rates.
+    memory_
+        Inputs of the network that hold what an output was a period before, and 0 at the start, as
+        `{h_in: h_out}`. Default: by names and shapes, where these tell.
     """
 
     name: ClassVar[str] = "network"
@@ -412,8 +479,9 @@ class Network(Controller):
     reader: ClassVar[str] = "network.reader.network_text"
 
     file: str
-    observes: list[Observed] = field(metadata=STRUCTURE)
+    observes: Annotated[list[Observed], BeforeValidator(_with_terms)] = field(metadata=STRUCTURE)
     commands_: Commanded = field(default=Commanded(), metadata=STRUCTURE)
+    memory_: dict[str, str] | None = field(default=None, metadata=STRUCTURE)
     text: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
     source: str = field(init=False, default="", repr=False, metadata=STRUCTURE)
 
@@ -429,7 +497,11 @@ class Network(Controller):
     @property
     def network(self) -> Built:
         """The network, checked."""
-        return network_of(self.text, self.file)
+        return network_of(self.text, self.file, self._pairs)
+
+    @property
+    def _pairs(self) -> Memory:
+        return None if self.memory_ is None else tuple(self.memory_.items())
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note signals that the group has not, and another number of them than the network has."""
@@ -441,9 +513,10 @@ class Network(Controller):
             return
         with problems.catching("file"):
             check_examples(self.text, self.file)
+            _ = self.network
         if problems:
             return
-        sizes, inputs = self._sizes(G), self.network.inputs
+        sizes, inputs = self._sizes(G), self.network.length[self.network.observed]
         if sum(sizes) != inputs:
             pairs = zip(self.observes, sizes, strict=True)
             listed = ", ".join(f"{each.signal} {size}" for each, size in pairs)
@@ -474,8 +547,10 @@ class Network(Controller):
         sizes, last = self._sizes(G), None
         for index, signal in enumerate(self.observes):
             if signal.signal == LAST:
-                last = sum(sizes[:index]), signal.scale
-        source = source_of(emitted(self.text, self.file), M, curve, self.commands_.clip, last)
+                last = sum(sizes[:index]), signal.scale, signal.steps
+        source = source_of(
+            emitted(self.text, self.file, self._pairs), M, curve, self.commands_.clip, last
+        )
         with problems.catching("file"):
             function_of(source)
         return with_fields(self, source=source)
@@ -484,7 +559,7 @@ class Network(Controller):
         self, G: MatrixLieGroup, plant: PlantModel, problems: Problems
     ) -> tuple[Array, Array]:
         """Return the matrix from commands to the torque, ``(m, k)``, and the rows c₀, c₁, c₂."""
-        said, k = self.commands_, self.network.outputs
+        said, k = self.commands_, self.network.commands
         names, B, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
         if of_rotors:
             rotors = [each for each in plant.actuators if each.thruster_names]
@@ -535,7 +610,8 @@ class Network(Controller):
         batch, rows, later = x.velocity.shape[:-1], [], 0
         for signal in self.observes:
             if signal.signal == LAST:
-                row = np.concatenate([0.0 * x.velocity[..., :1]] * self.network.outputs, axis=-1)
+                count = self.network.commands * signal.steps
+                row = np.concatenate([0.0 * x.velocity[..., :1]] * count, axis=-1)
             else:
                 row = signal.values(G, x, later)
             later += signal.preview.steps if signal.preview else 0
@@ -549,20 +625,23 @@ class Network(Controller):
         x = LawInput(0.0, G.identity, zero, G.identity, zero, zero)
         x = x._replace(later_pose=G.exp(later), later_velocity=later)
         return [
-            self.network.outputs if signal.signal == LAST else signal.values(G, x).shape[-1]
+            self.network.commands * signal.steps
+            if signal.signal == LAST
+            else signal.values(G, x).shape[-1]
             for signal in self.observes
         ]
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the states of recurrent units, and the last command."""
-        lengths = {"hidden": len(self.network.start)}
-        if any(signal.signal == LAST for signal in self.observes):
-            lengths[LAST] = self.network.outputs
+        lengths = {"hidden": len(self.network.initial)}
+        for signal in self.observes:
+            if signal.signal == LAST:
+                lengths[LAST] = self.network.commands * signal.steps
         return {name: length for name, length in lengths.items() if length}
 
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the states of recurrent units at the start."""
-        start = np.array(self.network.start)
+        start = np.array(self.network.initial)
         return {"hidden": start + 0.0 * s.P[..., :1]} if len(start) else {}
 
     def torque(self, s: Tracking) -> Array:
