@@ -152,6 +152,7 @@ def test_no_activation_makes_a_number_of_nan(read):
         assert np.isnan(outputs_of(network_of(read(made), "policy.onnx"), [[np.nan]])).all()
 
 
+@pytest.mark.filterwarnings("ignore:policy.onnx. its memory is")
 def test_recurrent_units_are_those_of_onnxruntime(read):
     runtime = pytest.importorskip("onnxruntime")
     made = recurrent()
