@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
-import yaml
 from pydantic import BeforeValidator, Field
 
 from eqt_cli.base.arrays import (
@@ -33,7 +32,7 @@ from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware.c_headers import PRELUDE, headers, needed
-from eqt_cli.extensions.network.reader import ENTRIES, LETTERS, Built, network_of
+from eqt_cli.extensions.network.reader import ENTRIES, LETTERS, Built, network_of, table
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 # What a network observes --------------------------------------------------------------------------
@@ -220,9 +219,7 @@ def _quaternion(R: Array) -> Array:
     return where(less(q[..., :1], 0.0), -q, q)
 
 
-_LIBRARIES: dict[str, dict[str, list[Any]]] = yaml.safe_load(
-    Path(__file__).with_name("observations.yaml").read_text(encoding="utf-8")
-)
+_LIBRARIES: dict[str, dict[str, list[Any]]] = table("observations.yaml")
 
 
 def _with_terms(listed: Any) -> Any:

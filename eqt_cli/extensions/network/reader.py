@@ -32,9 +32,15 @@ MOST_AXES = 16
 Operand = str | list[float]
 """The name of a vector, or numbers."""
 
-OPERATIONS: dict[str, Any] = yaml.safe_load(
-    Path(__file__).with_name("operations.yaml").read_text(encoding="utf-8")
-)
+
+def table(name: str) -> Any:
+    """Return a table of this folder, written in YAML."""
+    text = Path(__file__).with_name(name).read_text(encoding="utf-8")
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    return yaml.load(text, loader)  # noqa: S506  # both loaders are safe
+
+
+OPERATIONS: dict[str, Any] = table("operations.yaml")
 """What is known of operations, by their names in ONNX."""
 
 ENTRIES: dict[str, str] = OPERATIONS["entries"]
