@@ -2,10 +2,12 @@
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
+
+import numpy as np
 
 from eqt_cli.analysis.law_search import without_search
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
@@ -15,7 +17,8 @@ from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, recording_text
-from eqt_cli.components.recording_check import Recording, read_recording
+from eqt_cli.components.recording import read_log
+from eqt_cli.components.recording_check import Recording, read_recording, recording_of
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -158,6 +161,9 @@ def log_errors(
     association: str = "linear",
     align: str | None = None,
     relative: int | None = None,
+    begin: float | str | None = None,
+    end: float | str | None = None,
+    disarmed: bool = False,
     out: str | os.PathLike[str] | None = None,
 ) -> TrackingErrors:
     """Measure how far a recorded vehicle was from its setpoints, or from a second recording.
@@ -165,7 +171,7 @@ def log_errors(
     Of measurement and setpoint, the smoother one is interpolated to the instants of the other:
     positions, velocities and rates linearly, attitudes along the shortest rotation. Only
     instants while armed count, and nothing is interpolated over a gap, a change of the mode, or a
-    reset of the estimator.
+    reset of the estimator. The times of two files are those of one clock, of which none is moved.
 
     Parameters
     ----------
@@ -184,6 +190,11 @@ def log_errors(
         scale) by least squares (Umeyama), ``origin`` by the first pose.
     relative
         Compare the motions over so many instants in place of the poses.
+    begin, end
+        The first and the last time to compare, s, by the clock of the files; a text such as ``+5``
+        counts from the first row of `path`.
+    disarmed
+        Whether times while disarmed count, too.
     out
         Output folder for the figure ``errors``, and a CSV of each quantity. Default: no files.
 
@@ -226,13 +237,27 @@ def log_errors(
     else:
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
         wanted = _series(path, flight, mapping, format, setpoint, of)
-        spans = logs.spans_of(flight)
-    errors = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, relative)
+        spans = logs.spans_of(flight, disarmed)
+    begins = [series.times[0] for series in known.values()]
+    window = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
+    how: Any = (association, align, relative, window)
+    errors = logs.tracking_errors(f"{path}", known, wanted, spans, *how)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
 
         save_errors(errors, f"{path}", Path(out))
     return errors
+
+
+def _instant(name: str, value: float | str | None, begins: Sequence[float]) -> float:
+    """Return a time, s; a text with a sign counts from the first of some times."""
+    if value is None:
+        return -np.inf if name == "begin" else np.inf
+    with suppress(ValueError):
+        if np.isfinite(time := float(value)):
+            return time + f"{value}".startswith("+") * min(begins, default=0.0)
+    expected = "expected seconds, as 12.5 by the clock of the file or +5 from its first row"
+    raise EqtError(f"{name}: {expected}, got {value!r}")
 
 
 def _series(
@@ -242,7 +267,8 @@ def _series(
     if flight is None:
         with _read(path, mapping, format) as (text, name, kind, columns):
             G = logs.largest_group(text, name, kind, columns)
-            return logs.motions_of(read_recording(text, name, kind, G, columns))
+            log = read_log(text, name, kind, G, columns)
+            return logs.motions_of(replace(recording_of(log), times=logs.own_times(log)))
     kinds, topics = [of], flight.topics
     if topic is not None:
         kinds, topics = [of, "", " setpoint"], [each for each in topics if each.name == topic]

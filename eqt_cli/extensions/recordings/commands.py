@@ -198,6 +198,9 @@ def log_errors(
     association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear",
     align: Annotated[str | None, options.option("--align", known=ALIGNMENTS)] = None,
     relative: Annotated[int | None, options.option("--relative", min=1)] = None,
+    begin: Annotated[str | None, options.option("--begin")] = None,
+    end: Annotated[str | None, options.option("--end")] = None,
+    disarmed: Annotated[bool, options.option("--disarmed")] = False,
     out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -218,6 +221,9 @@ def log_errors(
         --align NAME  Move the measured positions first: rigid, similarity (both by Umeyama) or
             origin (by the first pose).
         --relative N  Compare the motions over N instants in place of the poses.
+        --begin S  First time to compare, s: 12.5 by the clock of the files, +5 from the first row.
+        --end S  Last time to compare, as --begin.
+        --disarmed  Compare also times while the vehicle was disarmed.
     Result
         --out DIR  Folder for the figure errors, and CSV of the errors over time.
     """
@@ -225,10 +231,12 @@ def log_errors(
     from eqt_cli.extensions.recordings.logs import error_table
 
     how: dict[str, Any] = {"association": association, "topic": topic, "setpoint": setpoint}
-    how |= {"align": align, "relative": relative}
+    how |= {"align": align, "relative": relative, "begin": begin, "end": end}
+    how |= {"disarmed": disarmed}
     errors = api.log_errors(file, second, mapping, format=format_, out=out, **how)
     sizes = [one._asdict() for one in errors.sizes]
     document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}
+    document |= {"notes": errors.notes}
     print_findings(document, laid_out(error_table(errors)), json=json)
     if out is not None:
         say(f"figure and CSV in {out}")
@@ -248,7 +256,7 @@ def _print_log(checked: LogCheck) -> None:
         gaps.append(f"and {len(checked.gaps) - MOST_GAPS} more")
     lines = [
         f"poses     {checked.group}, format {checked.format}",
-        f"rows      {checked.rows}, from {checked.begin:.9g} to {checked.end:.9g} s",
+        f"rows      {checked.rows}, from {checked.begin:.13g} to {checked.end:.13g} s",
         f"rate      {checked.rate:.4g} Hz",
         f"gaps      {f'{len(checked.gaps)}: ' if gaps else 'none'}{', '.join(gaps)}",
         f"mapping   {checked.mapping}",

@@ -28,7 +28,7 @@ from eqt_cli.components.recording import GAP, WRENCH, Log, read_log
 from eqt_cli.components.recording_check import Recording, gaps_of, incomplete_columns, notes
 from eqt_cli.engines.compiler import Limits, run_contained
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, readers
-from eqt_cli.extensions.recordings.delay import Delay, Pair, apart, delay_of
+from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
 from eqt_cli.extensions.recordings.readers import Topic
 
 # Reads a file of another program, in a process with limits ----------------------------------------
@@ -81,6 +81,11 @@ class Series(NamedTuple):
     numbers: Array
     fields: Sequence[str] = ()
     unit: str = ""
+
+    @property
+    def span(self) -> str:
+        """The first and the last time, s."""
+        return f"{self.times[0]:.13g} to {self.times[-1]:.13g}"
 
     def at(self, t: Array, how: str = "linear", edges: Array | tuple[()] = ()) -> Array:
         """Return the numbers at some times; NaN outside, in gaps, and across edges.
@@ -544,11 +549,14 @@ class TrackingErrors(NamedTuple):
         Of each quantity the times ``(n,)``, and the errors ``(n, k)`` of all axes, in its unit.
     topics
         What was compared with what, by the quantity.
+    notes
+        The times of both, and what else was noticed.
     """
 
     sizes: list[ErrorSize]
     curves: dict[str, tuple[Array, Array]]
     topics: dict[str, str]
+    notes: tuple[str, ...] = ()
 
     @property
     def headline(self) -> str:
@@ -579,15 +587,32 @@ def motions_of(one: Recording) -> dict[str, Series]:
     return {quantity: Series(name, one.times, each) for quantity, each in known.items()}
 
 
-def spans_of(flight: Flight) -> tuple[Array, Array]:
-    """Return the times of changes of mode, arming and estimator, and whether armed after each."""
+def own_times(log: Log) -> Array:
+    """Return the times of a log by the clock of its file, s; some formats count from a row."""
+    time, table = log.mapping.time, log.table
+    if time.offset == "first":
+        return log.times
+    return (table.since + table.columns["t"]) * time.scale + (time.offset or 0.0)
+
+
+def spans_of(flight: Flight, disarmed: bool = False) -> tuple[Array, Array]:
+    """Return the times of changes of mode, arming and estimator, and whether each span counts.
+
+    Raises
+    ------
+    InputError
+        If the vehicle was never armed, and disarmed times do not count.
+    """
     changes, armed = [np.empty(0)], list(flight.series("armed"))[:1]
     for one in (*flight.series("mode"), *flight.series("reset"), *armed):
         changed = np.any(np.diff(one.numbers, axis=0, prepend=np.nan) != 0, axis=1)
         changes.append(one.times[changed])
     edges = np.unique(np.concatenate(changes))
     starts = np.r_[-np.inf, edges]
-    flying = [one.at(starts, "held")[:, 0] == float(one.unit) for one in armed]
+    flying = [one.at(starts, "held")[:, 0] == float(one.unit) for one in armed[: not disarmed]]
+    if flying and not flying[0].any():
+        advice = "--disarmed compares disarmed times, too"
+        raise InputError(f"{flight.name}: was never armed, by {armed[0].topic}; {advice}")
     return edges, flying[0] if flying else np.ones(len(starts), bool)
 
 
@@ -605,7 +630,9 @@ def difference(quantity: str, measured: Array, wanted: Array) -> Array:
     return np.rad2deg(np.stack([angle, tilt, (heading + np.pi) % (2 * np.pi) - np.pi], axis=-1))
 
 
-def paired(known: Series, wanted: Series, spans: tuple[Array, Array], how: str) -> Pair:
+def paired(
+    known: Series, wanted: Series, spans: tuple[Array, Array], how: str, window: Sequence[float]
+) -> Pair:
     """Return both series; of the linear ones, the one nearer to its chords is interpolated."""
 
     def roughness(one: Series) -> float:
@@ -615,9 +642,13 @@ def paired(known: Series, wanted: Series, spans: tuple[Array, Array], how: str) 
         chord = one._replace(times=one.times[::2], numbers=one.numbers[::2]).at(one.times[1:-1:2])
         return float(np.median(norm(np.nan_to_num(apart(one.numbers[1:-1:2], chord)))))
 
+    base, other, side = wanted, known, 1
     if how == "linear" and roughness(known) > roughness(wanted):
-        return Pair(known, wanted, -1, *spans)
-    return Pair(wanted, known, 1, *spans)
+        base, other, side = known, wanted, -1
+    begin, end = window[0] - LEAST_ERROR, window[1] + LEAST_ERROR
+    inside = (begin <= base.times) & (base.times <= end)
+    base = base._replace(times=base.times[inside], numbers=base.numbers[inside])
+    return Pair(base, other, side, *spans)
 
 
 def _frame(
@@ -680,8 +711,9 @@ def tracking_errors(
     association: str = "linear",
     align: str | None = None,
     relative: int | None = None,
+    window: Sequence[float] = (-np.inf, np.inf),
 ) -> TrackingErrors:
-    """Compare known series with wanted ones, at the instants of the wanted ones.
+    """Compare known series with wanted ones, at the instants of the rougher ones in a window.
 
     Raises
     ------
@@ -690,12 +722,13 @@ def tracking_errors(
     """
 
     def pair(q: str) -> Pair:
-        return paired(known[q], wanted[q], spans, association)
+        return paired(known[q], wanted[q], spans, association, window)
 
     def attitudes() -> list[Series]:
         return [known["attitude"], wanted["attitude"]] if "attitude" in shared else []
 
     shared = [q for q in QUANTITIES if q in known and q in wanted]
+    times = _common_times(name, [(known[q], wanted[q]) for q in shared])
     if (align or relative) and "position" not in shared:
         raise EqtError(f"{name}: align and relative need positions, measured and wanted")
     if align:
@@ -709,9 +742,7 @@ def tracking_errors(
         rows = {q: pair(q).rows(0.0, association) for q in shared}
         curves = {q: (t, difference(q, *two)) for q, (t, *two) in rows.items() if len(t)}
     if not curves:
-        measured, goal = (", ".join(names) or "none" for names in (known, wanted))
-        advice = "name the topic of the setpoints (--setpoint), or give a second file"
-        raise InputError(f"{name}: measured: {measured}; wanted: {goal}; {advice}")
+        raise InputError(f"{name}: {_nothing_left(known, wanted, times)}")
     sizes: list[ErrorSize] = []
     body = dict(zip(["position"], attitudes(), strict=False))
     for q, (_, errors) in curves.items():
@@ -719,7 +750,28 @@ def tracking_errors(
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
-    return TrackingErrors(sizes, curves, topics)
+    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",))
+
+
+def _common_times(name: str, pairs: list[tuple[Series, Series]]) -> str:
+    """Return the times of the first of some pairs, in words; refuse pairs without a common time."""
+    begins, ends = ([[x.times[k] for x in pair] for pair in pairs] for k in (0, -1))
+    times = "".join(" and ".join(f"{x.topic} from {x.span} s" for x in pair) for pair in pairs[:1])
+    if pairs and all(max(b) > min(e) for b, e in zip(begins, ends, strict=True)):
+        advice = "move the clock of one file by a mapping, `time: {offset: …}`"
+        raise InputError(f"{name}: no common time: {times}; {advice}")
+    return times
+
+
+def _nothing_left(known: dict[str, Series], wanted: dict[str, Series], times: str) -> str:
+    if times:
+        return (
+            f"no instant is left of {times}; gaps, disarmed times, changes of the mode and "
+            "setpoints that are not finite are left out, and what is before begin or after end"
+        )
+    measured, goal = (", ".join(names) or "none" for names in (known, wanted))
+    advice = "name the topic of the setpoints (--setpoint), or give a second file"
+    return f"measured: {measured}; wanted: {goal}; {advice}"
 
 
 def enough(name: str, position: list[Array], least: int) -> list[Array]:
@@ -756,6 +808,7 @@ def error_table(tracking: TrackingErrors) -> TextTable:
         rows.append([*one[:3], *numbers, late, rest])
     header = ["error", "axis", "unit", "rms", "median", "largest", "delay, s", "remains"]
     notes = [f"{quantity}: {topics}." for quantity, topics in tracking.topics.items()]
+    notes += [f"{note}." for note in tracking.notes]
     notes += [f"{one.quantity}: {one.remark}." for one in tracking.sizes[1:] if one.remark]
     return TextTable("errors", tracking.headline, header, [Block("", rows)], notes, keys=3)
 

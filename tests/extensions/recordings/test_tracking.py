@@ -401,13 +401,71 @@ def table(name, t):
 
 @pytest.mark.parametrize("how", [{"align": "origin"}, {"align": "rigid"}, {"relative": 1}])
 def test_too_few_common_instants_are_told(how):
-    table("far.csv", T + 100)
     table("wanted.csv", T)
     need = 1 + how.get("relative", 0)
     with pytest.raises(EqtError, match=rf"at 0 common instants; align and relative need {need};"):
-        eqt_cli.log_errors("far.csv", "wanted.csv", **how)
+        eqt_cli.log_errors("wanted.csv", "wanted.csv", begin=99, **how)
     with pytest.raises(EqtError, match=f"at {len(T)} common instants; .* need {len(T) + 1};"):
         eqt_cli.log_errors("wanted.csv", "wanted.csv", relative=len(T))
+
+
+@pytest.mark.parametrize("kind", ["tum", "euroc", "csv"])
+def test_times_of_two_files_are_of_one_clock(kind):
+    """An estimate that starts 3 s after the truth, each read alone from its first row."""
+    t = 1.7e9 + np.arange(0, 8, 0.05)
+    for name, times, off in (("truth", t, 0.0), ("estimate", t[60:140], 0.001)):
+        p, R = flown(times - t[0])
+        p, q = p + off, R.as_quat(scalar_first=kind == "euroc")
+        s = np.array([f"{1e9 * x:.0f}" if kind == "euroc" else f"{x:.9f}" for x in times])
+        rows = [[x, *map(repr, row)] for x, row in zip(s, np.c_[p, q].tolist(), strict=True)]
+        lines = [(" " if kind == "tum" else ",").join(row) for row in rows]
+        Path(name).write_text("\n".join(["t,x,y,z,qx,qy,qz,qw"] * (kind == "csv") + lines) + "\n")
+    found = eqt_cli.log_errors("estimate", "truth", format=kind)
+    assert size(found, "position").rms == pytest.approx(0.001 * np.sqrt(3), rel=1e-4)
+    assert found.notes == (
+        "times: estimate from 1700000003 to 1700000006.95 s and truth from 1700000000 to "
+        "1700000007.95 s, by one clock",
+    )
+    late = {"time": {"offset": "first"}}
+    assert size(eqt_cli.log_errors("estimate", "truth", late, format=kind), "position").rms > 1
+
+
+SPAN = {
+    "by the clock": ({"begin": 4.0, "end": "8"}, 4.0, 8.0),
+    "from the first row": ({"begin": "+3", "end": "+7"}, 4.0, 8.0),
+    "without an end": ({"begin": "+5.5"}, 6.5, 99.0),
+}
+
+
+@pytest.mark.parametrize("name", SPAN)
+def test_a_part_of_a_recording_is_compared(name):
+    options, begin, end = SPAN[name]
+    np.savetxt("f.csv", np.c_[T, T, 0 * T, 0 * T], delimiter=",", header="t,x,y,z", comments="")
+    np.savetxt("g.csv", np.c_[T, circle(T)], delimiter=",", header="t,x,y,z", comments="")
+    apart = np.linalg.norm(np.c_[T, 0 * T, 0 * T] - circle(T), axis=1)
+    inside = (T >= begin - 1e-9) & (T <= end + 1e-9)
+    found = size(eqt_cli.log_errors("f.csv", "g.csv", **options), "position")
+    assert found.rms == pytest.approx(np.sqrt(np.mean(apart[inside] ** 2)), rel=1e-6)
+
+
+def test_what_leaves_nothing_is_told():
+    table("far.csv", T + 100)
+    table("wanted.csv", T)
+    assert refusal(InputError, eqt_cli.log_errors, "far.csv", "wanted.csv") == (
+        "far.csv: no common time: far.csv from 101 to 111.98 s and wanted.csv from 1 to 11.98 s; "
+        "move the clock of one file by a mapping, `time: {offset: …}`"
+    )
+    said = refusal(InputError, eqt_cli.log_errors, "wanted.csv", "wanted.csv", begin=99)
+    assert said.startswith("wanted.csv: no instant is left of wanted.csv from 1 to 11.98 s and ")
+    assert refusal(EqtError, eqt_cli.log_errors, "wanted.csv", "wanted.csv", end="noon") == (
+        "end: expected seconds, as 12.5 by the clock of the file or +5 from its first row, got "
+        "'noon'"
+    )
+    Path("f.ulg").write_bytes(content := flight(T, S, status=((0.5, 1, 14),)))
+    assert refusal(InputError, eqt_cli.log_errors, "f.ulg") == (
+        "f.ulg: was never armed, by vehicle_status; --disarmed compares disarmed times, too"
+    )
+    assert size(errors(content, disarmed=True), "position").rms < 1e-3
 
 
 def test_a_vehicle_ahead_of_its_setpoints_is_early():
