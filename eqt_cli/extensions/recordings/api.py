@@ -183,8 +183,8 @@ def log_errors(
         Topics of the measurement and of the setpoints. Default: the first that the file has.
         The setpoint ``desired`` are the desired values of ArduPilot in place of its targets.
     association
-        ``linear``; ``nearest``: the measurement nearest to the setpoint, at most 0.01 s away;
-        ``held``: the last one.
+        ``linear``; ``nearest``: for each row of the shorter one, the other at the nearest time, at
+        most 0.01 s away; ``held``: the last measurement.
     align
         Moves the measured positions to the wanted ones first: ``rigid`` or ``similarity`` (with a
         scale) by least squares (Umeyama), ``origin`` by the first pose.

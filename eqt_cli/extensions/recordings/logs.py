@@ -105,7 +105,8 @@ class Series(NamedTuple):
             before = after = np.searchsorted(times, t, side="right") - 1
             values, known = numbers[before], before >= 0
         elif how == "nearest":
-            before = after = np.where(2 * t < times[before] + times[after], before, after)
+            near = t - times[before] <= times[after] - t
+            before = after = np.where(near, before, after)
             values, known = numbers[before], abs(times[before] - t) <= NEAREST
         else:
             share, step = (t - times[before]) / (times[after] - times[before]), np.diff(times)
@@ -633,7 +634,7 @@ def difference(quantity: str, measured: Array, wanted: Array) -> Array:
 def paired(
     known: Series, wanted: Series, spans: tuple[Array, Array], how: str, window: Sequence[float]
 ) -> Pair:
-    """Return both series; of the linear ones, the one nearer to its chords is interpolated."""
+    """Return both series: the one nearer to its chords is interpolated, the longer one searched."""
 
     def roughness(one: Series) -> float:
         """The median distance of every second row from the chord of its neighbours."""
@@ -643,7 +644,8 @@ def paired(
         return float(np.median(norm(np.nan_to_num(apart(one.numbers[1:-1:2], chord)))))
 
     base, other, side = wanted, known, 1
-    if how == "linear" and roughness(known) > roughness(wanted):
+    is_shorter = len(known.times) <= len(wanted.times)
+    if is_shorter if how == "nearest" else how == "linear" and roughness(known) > roughness(wanted):
         base, other, side = known, wanted, -1
     begin, end = window[0] - LEAST_ERROR, window[1] + LEAST_ERROR
     inside = (begin <= base.times) & (base.times <= end)

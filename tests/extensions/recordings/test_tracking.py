@@ -430,6 +430,18 @@ def test_times_of_two_files_are_of_one_clock(kind):
     assert size(eqt_cli.log_errors("estimate", "truth", late, format=kind), "position").rms > 1
 
 
+def test_the_nearest_rows_are_those_of_the_shorter_recording():
+    """As evo associates them: it searches the longer one for the nearest time."""
+    s = np.arange(1.003, 9.0, 0.033)
+    np.savetxt("f.csv", np.c_[s, circle(s)], delimiter=",", header="t,x,y,z", comments="")
+    np.savetxt("g.csv", np.c_[T, circle(T)], delimiter=",", header="t,x,y,z", comments="")
+    nearest = abs(T[:, None] - s).argmin(axis=0)
+    apart = np.linalg.norm(circle(s) - circle(T)[nearest], axis=1)
+    for two in (("f.csv", "g.csv"), ("g.csv", "f.csv")):
+        found = eqt_cli.log_errors(*two, association="nearest")
+        assert found.curves["position"][1][:, 0] == pytest.approx(apart, abs=1e-12)
+
+
 SPAN = {
     "by the clock": ({"begin": 4.0, "end": "8"}, 4.0, 8.0),
     "from the first row": ({"begin": "+3", "end": "+7"}, 4.0, 8.0),
