@@ -13,12 +13,13 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 import numpy as np
 from pydantic import Tag
 
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, suggestion
 from eqt_cli.base.files import open_regular, text_of
 from eqt_cli.base.option_types import Positive, Real, Unit, one_of
 from eqt_cli.base.registry import extensions, of_extension
 from eqt_cli.base.units import factor, offered
+from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
 
 # The mapping of a recording file: columns, units with their factors, frames and times -------------
 
@@ -96,6 +97,9 @@ Dropped = Literal["invalid", "repeated", "unordered"]
 
 DROPPING = "; add `drop: [{}]` to the mapping to leave such rows out"
 
+MOST_ODD = 0.05
+"""Largest share of the rows that are left out as such kinds without being asked for."""
+
 _Offset = Annotated[
     Annotated[Literal["first"], Tag("first")] | Annotated[Real, Tag("number")],
     one_of(_offset_kind, "a number of seconds, or first"),
@@ -172,8 +176,8 @@ class LogMapping:
         How the times are read.
     drop
         Rows to leave out: ``invalid`` have an empty cell, a number that is not finite, or a
-        quaternion of norm 0, ``repeated`` the time of an earlier row, and ``unordered`` no time
-        after the largest so far.
+        quaternion of another norm than 1, ``repeated`` the time of an earlier row, and
+        ``unordered`` no time after the largest so far. Up to 5 % are left out without it.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -301,8 +305,31 @@ class LogTable:
         lines = [self.lines[row] for row in np.arange(len(self))[rows].tolist()]
         return replace(self, columns=columns, lines=lines)
 
-    def without(self, drop: Collection[Dropped]) -> Self:
-        """Return the table without rows of some kinds."""
+    def without(self, drop: Collection[Dropped], most: float = MOST_ODD) -> Self:
+        """Return the table without rows of some kinds, and without few of the others.
+
+        Raises
+        ------
+        InputError
+            If nothing is left, or numbers of more rows than that are not finite.
+        """
+        table = self.free_of(drop)
+        if not len(table):
+            but = " but those that `drop` leaves out" * bool(len(self))
+            raise InputError(f"{self.name}: holds no rows of numbers{but}")
+        sound = table.free_of(get_args(Dropped))
+        if len(table) - len(sound) <= most * len(table):
+            return sound
+        for name, numbers in table.columns.items():
+            for row in np.flatnonzero(~np.isfinite(numbers))[:1].tolist():
+                got = "nan or an empty cell" if np.isnan(numbers[row]) else f"{numbers[row]:g}"
+                expected = f"expected a finite number in column {name}, got {got}"
+                raise table.error(row, expected + DROPPING.format("invalid"))
+        return table
+
+    @np.errstate(over="ignore")  # an infinite norm is not 1
+    def free_of(self, drop: Collection[Dropped]) -> Self:
+        """Return the table without any row of some kinds."""
         table = self
         for kind in (each for each in get_args(Dropped) if each in drop and len(table)):
             t = table.columns.get("t", np.arange(len(table)))
@@ -312,13 +339,11 @@ class LogTable:
             elif kind == "invalid":
                 mask = np.isfinite(table.get(list(table.columns))).all(axis=1)
                 for suffix in (name[2:] for name in table.columns if name.startswith("qw")):
-                    mask &= table.get([each + suffix for each in QUATERNION]).any(axis=1)
+                    norms = norm(table.get([each + suffix for each in QUATERNION]))
+                    mask &= abs(norms - 1) <= QUATERNION_TOLERANCE
             if not mask.all():
                 dropped = {**table.dropped, kind: table.part(~mask).lines}
                 table = replace(table.part(mask), dropped=dropped)
-        if not len(table):
-            but = " but those that `drop` leaves out" * bool(len(self))
-            raise InputError(f"{self.name}: holds no rows of numbers{but}")
         return table
 
     def get(self, names: Sequence[str]) -> Array:
@@ -352,8 +377,6 @@ class Sheet:
         The order of quaternions, xyzw or wxyz; empty where their columns are named.
     damaged
         Whether parts of the file were skipped.
-    drop
-        The rows to leave out.
     """
 
     name: str
@@ -367,7 +390,6 @@ class Sheet:
     more: bool = False
     order: str = ""
     damaged: bool = False
-    drop: Collection[Dropped] = ()
 
     @property
     def header_place(self) -> str:
@@ -393,7 +415,7 @@ class Sheet:
             yield f"column{'s' * (len(unused) > 1)} {named}{more} {verb} not used"
 
     def table(self, wanted: Collection[str]) -> LogTable:
-        """Return the numbers of some of the columns, without the rows to drop.
+        """Return the numbers of some of the columns.
 
         Raises
         ------
@@ -410,7 +432,7 @@ class Sheet:
             for column, name in zip(self._numbers(names).T, names, strict=True):
                 factor = factor_of(name, self.units.get(name, ""))
                 columns[name] = column if factor == 1.0 else column * factor
-        return LogTable(self.name, columns, self.numbers, since).without(self.drop)
+        return LogTable(self.name, columns, self.numbers, since)
 
     def _require_widths(self) -> None:
         width = len(self.names)
@@ -433,33 +455,36 @@ class Sheet:
         numbers = np.empty((len(self.lines), len(places)))
         for first in range(0, len(self.lines), CHUNK):
             chunk = self.lines[first : first + CHUNK]
-            quote, rows = '"' if self.delimiter else None, None
-            with suppress(ValueError):
-                rows = np.loadtxt(
-                    chunk,
-                    delimiter=self.delimiter,
-                    comments=None,
-                    quotechar=quote,
-                    usecols=places,
-                    converters=_cell if "invalid" in self.drop else None,
-                    ndmin=2,
-                )
-            if rows is None or not ("invalid" in self.drop or np.isfinite(rows).all()):
+            quote = '"' if self.delimiter else None
+            for cells in (None, _cell):  # slow, for empty cells
+                with suppress(ValueError):
+                    rows = np.loadtxt(
+                        chunk,
+                        float,
+                        None,
+                        self.delimiter,
+                        cells,
+                        0,
+                        places,
+                        ndmin=2,
+                        quotechar=quote,
+                    )
+                    break
+            else:
                 raise self._wrong(first, len(chunk), names, places)
             numbers[first : first + len(chunk)] = rows
         return numbers
 
     def _wrong(self, first: int, count: int, names: list[str], places: list[int]) -> InputError:
-        """Return the error of the first entry of some lines that is no finite number."""
-        for row in range(first, first + count):
-            entries = _entries(self.lines[row], self.delimiter)
-            for name, place in zip(names, places, strict=True):
-                entry, advice = entries[place], _if_dropped(entries[place])
-                if not ("invalid" in self.drop if advice else _is_number(entry)):
-                    expected = f"expected a finite number in column {name}, got {_shown(entry)}"
-                    return self._error(self.numbers[row], expected + advice)
-        last = self.numbers[first + count - 1]
-        return self._error(self.numbers[first], f"expected numbers up to line {last}")
+        """Return the error of the first entry of some lines that is no number."""
+        rows = zip(self.numbers[first:], self.lines[first : first + count], strict=False)
+        wrong = (
+            self._error(number, f"expected a finite number in column {name}, got text")
+            for number, entries in ((k, _entries(line, self.delimiter)) for k, line in rows)
+            for name, place in zip(names, places, strict=True)
+            if entries[place].strip() and not _is_number(entries[place])
+        )
+        return next(wrong, self._error(self.numbers[first], "expected numbers after this line"))
 
     def _nanoseconds(self) -> tuple[float, Array]:
         """Return the first time and the times since then, s, subtracted as whole numbers."""
@@ -467,10 +492,11 @@ class Sheet:
         for number, line in zip(self.numbers, self.lines, strict=True):
             entry = _entries(line, self.delimiter)[place] if '"' in line else ""
             entry = entry or line.split(self.delimiter, place + 1)[place].strip()
-            exact, hint = entry.isdecimal() and len(entry) <= MAX_DIGITS, _if_dropped(entry)
-            if not exact and not (hint and "invalid" in self.drop):
-                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}{hint}")
-            times.append(int(entry) if exact else math.nan)
+            whole, _, part = entry.partition(".")
+            exact = whole.isdecimal() and len(whole) <= MAX_DIGITS and not part.strip("0")
+            if not exact and not (_is_number(entry or "nan") and math.isnan(_cell(entry))):
+                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}")
+            times.append(int(whole) if exact else math.nan)
         first = next((time for time in times if not math.isnan(time)), 0)
         return first / 1e9, np.array([float(time - first) for time in times]) / 1e9
 
@@ -483,12 +509,9 @@ DAMAGED = "# parts of the file are damaged and were skipped"
 
 def _reader(name: str) -> str | None:
     """Return the module of an extension that reads recordings with the suffix of this file."""
-    suffix, reader = PurePath(name.lower()).suffix, None
-    for extension, manifest in extensions().items():
-        modules = getattr(manifest, "RECORDINGS", {})
-        if suffix in modules:
-            reader = f"{extension}.{modules[suffix]}"
-    return reader
+    modules = ((k, getattr(each, "RECORDINGS", {})) for k, each in extensions().items())
+    suffix = PurePath(name.lower()).suffix
+    return next((f"{k}.{of[suffix]}" for k, of in modules if suffix in of), None)
 
 
 _BY_NAME = "eqt itself: give it a name that ends in {}"
@@ -589,7 +612,7 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
             factor_of(name, units.get(name, ""))
         except InputError as error:
             raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
-    return replace(sheet, units=units, drop=mapping.drop)
+    return replace(sheet, units=units)
 
 
 def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
@@ -701,20 +724,12 @@ def _shown(entry: str) -> str:
     return f"'{entry}'" if short else "text" if entry.strip() else "an empty cell"
 
 
-def _if_dropped(entry: str) -> str:
-    """Return the advice to drop rows with such an entry."""
-    valid = _shown(entry) == "text" or math.isfinite(_cell(entry))
-    return "" if valid else DROPPING.format("invalid")
-
-
 def _cell(entry: str) -> float:
     """Return the number in an entry, NaN where it is empty; text is a `ValueError`."""
-    return float(entry.strip() or "nan")
+    return float(entry.strip().replace("_", "text") or "nan")  # 1_0 is a number of Python only
 
 
 def _is_number(entry: str) -> bool:
-    try:
-        float(entry)
-    except ValueError:
-        return False
-    return True
+    with suppress(ValueError):
+        return bool(entry.strip()) and isinstance(_cell(entry), float)
+    return False

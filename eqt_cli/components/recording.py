@@ -20,6 +20,7 @@ from eqt_cli.components.log_table import (
     LogTable,
     MappingError,
     Sheet,
+    TimeMapping,
     TrajectoryFormat,
     open_sheet,
     with_units,
@@ -230,7 +231,7 @@ def require_norms(table: LogTable, columns: PoseColumns) -> None:
         if len(wrong):
             row = int(wrong[0])
             message = f"expected a quaternion of norm 1, got norm {norms[row]:.6g}"
-            raise table.error(row, message + DROPPING.format("invalid") * (not norms[row]))
+            raise table.error(row, message + DROPPING.format("invalid") * (len(wrong) < len(norms)))
 
 
 def _assembled(
@@ -445,25 +446,33 @@ def _resampled(
 
 def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tuple[LogTable, Array]:
     """Return the rows that the mapping keeps, and their times."""
-    time, times, since = mapping.time, table.columns["t"], table.since
+    time, since, first = mapping.time, table.since * mapping.time.scale, 0.0
     if form != "csv":
-        times, since = times - times[0], 0.0
-    times, since = times * time.scale, since * time.scale
-    if time.begin is not None or time.end is not None:
-        begin = -np.inf if time.begin is None else time.begin
-        end = np.inf if time.end is None else time.end
-        inside = (begin - since <= times) & (times <= end - since)
-        if not inside.any():
-            low, high = float(times.min()) + since, float(times.max()) + since
-            raise MappingError(
-                ("time", "end" if end < low else "begin"),
-                f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
-            )
-        table, times = table.part(inside), times[inside]
+        since, first = 0.0, next(iter(table.columns["t"][np.isfinite(table.columns["t"])]), 0.0)
+    times = (table.columns["t"] - first) * time.scale
+    inside = in_span(time, times, since)
+    if not inside.any() and len(times):
+        low, high = float(times.min()) + since, float(times.max()) + since
+        raise MappingError(
+            ("time", "begin" if time.end is None or time.end >= low else "end"),
+            f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
+        )
+    table = table.part(inside)
+    table = table.without(mapping.drop)
+    times = (table.columns["t"] - first) * time.scale
     if time.offset == "first":
         return table, times - times[0]
     late = since + (time.offset or 0.0)
     return table, times + late if late else times
+
+
+def in_span(time: TimeMapping, times: Array, since: float = 0.0) -> Array:
+    """Return which times a mapping keeps; one that is not a number is not outside."""
+    inside = ~(times < -np.inf if time.begin is None else times < time.begin - since)
+    beyond = times > (np.inf if time.end is None else time.end - since)
+    for k in np.flatnonzero(beyond)[:1]:  # a clock that starts again comes to the end once more
+        beyond[k:] |= times[k:] <= times[:k].max(initial=-np.inf, where=inside[:k])
+    return inside & ~beyond
 
 
 START_KEYS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body", "drop")
@@ -507,7 +516,7 @@ def read_starts(
             velocity = names
             break
     used = [*columns.names, *velocity]
-    table = with_units(sheet, mapping, used).table(used)
+    table = with_units(sheet, mapping, used).table(used).without(mapping.drop, most=0.0)
     require_norms(table, columns)
     poses = table_poses(table, columns, G, mapping)
     velocities = None

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,9 +16,15 @@ from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, recording_text
+from eqt_cli.components.log_table import (
+    LogMapping,
+    MappingError,
+    TimeMapping,
+    TrajectoryFormat,
+    recording_text,
+)
 from eqt_cli.components.recording import read_log
-from eqt_cli.components.recording_check import Recording, read_recording, recording_of
+from eqt_cli.components.recording_check import Recording, read_recording
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -37,6 +43,8 @@ from eqt_cli.extensions.recordings.prediction import (
 )
 from eqt_cli.loop.closed_loop import ClosedLoop
 
+_Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
+
 # Reads and checks recordings ----------------------------------------------------------------------
 
 
@@ -53,7 +61,7 @@ def _literal(kind: Any, option: str, text: str) -> Any:
 
 def check_log(
     path: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    mapping: _Mapping = None,
     *,
     format: str = "csv",
     group: str | None = None,
@@ -100,45 +108,56 @@ def check_log(
 
 
 def read_measured(
-    path: str | os.PathLike[str],
-    G: MatrixLieGroup,
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
-    format: str = "csv",
+    path: str | os.PathLike[str], G: MatrixLieGroup, mapping: _Mapping = None, format: str = "csv"
 ) -> Recording:
     """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
     with _read(path, mapping, format) as (text, name, kind, columns):
         return read_recording(text, name, kind, G, columns)
 
 
-def _flight(path: str | os.PathLike[str]) -> Flight | None:
-    """Return the topics of a file of another program; None for a table."""
+def _flight(path: str | os.PathLike[str], mapping: _Mapping = None) -> Flight | None:
+    """Return the topics of a file of another program; None for a table.
+
+    Of a mapping, they obey `drop`, `time`, and `t` of `columns` if that is the recorder's time.
+    """
     file = path_from("path", path)
     if file.suffix.lower() not in FORMATS_BY_SUFFIX:
         return None
+    known, _ = _mapping_from(mapping)
     with refusals(file, "read"):
-        return flight_of(file)
+        flight = flight_of(file)
+    topics = [
+        each._replace(times=np.rint(1e9 * each.fields["recorded"]).astype(int))
+        if known.columns.get("t") == f"{each.name} recorded" and "recorded" in each.fields
+        else each
+        for each in flight.topics
+    ]
+    return flight._replace(topics=topics, mapping=known)
+
+
+def _mapping_from(mapping: _Mapping) -> tuple[LogMapping, Problems]:
+    """Return a mapping, and the problems that note their place in it."""
+    if mapping is None:
+        return LogMapping(), Problems()
+    if isinstance(mapping, Mapping):
+        source = yaml_source.load(yaml_source.flow(mapping), "mapping")
+    else:
+        place = path_from("mapping", mapping, "a path or a mapping")
+        source = yaml_source.load(text_of(place, "check the path"), str(place))
+    problems = Problems(source.key_place)
+    columns = validated(LogMapping, source.data, problems) or LogMapping()
+    columns.check(problems)
+    problems.raise_if_any()
+    return columns, problems
 
 
 @contextmanager
 def _read(
-    path: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
-    format: str,
-    flight: Flight | None = None,
+    path: str | os.PathLike[str], mapping: _Mapping, format: str, flight: Flight | None = None
 ) -> Iterator[tuple[str, str, TrajectoryFormat, LogMapping]]:
     """Yield text, name, format and mapping; note a problem of the mapping at its place."""
     kind, file = _literal(TrajectoryFormat, "format", format), path_from("path", path)
-    columns, problems = LogMapping(), Problems()
-    if mapping is not None:
-        if isinstance(mapping, Mapping):
-            source = yaml_source.load(yaml_source.flow(mapping), "mapping")
-        else:
-            place = path_from("mapping", mapping, "a path or a mapping")
-            source = yaml_source.load(text_of(place, "check the path"), str(place))
-        problems = Problems(source.key_place)
-        columns = validated(LogMapping, source.data, problems) or columns
-        columns.check(problems)
-        problems.raise_if_any()
+    columns, problems = _mapping_from(mapping)
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = flight and logs.table_of(flight)
     text = text or recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
@@ -153,7 +172,7 @@ def _read(
 def log_errors(
     path: str | os.PathLike[str],
     second: str | os.PathLike[str] | None = None,
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    mapping: _Mapping = None,
     *,
     format: str = "csv",
     topic: str | None = None,
@@ -225,18 +244,25 @@ def log_errors(
     _literal(Literal["rigid", "similarity", "origin"], "align", align or "rigid")
     if relative is not None and relative < 1:
         raise EqtError(f"relative: expected 1 instant or more, got {relative}")
-    flight, spans, of = _flight(path), logs.NO_SPANS, " setpoint"
+    flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
     known = _series(path, flight, mapping, format, topic)
-    other = None if second is None else _flight(second)
-    if mapping is not None and flight and (second is None or other):
-        raise EqtError(f"mapping: is for tables, and {path} is read by its topics; leave it out")
+    other = None if second is None else _flight(second, mapping)
+    columns, known_keys = _mapping_from(mapping)[0], {"columns", "drop", "time"}
+    others = {k for k, v in vars(columns).items() if v != getattr(LogMapping(), k)} - known_keys
+    span = replace(columns.time, begin=None, end=None)
+    if flight and (second is None or other) and (others or span != TimeMapping()):
+        of_logs = (
+            "`drop`, `time` with begin and end, and `columns: {t: …}` for the recorder's times"
+        )
+        wrong = ", ".join(sorted(others)) or "the other keys of time"
+        raise EqtError(f"mapping: of a log, errors take {of_logs}; remove {wrong}")
     if second is not None:
         wanted = _series(second, other, mapping, format, setpoint)
     elif flight is None:
         raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
     else:
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
-        wanted = _series(path, flight, mapping, format, setpoint, of)
+        wanted = _series(path, flight, mapping, format, setpoint, of, known)
         spans = logs.spans_of(flight, disarmed)
     begins = [series.times[0] for series in known.values()]
     window = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
@@ -261,22 +287,35 @@ def _instant(name: str, value: float | str | None, begins: Sequence[float]) -> f
 
 
 def _series(
-    path: Any, flight: Flight | None, mapping: Any, format: str, topic: str | None, of: str = ""
+    path: Any,
+    flight: Flight | None,
+    mapping: Any,
+    format: str,
+    topic: str | None,
+    of: str = "",
+    known: Mapping[str, Series] | None = None,
 ) -> dict[str, Series]:
-    """Return the first series of each quantity; of a topic, if one is named."""
+    """Return the first usable series of each quantity; of a topic, if one is named.
+
+    Without a name, a topic that is known from elsewhere is not its own setpoint.
+    """
     if flight is None:
         with _read(path, mapping, format) as (text, name, kind, columns):
             G = logs.largest_group(text, name, kind, columns)
-            log = read_log(text, name, kind, G, columns)
-            return logs.motions_of(replace(recording_of(log), times=logs.own_times(log)))
+            return logs.motions_of(read_log(text, name, kind, G, columns))
     kinds, topics = [of], flight.topics
     if topic is not None:
         kinds, topics = [of, "", " setpoint"], [each for each in topics if each.name == topic]
         if not topics:
             raise EqtError(f"{path}: has no topic '{topic}'; eqt log check lists them")
-    flight = flight._replace(topics=topics)
-    series = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
-    return {quantity: every[0] for quantity, every in series.items() if every}
+    flight, chosen = flight._replace(topics=topics), dict[str, Series]()
+    for q in logs.QUANTITIES:
+        every = [s for k in kinds for s in flight.series(q + k, not of)]
+        if topic is None and known and q in known:
+            every = [each for each in every if each.fields != known[q].fields]
+        if every:
+            chosen[q] = next((each for each in every if not each.is_odd), every[0])
+    return chosen
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------
@@ -292,7 +331,7 @@ MOST_WINDOWS = 50
 def replay(
     config: Configuration | Document,
     measured: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    mapping: _Mapping = None,
     *,
     format: str = "csv",
     hold: str = "zero",
@@ -373,7 +412,7 @@ def fit(
     config: Configuration | Document,
     measured: str | os.PathLike[str],
     over: Sequence[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    mapping: _Mapping = None,
     *,
     format: str = "csv",
     hold: str = "zero",
@@ -435,7 +474,7 @@ def fit(
 def _opened(
     config: Configuration | Document,
     measured: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
+    mapping: _Mapping,
     format: str,
     hold: str,
     horizon: float | None,
@@ -479,7 +518,7 @@ def _notes(base: Experiment, windows: Windows) -> Iterator[str]:
 def compare_measured(
     result: ResultPath,
     measured: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    mapping: _Mapping = None,
     *,
     format: str = "csv",
     run: int = 0,

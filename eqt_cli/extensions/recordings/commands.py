@@ -243,6 +243,8 @@ def log_errors(
 
 
 def _print_log(checked: LogCheck) -> None:
+    if checked.left_out:
+        output.print_text(checked.left_out, "")
     if checked.topics:
         topics = [[*r[:2], f"{r[2]}", significant(r[3]), f"{r[4]}"] for r in checked.topics]
         output.print_text(output.table(["topic", "use", "rows", "rate, Hz", "gaps"], topics), "")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -21,11 +21,17 @@ from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
 from eqt_cli.base.reporting import Block, TextTable, significant
 from eqt_cli.components import log_table, matrix_groups, recording
 from eqt_cli.components.groups import MatrixLieGroup, groups
-from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, open_sheet
+from eqt_cli.components.log_table import (
+    Dropped,
+    LogMapping,
+    LogTable,
+    MappingError,
+    TrajectoryFormat,
+    open_sheet,
+)
 from eqt_cli.components.matrix_groups import EuclideanGroup
-from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
-from eqt_cli.components.recording import GAP, WRENCH, Log, read_log
-from eqt_cli.components.recording_check import Recording, gaps_of, incomplete_columns, notes
+from eqt_cli.components.recording import GAP, WRENCH, Log, in_span, read_log
+from eqt_cli.components.recording_check import gaps_of, incomplete_columns, notes, recording_of
 from eqt_cli.engines.compiler import Limits, run_contained
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, readers
 from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
@@ -47,6 +53,7 @@ _START += "runpy.run_path(sys.argv[0], run_name='__main__')"
 _SETPOINTS = re.compile(r"(?i)setpoint|reference|desired|command|target")
 _FRAMES = 1, 2  # accepted ones of PX4's odometry: NED, and a fixed FRD of arbitrary heading
 _STATES, _POSES = ("armed", "mode", "reset"), ("position", "attitude")
+SAME_CLOCK = 1.0  # largest distance of the first stamp from its record, if of one clock, s
 NEAREST = 0.01  # largest distance in time of what is associated by the nearest time, s
 
 
@@ -74,6 +81,11 @@ class Series(NamedTuple):
         space, rates in the body. NaN in the axes that a setpoint does not control.
     fields, unit
         The names of the numbers in the file, and their unit.
+    rows
+        All rows of the topic in the order of the file, usable or not: times, numbers, and whether
+        the file itself calls them valid.
+    left_out
+        Rows that are not used, in words, and whether these are too many.
     """
 
     topic: str
@@ -81,6 +93,9 @@ class Series(NamedTuple):
     numbers: Array
     fields: Sequence[str] = ()
     unit: str = ""
+    rows: Sequence[Array] = ()
+    left_out: str = ""
+    is_odd: bool = False
 
     @property
     def span(self) -> str:
@@ -122,12 +137,33 @@ class Series(NamedTuple):
         return np.where(known[:, None], values, np.nan)
 
 
+def left_out(table: LogTable) -> str:
+    """Say how many rows of a table are left out, and why."""
+    kinds = ", ".join(f"{len(lines)} {kind}" for kind, lines in table.dropped.items())
+    count = sum(map(len, table.dropped.values()))
+    return f"{count} of {len(table) + count} rows are left out ({kinds})" if count else ""
+
+
 class Flight(NamedTuple):
-    """A file of another program: its name, its format, and its topics over their own times."""
+    """A file of another program.
+
+    Attributes
+    ----------
+    name, format
+        The file and its format.
+    topics
+        Its topics over their own times.
+    mapping
+        Its `time` and `drop` say which rows count.
+    by_names
+        Whether the name of a topic of ROS tells setpoints from measurements.
+    """
 
     name: str
     format: str
     topics: list[Topic]
+    mapping: LogMapping = LogMapping()
+    by_names: bool = True
 
     def series(self, quantity: str, whole: bool = True) -> Iterator[Series]:
         """Yield what the file has of a quantity: first what its table names first.
@@ -136,16 +172,11 @@ class Flight(NamedTuple):
         ----------
         whole
             Whether all numbers of a row must be known.
-
-        Raises
-        ------
-        InputError
-            If times go back, or a quaternion has not the norm 1.
         """
         for source in sources_of(self.format):
             for topic in (each for each in self.topics if each.kind == source.kind):
-                named = "/" in topic.kind and bool(_SETPOINTS.search(topic.name))
-                fits = quantity == source.quantity + " setpoint" * named
+                named = self.by_names and "/" in topic.kind and _SETPOINTS.search(topic.name)
+                fits = quantity == source.quantity + " setpoint" * bool(named)
                 if fits and {*source.fields.split()} <= {*topic.fields}:
                     series = self._of(source, topic, whole)
                     if series is not None:
@@ -153,13 +184,16 @@ class Flight(NamedTuple):
 
     @np.errstate(all="ignore")  # numbers that are not finite are left out
     def _of(self, source: Source, topic: Topic, whole: bool) -> Series | None:
-        times, names, unit = topic.times / 1e9, source.fields.split(), source.unit
+        times, names, unit = times_of(topic), source.fields.split(), source.unit
         if not len(times):
             return None
         numbers = np.stack([topic.fields[name] for name in names], axis=-1)
         if unit.startswith("deg"):
             numbers, unit = np.deg2rad(numbers), unit.replace("deg", "rad")
-        valid = (np.all if whole else np.any)(np.isfinite(numbers), axis=1)
+        is_known = (np.all if whole else np.any)(np.isfinite(numbers), axis=1)
+        # Autopilots write NaN for what they do not know, and a setpoint may leave axes free
+        is_measured = "/" in topic.kind and whole
+        valid = np.ones(len(times), bool) if is_measured else is_known
         flags = [topic.fields[name] for name in source.valid.split() if name in topic.fields]
         for flag in flags:
             is_frame = source.valid.endswith("_frame")
@@ -167,24 +201,38 @@ class Flight(NamedTuple):
         if source.valid == "body":
             rows = sources_of(self.format)
             turned = (s for s in rows if s.quantity == "attitude" and s.kind == source.kind)
-            poses = self._of(next(turned), topic, True) or Series("", times, np.nan * numbers)
-            numbers = apply_matrix(matrices(poses.at(times)), numbers)
-            valid &= np.isfinite(numbers).all(axis=1)
+            poses = self._of(next(turned), topic, True)
+            is_turned = poses is not None and len(poses.times) > 1
+            R = matrices(poses.at(times)) if poses and is_turned else np.full((3, 3), np.nan)
+            numbers = apply_matrix(R, numbers)
+            valid &= np.isfinite(numbers).all(axis=1) | ~is_known
         if source.quantity.startswith("attitude") and unit:  # roll, pitch, yaw
-            R, unit = matrix_groups.rotation_of_euler("ZYX", numbers[:, ::-1]), ""
-            numbers = quaternions(R)
-        times, numbers, place = times[valid], numbers[valid], f"{self.name}: {topic.name}"
-        norms = norm(numbers) if numbers.shape[1] == 4 else np.ones(len(times))
-        for k in np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)[:1]:
-            got = f"got norm {norms[k]:.6g} at {times[k]:.6f} s"
-            raise InputError(f"{place}: expected quaternions of norm 1, {got}")
-        for where in times[1:][np.diff(times) < 0][:1]:
-            raise InputError(f"{place}: its time goes back to {where:.6f} s")
-        first = np.diff(times, prepend=-np.inf) > 0
-        if first.sum() <= (source.quantity not in _STATES):  # a motion needs two rows
+            R, unit = matrix_groups.rotation_of_euler("ZYX", np.nan_to_num(numbers)[:, ::-1]), ""
+            numbers = np.where(is_known[:, None], quaternions(R), np.nan)
+        valid &= in_span(self.mapping.time, times)
+        columns = {"t": times} | dict(zip(log_table.QUATERNION, numbers.T, strict=False))
+        if not is_measured and numbers.shape[1] != 4:
+            columns = {"t": times}
+        table = (
+            LogTable(topic.name, columns, range(len(times))).part(valid).free_of(self.mapping.drop)
+        )
+        sound = table.free_of(get_args(Dropped))
+        is_unset = not len(sound) and not np.nan_to_num(numbers[valid]).any()
+        if is_unset or len(table) <= (source.quantity not in _STATES):  # a motion needs two rows
             return None
+        odd, first = len(table) - len(sound), np.array(sound.lines, int)
         fields = [f"{topic.name}.{name}" for name in names]
-        return Series(topic.name, times[first], numbers[first], fields, unit)
+        is_odd = odd > log_table.MOST_ODD * len(table)
+        facts = (times, numbers, valid), left_out(sound), is_odd
+        return Series(topic.name, times[first], numbers[first], fields, unit, *facts)
+
+
+def times_of(topic: Topic) -> Array:
+    """Return the times of a topic, s: its stamps, or the recorder's where few stamps move on."""
+    times, recorded = topic.times / 1e9, topic.fields.get("recorded", np.empty(0))
+    are_stale = np.mean(np.diff(times) <= 0) > log_table.MOST_ODD if len(times) > 1 else False
+    is_near = len(recorded) and abs(recorded[0] - times[0]) < SAME_CLOCK
+    return recorded if are_stale and is_near else times
 
 
 @lru_cache(maxsize=1)
@@ -295,38 +343,67 @@ def table_of(flight: Flight) -> str:
         If it holds neither attitudes nor positions.
     """
     series_by_name = {name: list(flight.series(name)) for name in COLUMNS}
-    lead = next(iter([*series_by_name["position"], *series_by_name["attitude"]]), None)
+    lead = _lead(flight, [*series_by_name["position"], *series_by_name["attitude"]])
     if lead is None:
-        kinds = dict.fromkeys(s.kind for s in sources_of(flight.format) if s.quantity in _POSES)
-        why = "".join(f"; {each.name}: {each.note}" for each in flight.topics if each.note)
-        raise InputError(f"{flight.name}: holds no poses; expected {' or '.join(kinds)}{why}")
+        return table_of(flight._replace(by_names=False))
     if not series_by_name["position"]:
         series_by_name["velocity"] = []
-    times, headings, columns = lead.times, ["t (s)"], [lead.times]
+    # Odd rows of the topic that leads stay, so that a mapping or the user decides on them.
+    rows: Array = lead.rows[2]
+    times, is_complete = lead.rows[0][rows], rows[rows]
+    headings, columns = ["t (s)"], [times]
     for name, every in series_by_name.items():
-        for k, series in enumerate(every):
-            is_held = name in WRENCH or np.array_equal(series.times, times)
-            is_used = not k and series.unit != "normalised"
-            names = COLUMNS[name].split() if is_used else series.fields
+        used = [one for one in every if one.topic == lead.topic or not one.is_odd]
+        for k, series in enumerate(used):
+            is_first = not k and series.unit != "normalised"
+            names = COLUMNS[name].split() if is_first else series.fields
             headings += [f"{each} ({series.unit})" if series.unit else each for each in names]
-            columns += [*series.at(times, "held" if is_held else "linear").T]
+            numbers, is_valid = _at_rows(series, lead, "held" if name in WRENCH else "linear")
+            columns += [*numbers.T]
+            if is_first and name not in WRENCH:
+                is_complete = is_complete & is_valid
     for topic in (each for each in flight.topics if each.name == lead.topic):
-        if "recorded" in topic.fields:  # the time of the recorder, where the header has another
-            headings.append(f"{lead.topic} recorded (s)")
-            columns.append(np.interp(times, topic.times / 1e9, topic.fields["recorded"]))
-    table = np.stack(columns, axis=-1)
-    moving = [headings.index(each) for each in headings if re.match(r"[xyzqvw][wxyz]?( |$)", each)]
-    table = table[np.isfinite(table[:, moving]).all(axis=1)]
+        if len(recorded := topic.fields.get("recorded", ())) == len(rows):
+            headings.append(f"{lead.topic} recorded (s)")  # where the header has another time
+            columns.append(recorded[rows])
+    table = np.stack(columns, axis=-1)[is_complete]
     if not len(table):
         names = [name for name, every in series_by_name.items() if every and name not in WRENCH]
         raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
     parts = [f"{log_table.DAMAGED}\n" for each in flight.topics if each.kind == "damaged"]
     parts += [",".join(headings), "\n"]
-    row_format = ",".join(["%.9f", *["%.9g"] * (len(columns) - 1)]) + "\n"
+    digits = ["%.9f" if each.endswith("(s)") else "%.9g" for each in headings]
+    row_format = ",".join(digits) + "\n"
     for first in range(0, len(table), CHUNK):
         rows = table[first : first + CHUNK].tolist()
         parts.append("".join(row_format % tuple(row) for row in rows))
     return "".join(parts)
+
+
+def _at_rows(series: Series, lead: Series, how: str) -> tuple[Array, Array]:
+    """Return the numbers of a series at the rows of another one, and where they are valid."""
+    rows = lead.rows[2]
+    if series.topic == lead.topic and len(series.rows[0]) == len(rows):
+        return series.rows[1][rows], series.rows[2][rows]
+    numbers = series.at(lead.rows[0][rows], how)
+    return numbers, np.asarray(np.isfinite(numbers).all(axis=1))
+
+
+def _lead(flight: Flight, poses: list[Series]) -> Series | None:
+    """Return the first poses that are usable; None where only topics named as setpoints are left.
+
+    Raises
+    ------
+    InputError
+        If there are no poses at all.
+    """
+    if poses:
+        return next((each for each in poses if not each.is_odd), poses[0])
+    if flight.by_names:
+        return None
+    kinds = dict.fromkeys(s.kind for s in sources_of(flight.format) if s.quantity in _POSES)
+    why = "".join(f"; {each.name}: {each.note}" for each in flight.topics if each.note)
+    raise InputError(f"{flight.name}: holds no poses; expected {' or '.join(kinds)}{why}")
 
 
 # Checks a recording -------------------------------------------------------------------------------
@@ -361,8 +438,8 @@ class ColumnUse:
 def topics_of(flight: Flight) -> Iterator[tuple[str, str, int, float, int]]:
     """Yield name, use, rows, rate in Hz, and gaps of all topics; a rate of those that are read."""
     for topic in (topic for topic in flight.topics if topic.rows):
-        steps, fields = np.diff(topic.times) / 1e9, {*topic.fields}
-        median = float(np.median(steps)) if len(steps) else np.nan
+        steps, fields = np.diff(times_of(topic)), {*topic.fields}
+        median = float(np.median(steps)) if len(steps) and np.median(steps) > 0 else np.nan
         sources = [s for s in sources_of(flight.format) if s.kind == topic.kind]
         names = dict.fromkeys(s.quantity for s in sources if {*s.fields.split()} <= fields)
         use = topic.note or ", ".join(names) or "not used"
@@ -395,6 +472,8 @@ class LogCheck:
         Oddities, each with what to do.
     topics
         The topics of a file of another program.
+    left_out
+        Rows that are not used, in words.
     """
 
     file: str
@@ -410,6 +489,7 @@ class LogCheck:
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     topics: list[tuple[str, str, int, float, int]] = field(default_factory=list)
+    left_out: str = ""
 
     @property
     def mapping(self) -> str:
@@ -450,7 +530,8 @@ def check_text(
     rate, gaps = 1 / median if median > 0 else np.nan, gaps_of(log.times, log.gaps)
     least = (float(norms.min()), float(norms.max())) if len(norms) else None
     facts = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
-    return LogCheck(name, *facts, gaps, least, problems, [] if problems else list(notes(log)))
+    remarks = [] if problems else list(notes(log))
+    return LogCheck(name, *facts, gaps, least, problems, remarks, left_out=left_out(log.table))
 
 
 def largest_group(
@@ -552,12 +633,15 @@ class TrackingErrors(NamedTuple):
         What was compared with what, by the quantity.
     notes
         The times of both, and what else was noticed.
+    left_out
+        Odd rows that were not used, in words.
     """
 
     sizes: list[ErrorSize]
     curves: dict[str, tuple[Array, Array]]
     topics: dict[str, str]
     notes: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def headline(self) -> str:
@@ -570,11 +654,13 @@ class TrackingErrors(NamedTuple):
             late = f"{abs(size.delay):.3g} ± {size.delay_error:.1g} s"
             side = "late" if size.delay > 0 else "early"
             headline += f"; {late} {side}, without which {rest} remain"
-        return headline + f" ({size.remark})" * bool(size.remark)
+        headline += f" ({size.remark})" * bool(size.remark)
+        return "; ".join([headline, *self.left_out])
 
 
-def motions_of(one: Recording) -> dict[str, Series]:
-    """Return the series of a recording of positions or rotations in space."""
+def motions_of(log: Log) -> dict[str, Series]:
+    """Return the series of a recording of positions or rotations in space, by its own clock."""
+    one = recording_of(log)
     G, V, name = one.group, one.velocities, one.name
     if not isinstance(G, EuclideanGroup) or G.space != 3:
         raise EqtError(f"{name}: errors are of poses in space, not of {G.name}")
@@ -585,7 +671,8 @@ def motions_of(one: Recording) -> dict[str, Series]:
         numbers["position"] = G.translations(one.poses)[..., 0]
         numbers["velocity"] = apply_matrix(R, V[:, -3:])
     known = {name: each for name, each in numbers.items() if np.isfinite(each).all()}
-    return {quantity: Series(name, one.times, each) for quantity, each in known.items()}
+    times, odd = own_times(log), left_out(log.table)
+    return {quantity: Series(name, times, each, left_out=odd) for quantity, each in known.items()}
 
 
 def own_times(log: Log) -> Array:
@@ -730,6 +817,12 @@ def tracking_errors(
         return [known["attitude"], wanted["attitude"]] if "attitude" in shared else []
 
     shared = [q for q in QUANTITIES if q in known and q in wanted]
+    both = [one for q in shared for one in (known[q], wanted[q])]
+    for one in (each for each in both if each.is_odd):
+        advice = "leave them out by a mapping, `drop: [invalid, repeated, unordered]`"
+        said = one.left_out.replace("are left out", "are odd")
+        raise InputError(f"{name}: {one.topic}: {said}; {advice}, or name another topic")
+    odd = tuple(dict.fromkeys(f"{x.topic}: {x.left_out}" for x in both if x.left_out))
     times = _common_times(name, [(known[q], wanted[q]) for q in shared])
     if (align or relative) and "position" not in shared:
         raise EqtError(f"{name}: align and relative need positions, measured and wanted")
@@ -752,7 +845,7 @@ def tracking_errors(
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
-    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",))
+    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",), odd)
 
 
 def _common_times(name: str, pairs: list[tuple[Series, Series]]) -> str:
