@@ -15,7 +15,7 @@ from pydantic import Tag
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, suggestion
-from eqt_cli.base.files import open_regular, text_of
+from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Positive, Real, Unit, one_of
 from eqt_cli.base.registry import extensions, of_extension
 from eqt_cli.base.units import factor, offered
@@ -514,24 +514,6 @@ def _reader(name: str) -> str | None:
     return next((f"{k}.{of[suffix]}" for k, of in modules if suffix in of), None)
 
 
-_BY_NAME = "eqt itself: give it a name that ends in {}"
-
-# Formats of other programs by their first bytes, with a tool that makes tables of them.
-_FOREIGN = (
-    (rb"#ROSBAG", "a bag of ROS 1", _BY_NAME.format(".bag")),
-    (rb"\x89MCAP", "an MCAP file", _BY_NAME.format(".mcap")),
-    (rb"SQLite", "SQLite, as bags of ROS 2 are", _BY_NAME.format(".db3")),
-    (rb"\xa3\x95", "an ArduPilot log", _BY_NAME.format(".bin")),
-    (rb"ULog\x01", "a PX4 flight", _BY_NAME.format(".ulg")),
-    (rb"\x93NUMPY|PK\x03\x04.{26}[^\0]*\.npy", "a NumPy file", "numpy.load and numpy.savetxt"),
-    (rb"PK\x03\x04", "a zip archive or a workbook", "unzip, or a spreadsheet"),
-    (rb"\x1f\x8b", "a gzip archive", "gunzip"),
-    (rb"MATLAB 5", "a MAT-file of MATLAB 5", "writetable of MATLAB, or scipy.io.loadmat"),
-    (rb"MATLAB 7\.3", "a MAT-file of MATLAB 7.3", "writetable of MATLAB, or h5py"),
-    (rb"\x89HDF", "an HDF5 file", "h5py and numpy.savetxt"),
-)
-
-
 def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str) -> str:
     """Return the text of a recording; a file in a format of an extension is converted to a table.
 
@@ -542,13 +524,10 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, s
         converted.
     """
     reader = _reader(path.name)
-    with suppress(OSError, ValueError), open_regular(path) as stream:  # text_of reports them
-        begin = stream.read(512)
-        for start, title, tool in _FOREIGN:
-            if re.match(start, begin, re.DOTALL) and not reader:
-                raise InputError(f"{path}: is {title}, not text; convert it to a table with {tool}")
     if reader:
         return str(of_extension(f"{reader}.text_of_recording")(path, missing, kind, limit))
+    if other := _reader("*.*"):
+        of_extension(f"{other}.require_text")(path)
     return text_of(path, missing, kind, limit=limit, smaller=smaller)
 
 

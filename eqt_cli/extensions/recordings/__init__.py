@@ -10,4 +10,4 @@ COMMANDS = {
 
 FORMATS_BY_SUFFIX = {".ulg": "ulog", ".bin": "dataflash"}
 FORMATS_BY_SUFFIX |= dict.fromkeys((".bag", ".mcap", ".db3"), "bag")
-RECORDINGS = dict.fromkeys(FORMATS_BY_SUFFIX, "logs")
+RECORDINGS = dict.fromkeys(FORMATS_BY_SUFFIX, "logs") | {".*": "foreign"}
