@@ -29,8 +29,10 @@ def ulog(*topics, flags=b""):
     return ULOG + b"".join(definitions + data)
 
 
-def dataflash(*topics):
+def dataflash(*topics, units=None):
     """A log of ArduPilot: a name, codes of the columns, their names, and rows of numbers.
+
+    `units` are those of the columns by the name; that of the number of an instance is #.
 
     As ArduPilot does, it describes each message first: type, length, name, codes, names.
     """
@@ -38,7 +40,11 @@ def dataflash(*topics):
     described = [(128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")]
     for k, (name, codes, names, _) in enumerate(topics):
         described.append((129 + k, sizes[k], name.encode(), codes.encode(), names.encode()))
+    described.append((128 - 1, 44, b"FMTU", b"QBNN", b"TimeUS,FmtType,UnitIds,MultIds"))
     content = b"".join(b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", *form) for form in described)
+    for k, (name, *_) in enumerate(topics):
+        if name in (units or {}):
+            content += b"\xa3\x95\x7f" + struct.pack("<QB16s16s", 0, 129 + k, units[name], b"")
     rows = [(row[0], k, row) for k, (*_, rows) in enumerate(topics) for row in rows]
     for _, k, row in sorted(rows, key=lambda each: each[:2]):
         codes = topics[k][1].replace("M", "B")
@@ -70,8 +76,9 @@ def write_bag(path, topics, *, definitions=None):
         writer = Writer(folder, version=9, storage_plugin=plugin)
     serialize = store.serialize_ros1 if old else store.serialize_cdr
     with writer:
-        for name, kind, times, made in topics:
-            connection = writer.add_connection(name, kind, typestore=store)
+        for node, (name, kind, times, made) in enumerate(topics):
+            caller = {"callerid": f"/{node}"} if old else {}
+            connection = writer.add_connection(name, kind, typestore=store, **caller)
             for k, t in enumerate(np.round(1e9 * times).astype(int).tolist()):
                 stamp = make["Time"](sec=t // 10**9, nanosec=t % 10**9)
                 more = {"seq": k} if old else {}

@@ -16,19 +16,14 @@ from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.log_table import (
-    LogMapping,
-    MappingError,
-    TimeMapping,
-    TrajectoryFormat,
-    recording_text,
-)
+from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, recording_text
 from eqt_cli.components.recording import read_log
 from eqt_cli.components.recording_check import Recording, read_recording
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit
+from eqt_cli.extensions.recordings.frames import in_axes
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
@@ -245,25 +240,23 @@ def log_errors(
     if relative is not None and relative < 1:
         raise EqtError(f"relative: expected 1 instant or more, got {relative}")
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
-    known = _series(path, flight, mapping, format, topic)
     other = None if second is None else _flight(second, mapping)
-    columns, known_keys = _mapping_from(mapping)[0], {"columns", "drop", "time"}
-    others = {k for k, v in vars(columns).items() if v != getattr(LogMapping(), k)} - known_keys
+    columns = _mapping_from(mapping)[0]
     span = replace(columns.time, begin=None, end=None)
-    if flight and (second is None or other) and (others or span != TimeMapping()):
-        of_logs = (
-            "`drop`, `time` with begin and end, and `columns: {t: …}` for the recorder's times"
-        )
-        wrong = ", ".join(sorted(others)) or "the other keys of time"
-        raise EqtError(f"mapping: of a log, errors take {of_logs}; remove {wrong}")
+    rest = replace(columns, columns={}, drop=[], world=None, body=None, time=span)
+    if flight and (second is None or other) and rest != LogMapping():
+        keys = "`drop`, `world`, `body`, begin and end of `time`, and the recorder's `columns`"
+        raise EqtError(f"mapping: of a log, errors take only {keys}")
+    measured = _series(path, flight, mapping, format, topic)
     if second is not None:
-        wanted = _series(second, other, mapping, format, setpoint)
+        goals = _series(second, other, mapping, format, setpoint)
     elif flight is None:
         raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
     else:
         setpoint, of = (None, " desired") if setpoint == "desired" else (setpoint, of)
-        wanted = _series(path, flight, mapping, format, setpoint, of, known)
+        goals = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight, disarmed)
+    known, wanted = _chosen(measured, goals, second is None and setpoint is None)
     begins = [series.times[0] for series in known.values()]
     window = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
     how: Any = (association, align, relative, window)
@@ -287,35 +280,38 @@ def _instant(name: str, value: float | str | None, begins: Sequence[float]) -> f
 
 
 def _series(
-    path: Any,
-    flight: Flight | None,
-    mapping: Any,
-    format: str,
-    topic: str | None,
-    of: str = "",
-    known: Mapping[str, Series] | None = None,
-) -> dict[str, Series]:
-    """Return the first usable series of each quantity; of a topic, if one is named.
-
-    Without a name, a topic that is known from elsewhere is not its own setpoint.
-    """
+    path: Any, flight: Flight | None, mapping: Any, format: str, topic: str | None, of: str = ""
+) -> dict[str, list[Series]]:
+    """Return the series of each quantity, the first of the table first; of a topic, if named."""
     if flight is None:
         with _read(path, mapping, format) as (text, name, kind, columns):
             G = logs.largest_group(text, name, kind, columns)
-            return logs.motions_of(read_log(text, name, kind, G, columns))
+            motions = logs.motions_of(read_log(text, name, kind, G, columns))
+            return {quantity: [series] for quantity, series in motions.items()}
     kinds, topics = [of], flight.topics
     if topic is not None:
         kinds, topics = [of, "", " setpoint"], [each for each in topics if each.name == topic]
         if not topics:
             raise EqtError(f"{path}: has no topic '{topic}'; eqt log check lists them")
-    flight, chosen = flight._replace(topics=topics), dict[str, Series]()
-    for q in logs.QUANTITIES:
-        every = [s for k in kinds for s in flight.series(q + k, not of)]
-        if topic is None and known and q in known:
-            every = [each for each in every if each.fields != known[q].fields]
-        if every:
-            chosen[q] = next((each for each in every if not each.is_odd), every[0])
-    return chosen
+    flight = flight._replace(topics=topics)
+    every = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
+    turned = {q: [in_axes(q, s, flight.mapping) for s in some] for q, some in every.items()}
+    return {quantity: some for quantity, some in turned.items() if some}
+
+
+def _chosen(
+    measured: dict[str, list[Series]], goals: dict[str, list[Series]], differ: bool
+) -> tuple[dict[str, Series], dict[str, Series]]:
+    """Return the first pair of each quantity: usable, of the same axes, and of different fields."""
+    pairs = {
+        q: sorted(
+            ((k, w) for w in goals.get(q, ()) for k in some if not differ or k.fields != w.fields),
+            key=lambda two: (two[0].is_odd or two[1].is_odd, two[0].axes != two[1].axes),
+        )
+        for q, some in measured.items()
+    }
+    known = {q: pairs[q][0][0] if pairs[q] else some[0] for q, some in measured.items()}
+    return known, {q: pairs[q][0][1] if pairs.get(q) else some[0] for q, some in goals.items()}
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -33,7 +34,7 @@ from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.recording import GAP, WRENCH, Log, in_span, read_log
 from eqt_cli.components.recording_check import gaps_of, incomplete_columns, notes, recording_of
 from eqt_cli.engines.compiler import Limits, run_contained
-from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, readers
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, frames, readers
 from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
 from eqt_cli.extensions.recordings.readers import Topic
 
@@ -50,7 +51,7 @@ _START = "import os, runpy, sys; os.environ['OPENBLAS_NUM_THREADS'] = '1'; del s
 _START += "runpy.run_path(sys.argv[0], run_name='__main__')"
 
 # Names of topics of ROS that hold a setpoint
-_SETPOINTS = re.compile(r"(?i)setpoint|reference|desired|command|target")
+_SETPOINTS = re.compile(r"(?i)setpoint|reference|desired|command|target|\bcmd_")
 _FRAMES = 1, 2  # accepted ones of PX4's odometry: NED, and a fixed FRD of arbitrary heading
 _STATES, _POSES = ("armed", "mode", "reset"), ("position", "attitude")
 SAME_CLOCK = 1.0  # largest distance of the first stamp from its record, if of one clock, s
@@ -84,8 +85,10 @@ class Series(NamedTuple):
     rows
         All rows of the topic in the order of the file, usable or not: times, numbers, and whether
         the file itself calls them valid.
-    left_out
+    left_out, is_odd
         Rows that are not used, in words, and whether these are too many.
+    axes
+        NED of autopilots, ENU of ROS, or empty for a table.
     """
 
     topic: str
@@ -96,6 +99,7 @@ class Series(NamedTuple):
     rows: Sequence[Array] = ()
     left_out: str = ""
     is_odd: bool = False
+    axes: str = ""
 
     @property
     def span(self) -> str:
@@ -179,8 +183,17 @@ class Flight(NamedTuple):
                 fits = quantity == source.quantity + " setpoint" * bool(named)
                 if fits and {*source.fields.split()} <= {*topic.fields}:
                     series = self._of(source, topic, whole)
+                    if series is not None and source.valid == "unsure" and not named:
+                        series = self._in_one_frame(quantity, series)
                     if series is not None:
                         yield series
+
+    def _in_one_frame(self, quantity: str, twist: Series) -> Series | None:
+        """Return a twist by the poses; without them, one of the body has no velocity in space."""
+        poses = [next((x for x in self.series(q) if not x.is_odd), None) for q in _POSES]
+        if None not in poses and not twist.is_odd:
+            return frames.of_twist(quantity, twist, *poses)
+        return None if quantity == "velocity" and "body" in twist.topic else twist
 
     @np.errstate(all="ignore")  # numbers that are not finite are left out
     def _of(self, source: Source, topic: Topic, whole: bool) -> Series | None:
@@ -223,7 +236,8 @@ class Flight(NamedTuple):
         odd, first = len(table) - len(sound), np.array(sound.lines, int)
         fields = [f"{topic.name}.{name}" for name in names]
         is_odd = odd > log_table.MOST_ODD * len(table)
-        facts = (times, numbers, valid), left_out(sound), is_odd
+        axes = "ENU" if "/" in topic.kind else "NED"
+        facts = (times, numbers, valid), left_out(sound), is_odd, axes
         return Series(topic.name, times[first], numbers[first], fields, unit, *facts)
 
 
@@ -279,14 +293,18 @@ def flight_of(path: Path) -> Flight:
     wanted: dict[str, list[str]] = {}
     for source in sources_of(format):
         wanted.setdefault(source.kind, []).extend(f"{source.fields} {source.valid}".split())
+    before = formats()["px4_msgs_before"]
+    messages = {name: [text, *before.get(name, ())] for name, text in formats()["px4_msgs"].items()}
     with open_regular(path) as stream:
         size = stream.seek(0, io.SEEK_END)
+    with suppress(OSError):  # what SQLite holds beside a bag
+        size += Path(f"{path}-wal").stat().st_size
     if size > MAX_BYTES:
         raise TooLargeError(MAX_BYTES, size)
     limits = Limits(SECONDS + size / BYTES_PER_SECOND, MEMORY + RATIO * size, 2**28 + RATIO * size)
     words = [sys.executable, "-I", "-c", _START, readers.__file__, str(path.absolute()), format]
     try:
-        done = run_contained(words, json.dumps([wanted, formats()["px4_msgs"]]).encode(), limits)
+        done = run_contained(words, json.dumps([wanted, messages]).encode(), limits)
     except subprocess.TimeoutExpired:
         many = f"takes more than {limits.seconds:.0f} s to be read, too many for its size"
         raise InputError(f"{path}: {many}; {SMALLER}") from None
@@ -817,13 +835,9 @@ def tracking_errors(
         return [known["attitude"], wanted["attitude"]] if "attitude" in shared else []
 
     shared = [q for q in QUANTITIES if q in known and q in wanted]
-    both = [one for q in shared for one in (known[q], wanted[q])]
-    for one in (each for each in both if each.is_odd):
-        advice = "leave them out by a mapping, `drop: [invalid, repeated, unordered]`"
-        said = one.left_out.replace("are left out", "are odd")
-        raise InputError(f"{name}: {one.topic}: {said}; {advice}, or name another topic")
-    odd = tuple(dict.fromkeys(f"{x.topic}: {x.left_out}" for x in both if x.left_out))
-    times = _common_times(name, [(known[q], wanted[q]) for q in shared])
+    pairs = [(known[q], wanted[q]) for q in shared]
+    times = _require_comparable(name, pairs)
+    odd = {f"{x.topic}: {x.left_out}": 0 for pair in pairs for x in pair if x.left_out}
     if (align or relative) and "position" not in shared:
         raise EqtError(f"{name}: align and relative need positions, measured and wanted")
     if align:
@@ -845,11 +859,19 @@ def tracking_errors(
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
-    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",), odd)
+    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",), (*odd,))
 
 
-def _common_times(name: str, pairs: list[tuple[Series, Series]]) -> str:
-    """Return the times of the first of some pairs, in words; refuse pairs without a common time."""
+def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:
+    """Return the times of the first of some pairs, in words; refuse odd rows and other axes."""
+    for one in (x for pair in pairs for x in pair if x.is_odd):
+        said = one.left_out.replace("are left out", "are odd")
+        advice = "leave them out by a mapping, `drop: [invalid, repeated, unordered]`"
+        raise InputError(f"{name}: {one.topic}: {said}; {advice}, or name another topic")
+    for pair in (pair for pair in pairs if {x.axes for x in pair} == {"NED", "ENU"}):
+        axes = " and ".join(f"{x.topic} ({x.axes})" for x in pair)
+        advice = "`{world: ENU to NED, body: FLU to FRD}` in a mapping turns what ROS has"
+        raise InputError(f"{name}: the axes of {axes} differ; {advice}, or name other topics")
     begins, ends = ([[x.times[k] for x in pair] for pair in pairs] for k in (0, -1))
     times = "".join(" and ".join(f"{x.topic} from {x.span} s" for x in pair) for pair in pairs[:1])
     if pairs and all(max(b) > min(e) for b, e in zip(begins, ends, strict=True)):

@@ -9,9 +9,11 @@ because rosbags would make code of them and run it.
 import io
 import json
 import re
+import shutil
+import sqlite3
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import redirect_stdout
+from contextlib import closing, redirect_stdout, suppress
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -53,7 +55,7 @@ def _since_boot(fields: dict[str, Any]) -> Any:
     return 1000 * next((t for t in known if np.all(t > 0)), np.empty(0)).astype(int)
 
 
-def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iterator[Topic]:
+def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) -> Iterator[Topic]:
     """Read a flight of PX4; `wanted` are the fields by the name of a topic."""
     from pyulog import ULog
 
@@ -68,30 +70,36 @@ def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iter
         yield Topic("", "damaged", 0, np.empty(0, int), {})
 
 
-def bag(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iterator[Topic]:
+def bag(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) -> Iterator[Topic]:
     """Read a bag of ROS; `wanted` are the fields by the type of a message."""
     import rosbags.rosbag1
     import rosbags.rosbag2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+    path = _with_its_log(path)
     with Path(path).open("rb") as stream:
         old = stream.read(7) == b"#ROSBAG"
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     decode = store.deserialize_ros1 if old else store.deserialize_cdr
     if MANY not in store.fielddefs:  # rosbags has none of ROS 1
         store.register(get_types_from_msg(f"{SINGLE.replace('/msg', '')}[] transforms", MANY))
-    for name, text in types.items():
-        store.register(get_types_from_msg(text, f"px4_msgs/msg/{name}"))
     with (rosbags.rosbag1 if old else rosbags.rosbag2).Reader(Path(path)) as reader:
-        for one in reader.connections:
+        publishers: dict[tuple[str, str], list[Any]] = {}
+        for each in reader.connections:
+            publishers.setdefault((each.topic, each.msgtype), []).append(each)
+        for every in publishers.values():
+            one = every[0]
             px4 = re.sub(r"\B([A-Z])", r"_\1", one.msgtype.rpartition("/")[2]).lower()
             kind = px4 if one.msgtype.startswith("px4_msgs") else one.msgtype
-            topic = Topic(one.topic, kind, one.msgcount, np.empty(0, int), {})
+            count = sum(each.msgcount for each in every)
+            topic = Topic(one.topic, kind, count, np.empty(0, int), {})
+            if kind in wanted and (texts := types.get(one.msgtype.removeprefix("px4_msgs/msg/"))):
+                store.register(_definition(one, texts, next(reader.messages(every), None)))
             is_known = kind in (*wanted, MANY) and one.msgtype in store.fielddefs
-            note = _differs(one, store) if is_known else ""
+            note = next(filter(None, (_differs(x, store) for x in every)), "") if is_known else ""
             try:
                 if is_known and not note:
-                    messages = ((t, decode(x, one.msgtype)) for _, t, x in reader.messages([one]))
+                    messages = ((t, decode(x, one.msgtype)) for _, t, x in reader.messages(every))
                     if kind == MANY:
                         for name, some in _parts(one.topic, messages).items():
                             part = Topic(name, SINGLE, 0, topic.times, {})
@@ -102,6 +110,18 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Itera
             except Exception as error:  # a foreign message may make rosbags raise anything
                 note = str(error)
             yield topic._replace(note=note)
+
+
+def _with_its_log(path: str) -> str:
+    """Return a copy of a database with what SQLite still holds beside it, if it holds anything."""
+    beside = Path(f"{path}-wal")
+    if not beside.is_file() or not beside.stat().st_size:
+        return path
+    for name, source in (("copy.db3", path), ("copy.db3-wal", beside)):
+        shutil.copyfile(source, name)  # in the empty folder of this process
+    with closing(sqlite3.connect("copy.db3")) as database:
+        database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    return "copy.db3"
 
 
 def _parts(topic: str, messages: Iterator[Any]) -> dict[str, list[Any]]:
@@ -139,6 +159,22 @@ def _decoded(topic: Topic, messages: Iterable[Any], kind: str, wanted: Any, stor
     return topic._replace(rows=len(rows), times=recorded, fields=fields)
 
 
+def _definition(one: Any, texts: list[str], first: Any) -> Any:
+    """Return the definition of PX4 that the file has or, without one, that fits a message."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    for text in texts:
+        types = get_types_from_msg(text.replace(", ", "\n"), one.msgtype)
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+        with suppress(Exception):  # a foreign message may make rosbags raise anything
+            if first:
+                store.deserialize_cdr(first[2], one.msgtype)
+            if not _differs(one, store):
+                break
+    return types
+
+
 def _differs(one: Any, store: Any) -> str:
     """Say whether the definition in the file is another one than that of the store."""
     from rosbags.interfaces import MessageDefinitionFormat as Form
@@ -155,25 +191,49 @@ def _differs(one: Any, store: Any) -> str:
     return ""
 
 
-def dataflash(path: str, wanted: dict[str, list[str]], types: dict[str, str]) -> Iterator[Topic]:
+def dataflash(
+    path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]
+) -> Iterator[Topic]:
     """Read a log of ArduPilot; `wanted` are the fields by the name of a message."""
     from pymavlink.DFReader import DFReader_binary
 
     log, rows = DFReader_binary(path), dict[str, list[dict[str, Any]]]()
     counts = {form.name: log.counts[number] for number, form in log.formats.items()}
-    joined = [f"PSC{axis}" for axis in "NED"]
-    kinds = [kind for kind in (*wanted, *joined) if counts.get(kind)]
+    axes, primary = [f"PSC{axis}" for axis in "NED"], 0
+    kinds = [kind for kind in (*wanted, *axes) if counts.get(kind)]
     while kinds and (message := log.recv_match(type=kinds)) is not None:
-        if not (message.fmt.instance_field and message[message.fmt.instance_field]):
-            rows.setdefault(message.get_type(), []).append(message.to_dict())
-    three = zip(*(rows.get(name, ()) for name in joined), strict=False)  # written one by one
-    rows["PSC"] = [first | second | third for first, second, third in three]
-    for name, count in (counts | {"PSC": len(rows["PSC"])}).items():
-        of = rows.get(name, [])
-        known = [key for key in wanted.get(name, ()) if of and key in of[0]]
-        fields = {key: np.array([each[key] for each in of], float) for key in known}
-        times = np.array([1000 * each["TimeUS"] for each in of], int)
-        yield from [Topic(name, name, count, times, fields)] * (count > 0)
+        instance = getattr(message, message.fmt.instance_field or "", 0)
+        name, row = message.get_type(), message.to_dict()
+        if name == "XKF4":  # of any core, it says which one flies
+            primary = row.get("PI", 0)
+        if instance == primary * name.startswith("XKF"):
+            rows.setdefault(name, []).append(row)
+    fields = {name: _columns(rows[name]) for name in rows}
+    times = {name: columns.pop("TimeUS") for name, columns in fields.items()}
+    if fields.keys() >= {*axes}:  # the three are written one by one, and not in all modes
+        times["PSC"], fields["PSC"] = _joined([(times[name], fields[name]) for name in axes])
+    for name, count in (counts | {"PSC": len(times.get("PSC", ()))}).items():
+        of = fields.get(name, {})
+        numbers = {key: of[key] for key in wanted.get(name, ()) if key in of}
+        stamps = np.asarray(1000 * times.get(name, np.empty(0)), int)
+        yield from [Topic(name, name, count, stamps, numbers)] * (count > 0)
+
+
+def _columns(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    names = [name for name, value in rows[0].items() if isinstance(value, (int, float))]
+    return {name: np.array([row[name] for row in rows], float) for name in names}
+
+
+def _joined(axes: list[tuple[Any, dict[str, Any]]]) -> tuple[Any, dict[str, Any]]:
+    """Return the rows of the first axis beside those of the others at the same time."""
+    (t, first), *others = axes
+    near, joined = np.ones(len(t), bool), dict(first)
+    for s, fields in others:
+        after = np.clip(np.searchsorted(s, t), 1, len(s) - 1)
+        distance = np.minimum(abs(t - s[after - 1]), abs(t - s[after]))
+        near &= distance <= np.median(np.diff(s)) / 4
+        joined |= {name: np.interp(t, s, numbers) for name, numbers in fields.items()}
+    return t[near], {name: numbers[near] for name, numbers in joined.items()}
 
 
 def main(path: str, format: str) -> None:

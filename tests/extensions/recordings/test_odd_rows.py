@@ -151,5 +151,5 @@ def test_a_clock_that_starts_again_is_for_a_mapping(mapping, rows, length):
     assert checked.end - checked.begin == pytest.approx(length, abs=1e-6)
     found = eqt_cli.log_errors(path, path, mapping)
     assert len(found.curves["position"][0]) == rows
-    said = refusal(EqtError, eqt_cli.log_errors, path, path, mapping | {"world": "NED to ENU"})
-    assert said.endswith("for the recorder's times; remove world")
+    said = refusal(EqtError, eqt_cli.log_errors, path, path, mapping | {"euler": "zyx"})
+    assert said.endswith("begin and end of `time`, and the recorder's `columns`")

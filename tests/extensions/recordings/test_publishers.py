@@ -1,0 +1,196 @@
+"""Who measures and who commands: publishers, frames, versions of messages, and cores."""
+
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from case_tables import refusal
+from flights import dataflash, pose_stamped, write_bag
+from scipy.spatial.transform import Rotation
+
+import eqt_cli
+from eqt_cli.base.errors import InputError
+from eqt_cli.extensions.recordings.logs import flight_of
+
+T = 100.0 + np.arange(200) / 20  # s
+US = 1e6
+POSE, TWIST = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/TwistStamped"
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def place(t):
+    return np.c_[2 * np.sin(t), 3 * np.cos(0.7 * t), 0.1 * (t - T[0])]
+
+
+def turned(t):
+    return Rotation.from_euler("ZYX", np.c_[0.6 * (t - T[0]), 0.2 * np.sin(t), 0 * t])
+
+
+def rms(found, quantity="position"):
+    return next(one.rms for one in found.sizes if one.quantity == quantity)
+
+
+def table(name, t, p):
+    np.savetxt(name, np.c_[t, p], delimiter=",", header="t,x,y,z", comments="")
+
+
+def test_a_topic_of_two_publishers_is_all_its_messages():
+    parts = [(T[:50], 0.0), (T[50:], 0.4)]
+    topics = [
+        ("/mocap", POSE, t, pose_stamped(place(t) + off, turned(t).as_quat())) for t, off in parts
+    ]
+    path = write_bag(Path("f.bag"), topics)
+    table("truth.csv", T, place(T))
+    assert eqt_cli.check_log(path).rows == 200
+    assert rms(eqt_cli.log_errors(path, "truth.csv")) == pytest.approx(0.4 * np.sqrt(3 * 0.75))
+
+
+def twist(velocities, rates):
+    def made(k, header, make):
+        linear, angular = (make["Vector3"](*x[k].tolist()) for x in (velocities, rates))
+        return make["TwistStamped"](header, make["Twist"](linear, angular))
+
+    return made
+
+
+@pytest.mark.parametrize("name", ["velocity_body", "velocity_local", "twist"])
+def test_the_poses_tell_the_frame_of_a_twist(name):
+    """MAVROS stamps a twist of the body and one of space with the same frame."""
+    R, step = turned(T), 1e-6
+    v = (place(T + step) - place(T - step)) / (2 * step)
+    w = (turned(T - step).inv() * turned(T + step)).as_rotvec() / (2 * step)
+    is_body = name != "velocity_local"
+    numbers = (R.inv().apply(v), w) if is_body else (v, R.apply(w))
+    topics = [
+        ("/pose", POSE, T, pose_stamped(place(T), R.as_quat())),
+        (f"/{name}", TWIST, T, twist(*numbers)),
+        ("/cmd_vel", TWIST, T, twist(v + 0.1, w)),
+    ]
+    path = write_bag(Path("f.bag"), topics)
+    found = eqt_cli.log_errors(path)
+    assert rms(found, "velocity") == pytest.approx(0.1 * np.sqrt(3), abs=1e-6)
+    assert rms(found, "rates") < 1e-6
+    told = f"/{name}{' (turned from the body)' * is_body} − /cmd_vel"
+    assert found.topics["velocity"] == told
+    assert not [note for note in eqt_cli.check_log(path).notes if "differ" in note]
+
+
+SETPOINT = "uint64 timestamp\nfloat32[3] position\nfloat32[3] velocity\nfloat32[3] acceleration\n"
+SETPOINT += "float32[3] jerk\nfloat32 yaw\nfloat32 yawspeed\n"
+
+
+def setpoints(off=0.0):
+    """A topic of PX4: setpoints in NED and FRD at the place of the poses, in ENU."""
+
+    def made(k, header, make):
+        x, y, z = place(T)[k]
+        unset = np.full(3, np.nan, np.float32)
+        at = np.array([y + off, x, -z], np.float32)
+        return make["TrajectorySetpoint"](int(US * T[k]), at, unset, unset, unset, 0.0, 0.0)
+
+    return "/fmu/in/trajectory_setpoint", "px4_msgs/msg/TrajectorySetpoint", T, made
+
+
+def test_axes_of_ros_are_not_subtracted_from_those_of_px4():
+    topics = [("/mocap", POSE, T, pose_stamped(place(T), turned(T).as_quat())), setpoints(0.05)]
+    definitions = {"px4_msgs/msg/TrajectorySetpoint": SETPOINT}
+    path = write_bag(Path("f.db3"), topics, definitions=definitions)
+    assert refusal(InputError, eqt_cli.log_errors, path) == (
+        "f.db3: the axes of /mocap (ENU) and /fmu/in/trajectory_setpoint (NED) differ; "
+        "`{world: ENU to NED, body: FLU to FRD}` in a mapping turns what ROS has, or name other "
+        "topics"
+    )
+    axes = {"world": "ENU to NED", "body": "FLU to FRD"}
+    assert rms(eqt_cli.log_errors(path, mapping=axes)) == pytest.approx(0.05, abs=1e-5)
+
+
+# VehicleAttitudeSetpoint of release/1.14 and of main of px4_msgs, and VehicleStatus of 1.14, cut
+OF_114 = "uint64 timestamp\nfloat32 roll_body\nfloat32 pitch_body\nfloat32 yaw_body\n"
+VERSIONS = {
+    "1.14": OF_114 + "float32 yaw_sp_move_rate\nfloat32[4] q_d\nfloat32[3] thrust_body\n"
+    "bool reset_integral\nbool fw_control_yaw_wheel\n",
+    "main": "uint64 timestamp\nfloat32 yaw_sp_move_rate\nfloat32[4] q_d\nfloat32[3] thrust_body\n",
+}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("suffix", [".mcap", ".db3"])
+def test_the_messages_of_a_version_of_px4_are_those_of_the_file(version, suffix):
+    q = turned(T).as_quat(scalar_first=True).astype(np.float32)
+    kind, text = "px4_msgs/msg/VehicleAttitudeSetpoint", VERSIONS[version]
+    zeros = dict.fromkeys(("roll_body", "pitch_body", "yaw_body", "yaw_sp_move_rate"), 0.0)
+    zeros |= {"reset_integral": False, "fw_control_yaw_wheel": False}
+    zeros = {name: value for name, value in zeros.items() if name in text}
+
+    def made(k, header, make):
+        thrust = np.zeros(3, np.float32)
+        stamp = int(US * T[k])
+        one = make["VehicleAttitudeSetpoint"]
+        return one(timestamp=stamp, q_d=q[k], thrust_body=thrust, **zeros)
+
+    path = write_bag(Path(f"f{suffix}"), [("/sp", kind, T, made)], definitions={kind: text})
+    if suffix == ".db3":  # older recorders store no definition; then a message tells
+        with sqlite3.connect(path) as database:
+            database.execute("DELETE FROM message_definitions")
+    (series,) = flight_of(path).series("attitude setpoint")
+    assert series.numbers == pytest.approx(q, abs=1e-7)
+
+
+def test_what_sqlite_holds_beside_a_bag_belongs_to_it():
+    """The recorder lost its power: a part of the bag is in its write-ahead log."""
+    pose = pose_stamped(place(T), turned(T).as_quat())
+    path = write_bag(Path("f.db3"), [("/pose", POSE, T, pose)])
+    with sqlite3.connect(path) as database:
+        database.execute("PRAGMA journal_mode=WAL")
+        database.execute("PRAGMA wal_autocheckpoint=0")
+        database.execute(f"DELETE FROM messages WHERE timestamp > {1e9 * T[99]:.0f}")
+        database.commit()
+        content = path.read_bytes(), Path("f.db3-wal").read_bytes()
+        for name, part in zip(("g.db3", "g.db3-wal"), content, strict=True):
+            Path(name).write_bytes(part)
+    database.close()
+    assert eqt_cli.check_log("g.db3").rows == 100
+    assert Path("g.db3").read_bytes() == content[0]
+
+
+def psc(axis, t, x):
+    rows = [(US * s + 20 * "NED".index(axis), 0, 0, p) for s, p in zip(t, x, strict=True)]
+    return (f"PSC{axis}", "Qfff", f"TimeUS,DP{axis},TP{axis},P{axis}", rows)
+
+
+def test_axes_of_ardupilot_are_joined_by_time():
+    """The horizontal controller starts later, and a row is lost."""
+    north, east, down = place(T).T
+    some = np.delete(np.arange(80, 200), 50)
+    content = dataflash(
+        psc("N", T[80:], north[80:]),
+        psc("E", T[some], east[some]),
+        psc("D", T, down),
+        ("ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw", [(US * s, 0, 0, 0) for s in T]),
+    )
+    Path("f.bin").write_bytes(content)
+    table("truth.csv", T, place(T))
+    found = eqt_cli.log_errors("f.bin", "truth.csv")
+    assert (len(found.curves["position"][0]), rms(found) < 1e-3) == (119, True)
+
+
+def test_the_primary_core_of_an_estimator_is_read():
+    """ArduPilot 4.1 and newer log each core, and XKF4.PI names the primary one."""
+    names, unit = "TimeUS,C,PN,PE,PD", b"#"
+    cores = [(US * s, core, 10 * core + s, 0, 0) for s in T for core in (0, 1)]
+    primary = [(US * s + 1, core, int(s >= T[100])) for s in T for core in (0, 1)]
+    content = dataflash(
+        ("XKF4", "QBB", "TimeUS,C,PI", primary),
+        ("XKF1", "QBfff", names, cores),
+        ("ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw", [(US * s, 0, 0, 0) for s in T]),
+        units={"XKF1": b"s" + unit + b"mmm", "XKF4": b"s" + unit + b"-"},
+    )
+    Path("f.bin").write_bytes(content)
+    (series,) = flight_of(Path("f.bin")).series("position")
+    right = T + 10.0 * (series.times > T[100] + 1e-9)
+    assert series.numbers[:, 0] == pytest.approx(right, abs=1e-4)
