@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -22,14 +23,7 @@ from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
 from eqt_cli.base.reporting import Block, TextTable, significant
 from eqt_cli.components import log_table, matrix_groups, recording
 from eqt_cli.components.groups import MatrixLieGroup, groups
-from eqt_cli.components.log_table import (
-    Dropped,
-    LogMapping,
-    LogTable,
-    MappingError,
-    TrajectoryFormat,
-    open_sheet,
-)
+from eqt_cli.components.log_table import LogMapping, LogTable, MappingError, TrajectoryFormat
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.recording import GAP, WRENCH, Log, in_span, read_log
 from eqt_cli.components.recording_check import gaps_of, incomplete_columns, notes, recording_of
@@ -43,8 +37,9 @@ from eqt_cli.extensions.recordings.readers import Topic
 
 MAX_BYTES = 400_000_000  # of a file; its table has a bound of its own
 SMALLER = "log fewer topics, or a part of the flight"  # advice for a larger file
-# What a file may take, at first and with its size; bags take 0.2 s per MB.
+# What a file may take of the processor, at first and with its size; bags take 0.2 s per MB.
 SECONDS, BYTES_PER_SECOND = 6.0, 1e6
+PATIENCE = 30  # times as long by the clock, on a busy machine
 MEMORY, RATIO = 10**9, 8
 
 _START = "import os, runpy, sys; os.environ['OPENBLAS_NUM_THREADS'] = '1'; del sys.argv[0]; "
@@ -229,7 +224,7 @@ class Flight(NamedTuple):
         table = (
             LogTable(topic.name, columns, range(len(times))).part(valid).free_of(self.mapping.drop)
         )
-        sound = table.free_of(get_args(Dropped))
+        sound = table.free_of(get_args(log_table.Dropped))
         is_unset = not len(sound) and not np.nan_to_num(numbers[valid]).any()
         if is_unset or len(table) <= (source.quantity not in _STATES):  # a motion needs two rows
             return None
@@ -301,13 +296,21 @@ def flight_of(path: Path) -> Flight:
         size += Path(f"{path}-wal").stat().st_size
     if size > MAX_BYTES:
         raise TooLargeError(MAX_BYTES, size)
-    limits = Limits(SECONDS + size / BYTES_PER_SECOND, MEMORY + RATIO * size, 2**28 + RATIO * size)
+    seconds = SECONDS + size / BYTES_PER_SECOND
+    limits = Limits(PATIENCE * seconds, MEMORY + RATIO * size, 2**28 + RATIO * size)
     words = [sys.executable, "-I", "-c", _START, readers.__file__, str(path.absolute()), format]
+    many = f"takes more than {seconds:.0f} s of the processor to be read, too many for its size"
     try:
-        done = run_contained(words, json.dumps([wanted, messages]).encode(), limits)
+        done = run_contained(
+            [*words, f"{seconds}"], json.dumps([wanted, messages]).encode(), limits
+        )
     except subprocess.TimeoutExpired:
-        many = f"takes more than {limits.seconds:.0f} s to be read, too many for its size"
-        raise InputError(f"{path}: {many}; {SMALLER}") from None
+        slow = (
+            f"was not read within {limits.seconds:.0f} s; try again when the machine is less busy"
+        )
+        raise InputError(f"{path}: {slow}") from None
+    if -done.returncode == getattr(signal, "SIGXCPU", None):
+        raise InputError(f"{path}: {many}; {SMALLER}")
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip()[-300:]
         raise InputError(f"{path}: cannot be read as {title}: {printable(said) or 'too large'}")
@@ -556,7 +559,7 @@ def largest_group(
     text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
 ) -> MatrixLieGroup:
     """Return the largest group whose poses the columns of a file can hold."""
-    sheet = open_sheet(text, name, form, mapping)
+    sheet = log_table.open_sheet(text, name, form, mapping)
     names = set(sheet.names)
     fitting = []
     for group in (kind.named(name) for kind in groups.all() for name in kind.examples()):

@@ -8,14 +8,17 @@ because rosbags would make code of them and run it.
 
 import io
 import json
+import math
 import re
 import shutil
 import sqlite3
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import closing, redirect_stdout, suppress
+from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
+from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -236,10 +239,25 @@ def _joined(axes: list[tuple[Any, dict[str, Any]]]) -> tuple[Any, dict[str, Any]
     return t[near], {name: numbers[near] for name, numbers in joined.items()}
 
 
-def main(path: str, format: str) -> None:
-    """Read a file, and write what is in it to stdout: a description in JSON, and arrays."""
-    reader = {"ulog": ulog, "bag": bag, "dataflash": dataflash}[format]
+def main(path: str, format: str, seconds: str) -> None:
+    """Read a file, and write what is in it to stdout: a description in JSON, and arrays.
+
+    Of the processor it may take so many seconds, without the imports.
+    """
+    reader, packages = {
+        "ulog": (ulog, ["pyulog"]),
+        "bag": (bag, ["rosbags.rosbag1", "rosbags.rosbag2", "rosbags.typesys"]),
+        "dataflash": (dataflash, ["pymavlink.DFReader"]),
+    }[format]
     with redirect_stdout(io.StringIO()):  # readers print warnings
+        for package in packages:
+            import_module(package)
+        with suppress(ImportError):  # Windows has no such limit
+            import resource
+
+            most = resource.getrlimit(resource.RLIMIT_CPU)[1]
+            soft = math.ceil(process_time() + float(seconds))
+            resource.setrlimit(resource.RLIMIT_CPU, (soft, most))
         topics = list(reader(path, *json.load(sys.stdin)))
     head = [[*each[:3], each.note, [*each.fields]] for each in topics]
     arrays = {f"{k}": topic.times for k, topic in enumerate(topics)}
@@ -250,6 +268,6 @@ def main(path: str, format: str) -> None:
 
 if __name__ == "__main__":
     try:
-        main(*sys.argv[1:3])
+        main(*sys.argv[1:4])
     except Exception as error:  # a foreign file may make a reader raise anything
         sys.exit(f"{error}" or type(error).__name__)
