@@ -288,8 +288,6 @@ def flight_of(path: Path) -> Flight:
     wanted: dict[str, list[str]] = {}
     for source in sources_of(format):
         wanted.setdefault(source.kind, []).extend(f"{source.fields} {source.valid}".split())
-    before = formats()["px4_msgs_before"]
-    messages = {name: [text, *before.get(name, ())] for name, text in formats()["px4_msgs"].items()}
     with open_regular(path) as stream:
         size = stream.seek(0, io.SEEK_END)
     with suppress(OSError):  # what SQLite holds beside a bag
@@ -299,17 +297,14 @@ def flight_of(path: Path) -> Flight:
     seconds = SECONDS + size / BYTES_PER_SECOND
     limits = Limits(PATIENCE * seconds, MEMORY + RATIO * size, 2**28 + RATIO * size)
     words = [sys.executable, "-I", "-c", _START, readers.__file__, str(path.absolute()), format]
-    many = f"takes more than {seconds:.0f} s of the processor to be read, too many for its size"
+    request = json.dumps([wanted, formats()["px4_msgs"]]).encode()
     try:
-        done = run_contained(
-            [*words, f"{seconds}"], json.dumps([wanted, messages]).encode(), limits
-        )
+        done = run_contained([*words, f"{seconds}"], request, limits)
     except subprocess.TimeoutExpired:
-        slow = (
-            f"was not read within {limits.seconds:.0f} s; try again when the machine is less busy"
-        )
-        raise InputError(f"{path}: {slow}") from None
+        slow = f"was not read within {limits.seconds:.0f} s, perhaps because the machine is busy"
+        raise InputError(f"{path}: {slow}; try again") from None
     if -done.returncode == getattr(signal, "SIGXCPU", None):
+        many = f"takes more than {seconds:.0f} s of the processor to be read, too many for its size"
         raise InputError(f"{path}: {many}; {SMALLER}")
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip()[-300:]

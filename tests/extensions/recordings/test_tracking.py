@@ -348,7 +348,7 @@ def test_a_limit_is_of_the_processor(monkeypatch):
     assert size(errors(content), "position").rms < 1e-3
     monkeypatch.setattr(logs, "PATIENCE", 1)
     said = refusal(InputError, errors, content)
-    assert said == "f.ulg: was not read within 0 s; try again when the machine is less busy"
+    assert said == "f.ulg: was not read within 0 s, perhaps because the machine is busy; try again"
 
 
 def px4_in_ros(kind, text):
