@@ -1,6 +1,7 @@
 """Reads and checks recordings, replays and fits a plant, compares a recording with runs."""
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -22,20 +23,12 @@ from eqt_cli.components.recording_check import Recording, read_recording
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.frames import in_axes
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
-from eqt_cli.extensions.recordings.prediction import (
-    Growth,
-    Hold,
-    Replay,
-    Windows,
-    by_rotors,
-    driven,
-    growth,
-)
+from eqt_cli.extensions.recordings.prediction import Growth, Windows
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
@@ -120,14 +113,7 @@ def _flight(path: str | os.PathLike[str], mapping: _Mapping = None) -> Flight | 
         return None
     known, _ = _mapping_from(mapping)
     with refusals(file, "read"):
-        flight = flight_of(file)
-    topics = [
-        each._replace(times=np.rint(1e9 * each.fields["recorded"]).astype(int))
-        if known.columns.get("t") == f"{each.name} recorded" and "recorded" in each.fields
-        else each
-        for each in flight.topics
-    ]
-    return flight._replace(topics=topics, mapping=known)
+        return flight_of(file)._replace(mapping=known)
 
 
 def _mapping_from(mapping: _Mapping) -> tuple[LogMapping, Problems]:
@@ -156,6 +142,7 @@ def _read(
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = flight and logs.table_of(flight)
     text = text or recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
+    kind = _kind_of(text) if kind == "csv" else kind
     try:
         yield text, str(file), kind, columns
     except MappingError as error:
@@ -164,17 +151,27 @@ def _read(
         raise
 
 
+def _kind_of(text: str) -> TrajectoryFormat:
+    """Return the format of a table by its first row of numbers."""
+    row = next((line for line in text[:10_000].splitlines() if line[:1] != "#"), "")
+    if re.fullmatch(r"\s*([-+.\deE]+\s+){7}[-+.\deE]+\s*", row):
+        return "tum"
+    return "euroc" if re.match(r"\d{16,}(\.0*)?(,\s*[-+.\deE]+){7}", row) else "csv"
+
+
 def log_errors(
     path: str | os.PathLike[str],
     second: str | os.PathLike[str] | None = None,
     mapping: _Mapping = None,
     *,
     format: str = "csv",
+    second_mapping: _Mapping = None,
+    second_format: str | None = None,
     topic: str | None = None,
     setpoint: str | None = None,
     association: str = "linear",
     align: str | None = None,
-    relative: int | None = None,
+    relative: int | str | None = None,
     begin: float | str | None = None,
     end: float | str | None = None,
     disarmed: bool = False,
@@ -190,7 +187,9 @@ def log_errors(
     Parameters
     ----------
     path, mapping, format
-        As for `check_log`; the mapping and the format are also those of the second file.
+        As for `check_log`; without others, also those of the second file.
+    second_mapping, second_format
+        Those of the second file.
     second
         The recording of what was wanted. Default: the setpoints in the file.
     topic, setpoint
@@ -201,9 +200,11 @@ def log_errors(
         most 0.01 s away; ``held``: the last measurement.
     align
         Moves the measured positions to the wanted ones first: ``rigid`` or ``similarity`` (with a
-        scale) by least squares (Umeyama), ``origin`` by the first pose.
+        scale) by least squares (Umeyama), ``yaw`` likewise but about z only, as for estimates that
+        know gravity, ``origin`` by the first pose.
     relative
-        Compare the motions over so many instants in place of the poses.
+        Compare the motions over so many instants in place of the poses or, as in ``5m``, over
+        metres of the desired path.
     begin, end
         The first and the last time to compare, s, by the clock of the files; a text such as ``+5``
         counts from the first row of `path`.
@@ -236,20 +237,24 @@ def log_errors(
     (0.1, 0.1, 0.0)
     """
     _literal(Literal["linear", "nearest", "held"], "association", association)
-    _literal(Literal["rigid", "similarity", "origin"], "align", align or "rigid")
-    if relative is not None and relative < 1:
-        raise EqtError(f"relative: expected 1 instant or more, got {relative}")
+    _literal(Literal["rigid", "similarity", "yaw", "origin"], "align", align or "rigid")
+    over = re.fullmatch(r"(\d+|\d*\.?\d+ ?(m))", f"{relative or 1}")
+    if not over or relative == 0 or not (size := float(over[1].rstrip("m "))) > 0:
+        expected = "expected instants, as 50, or metres of the path, as 5m"
+        raise EqtError(f"relative: {expected}, got {relative!r}")
+    distance = None if relative is None else (size, over[2] or "")
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
-    other = None if second is None else _flight(second, mapping)
+    of_second = mapping if second_mapping is None else second_mapping
+    other = None if second is None else _flight(second, of_second)
     columns = _mapping_from(mapping)[0]
     span = replace(columns.time, begin=None, end=None)
     rest = replace(columns, columns={}, drop=[], world=None, body=None, time=span)
-    if flight and (second is None or other) and rest != LogMapping():
+    if flight and (second is None or other or second_mapping) and rest != LogMapping():
         keys = "`drop`, `world`, `body`, begin and end of `time`, and the recorder's `columns`"
         raise EqtError(f"mapping: of a log, errors take only {keys}")
     measured = _series(path, flight, mapping, format, topic)
     if second is not None:
-        goals = _series(second, other, mapping, format, setpoint)
+        goals = _series(second, other, of_second, second_format or format, setpoint)
     elif flight is None:
         raise EqtError(f"{path}: a table has no setpoints; give a second file with them")
     else:
@@ -259,7 +264,7 @@ def log_errors(
     known, wanted = _chosen(measured, goals, second is None and setpoint is None)
     begins = [series.times[0] for series in known.values()]
     window = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
-    how: Any = (association, align, relative, window)
+    how: Any = (association, align, distance, window)
     errors = logs.tracking_errors(f"{path}", known, wanted, spans, *how)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
@@ -303,15 +308,17 @@ def _chosen(
     measured: dict[str, list[Series]], goals: dict[str, list[Series]], differ: bool
 ) -> tuple[dict[str, Series], dict[str, Series]]:
     """Return the first pair of each quantity: usable, of the same axes, and of different fields."""
-    pairs = {
-        q: sorted(
-            ((k, w) for w in goals.get(q, ()) for k in some if not differ or k.fields != w.fields),
-            key=lambda two: (two[0].is_odd or two[1].is_odd, two[0].axes != two[1].axes),
-        )
-        for q, some in measured.items()
-    }
-    known = {q: pairs[q][0][0] if pairs[q] else some[0] for q, some in measured.items()}
-    return known, {q: pairs[q][0][1] if pairs.get(q) else some[0] for q, some in goals.items()}
+    known, wanted = ({q: some[0] for q, some in side.items()} for side in (measured, goals))
+    for q in known.keys() & goals.keys():
+        pairs = [
+            (k, w) for w in goals[q] for k in measured[q] if not differ or k.fields != w.fields
+        ]
+        pairs.sort(key=lambda two: (two[0].is_odd or two[1].is_odd, two[0].axes != two[1].axes))
+        if pairs:
+            known[q], wanted[q] = pairs[0]
+        else:
+            del wanted[q]
+    return known, wanted
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------
@@ -395,7 +402,7 @@ def replay(
     )
     if windows < 1:
         raise EqtError(f"windows: expected 1 or more, got {windows}")
-    errors = growth(plant(base), base.engine, cut, windows, delay)
+    errors = prediction.growth(plant(base), base.engine, cut, windows, delay)
     errors = replace(errors, notes=(*errors.notes, *_notes(base, cut)))
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_growth  # slow to import
@@ -484,7 +491,7 @@ def _opened(
     else:
         document = document_from(config, {}, trust_plugins=trust_plugins)
     base = build(replace(document, data=without_search(document.data)))
-    recording = by_rotors(base, read_measured(measured, base.group, mapping, format))
+    recording = prediction.by_rotors(base, read_measured(measured, base.group, mapping, format))
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])
     if not abs(delay) < length:
@@ -495,8 +502,9 @@ def _opened(
         horizon = length / parts
     if not horizon > 0:
         raise EqtError(f"horizon: expected a time greater than 0 s, got {horizon:g}")
-    law = Replay(file=recording.name, hold=_literal(Hold, "hold", hold)).with_recording(recording)
-    return base, Windows(recording, horizon), lambda one: driven(one, law)
+    held = _literal(prediction.Hold, "hold", hold)
+    law = prediction.Replay(file=recording.name, hold=held).with_recording(recording)
+    return base, Windows(recording, horizon), lambda one: prediction.driven(one, law)
 
 
 def _notes(base: Experiment, windows: Windows) -> Iterator[str]:

@@ -134,8 +134,9 @@ def fit(
 # `eqt log` ----------------------------------------------------------------------------------------
 
 
+FORMATS = "csv", "tum", "euroc"
 ASSOCIATIONS = "linear", "nearest", "held"
-ALIGNMENTS = "rigid", "similarity", "origin"
+ALIGNMENTS = "rigid", "similarity", "yaw", "origin"
 
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
@@ -159,7 +160,7 @@ def check_log(
         Path, typer.Argument(metavar="FILE", help=f"Table, or log: {', '.join(FORMATS_BY_SUFFIX)}.")
     ],
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
-    format_: Annotated[str, options.option("--format", known=("csv", "tum", "euroc"))] = "csv",
+    format_: Annotated[str, options.option("--format", known=FORMATS)] = "csv",
     group: Annotated[str | None, options.option("--group")] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -173,7 +174,7 @@ def check_log(
     -------
     Experiment
         --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
-        --format NAME  csv, tum or euroc. Default: csv.
+        --format NAME  csv, tum or euroc. Default: by the first row.
         --group NAME  Group of the poses. Default: the one that fits the columns.
     """
     from eqt_cli import api
@@ -192,12 +193,14 @@ def log_errors(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
     second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Desired motion.")] = None,
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
-    format_: Annotated[str, options.option("--format", known=("csv", "tum", "euroc"))] = "csv",
+    format_: Annotated[str, options.option("--format", known=FORMATS)] = "csv",
+    second_mapping: Annotated[Path | None, options.option("--second-mapping")] = None,
+    second_format: Annotated[str | None, options.option("--second-format", known=FORMATS)] = None,
     topic: Annotated[str | None, options.option("--topic")] = None,
     setpoint: Annotated[str | None, options.option("--setpoint")] = None,
     association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear",
     align: Annotated[str | None, options.option("--align", known=ALIGNMENTS)] = None,
-    relative: Annotated[int | None, options.option("--relative", min=1)] = None,
+    relative: Annotated[str | None, options.option("--relative")] = None,
     begin: Annotated[str | None, options.option("--begin")] = None,
     end: Annotated[str | None, options.option("--end")] = None,
     disarmed: Annotated[bool, options.option("--disarmed")] = False,
@@ -213,14 +216,17 @@ def log_errors(
     -------
     Experiment
         --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
-        --format NAME  csv, tum or euroc. Default: csv.
+        --format NAME  csv, tum or euroc. Default: by the first row.
         --topic NAME  Topic of the measurement. Default: the first that the file has.
         --setpoint NAME  Topic of the setpoints, or desired for those values of ArduPilot in place
             of its targets. Default: the first that the file has.
         --association NAME  Measurement at the instants: linear, nearest (within 0.01 s) or held.
-        --align NAME  Move the measured positions first: rigid, similarity (both by Umeyama) or
-            origin (by the first pose).
-        --relative N  Compare the motions over N instants in place of the poses.
+        --second-mapping FILE  Mapping of SECOND. Default: that of FILE.
+        --second-format NAME  Format of SECOND. Default: that of FILE.
+        --align NAME  Move the measured positions first: rigid, similarity (both by Umeyama), yaw
+            (rigid, about z only) or origin (by the first pose).
+        --relative N  Compare the motions over N instants in place of the poses, or over metres of
+            the desired path, such as 5m.
         --begin S  First time to compare, s: 12.5 by the clock of the files, +5 from the first row.
         --end S  Last time to compare, as --begin.
         --disarmed  Compare also times while the vehicle was disarmed.
@@ -232,7 +238,7 @@ def log_errors(
 
     how: dict[str, Any] = {"association": association, "topic": topic, "setpoint": setpoint}
     how |= {"align": align, "relative": relative, "begin": begin, "end": end}
-    how |= {"disarmed": disarmed}
+    how |= {"disarmed": disarmed, "second_mapping": second_mapping, "second_format": second_format}
     errors = api.log_errors(file, second, mapping, format=format_, out=out, **how)
     sizes = [one._asdict() for one in errors.sizes]
     document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}

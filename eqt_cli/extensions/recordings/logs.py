@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -192,7 +192,8 @@ class Flight(NamedTuple):
 
     @np.errstate(all="ignore")  # numbers that are not finite are left out
     def _of(self, source: Source, topic: Topic, whole: bool) -> Series | None:
-        times, names, unit = times_of(topic), source.fields.split(), source.unit
+        times, drop = times_of(topic, self.mapping.columns), self.mapping.drop
+        names, unit = source.fields.split(), source.unit
         if not len(times):
             return None
         numbers = np.stack([topic.fields[name] for name in names], axis=-1)
@@ -210,8 +211,9 @@ class Flight(NamedTuple):
             rows = sources_of(self.format)
             turned = (s for s in rows if s.quantity == "attitude" and s.kind == source.kind)
             poses = self._of(next(turned), topic, True)
-            is_turned = poses is not None and len(poses.times) > 1
-            R = matrices(poses.at(times)) if poses and is_turned else np.full((3, 3), np.nan)
+            R = np.full((3, 3), np.nan)
+            if poses is not None and len(poses.times) > 1:
+                R = matrices(poses.at(times))
             numbers = apply_matrix(R, numbers)
             valid &= np.isfinite(numbers).all(axis=1) | ~is_known
         if source.quantity.startswith("attitude") and unit:  # roll, pitch, yaw
@@ -221,27 +223,29 @@ class Flight(NamedTuple):
         columns = {"t": times} | dict(zip(log_table.QUATERNION, numbers.T, strict=False))
         if not is_measured and numbers.shape[1] != 4:
             columns = {"t": times}
-        table = (
-            LogTable(topic.name, columns, range(len(times))).part(valid).free_of(self.mapping.drop)
-        )
+        table = LogTable(topic.name, columns, range(len(times))).part(valid).free_of(drop)
         sound = table.free_of(get_args(log_table.Dropped))
         is_unset = not len(sound) and not np.nan_to_num(numbers[valid]).any()
         if is_unset or len(table) <= (source.quantity not in _STATES):  # a motion needs two rows
             return None
-        odd, first = len(table) - len(sound), np.array(sound.lines, int)
+        first = np.array(sound.lines, int)
         fields = [f"{topic.name}.{name}" for name in names]
-        is_odd = odd > log_table.MOST_ODD * len(table)
+        is_odd = len(table) - len(sound) > log_table.MOST_ODD * len(table)
         axes = "ENU" if "/" in topic.kind else "NED"
         facts = (times, numbers, valid), left_out(sound), is_odd, axes
         return Series(topic.name, times[first], numbers[first], fields, unit, *facts)
 
 
-def times_of(topic: Topic) -> Array:
-    """Return the times of a topic, s: its stamps, or the recorder's where few stamps move on."""
+def times_of(topic: Topic, columns: Mapping[str, str] | None = None) -> Array:
+    """Return the times of a topic, s: its stamps, or the recorder's.
+
+    These are taken where a mapping says so, and where too few stamps move on.
+    """
     times, recorded = topic.times / 1e9, topic.fields.get("recorded", np.empty(0))
     are_stale = np.mean(np.diff(times) <= 0) > log_table.MOST_ODD if len(times) > 1 else False
     is_near = len(recorded) and abs(recorded[0] - times[0]) < SAME_CLOCK
-    return recorded if are_stale and is_near else times
+    is_chosen = columns and columns.get("t") == f"{topic.name} recorded"
+    return recorded if len(recorded) and (is_chosen or (are_stale and is_near)) else times
 
 
 @lru_cache(maxsize=1)
@@ -649,15 +653,15 @@ class TrackingErrors(NamedTuple):
         What was compared with what, by the quantity.
     notes
         The times of both, and what else was noticed.
-    left_out
-        Odd rows that were not used, in words.
+    remarks
+        Odd rows that were not used, and the drift over metres of path.
     """
 
     sizes: list[ErrorSize]
     curves: dict[str, tuple[Array, Array]]
     topics: dict[str, str]
     notes: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def headline(self) -> str:
@@ -671,7 +675,7 @@ class TrackingErrors(NamedTuple):
             side = "late" if size.delay > 0 else "early"
             headline += f"; {late} {side}, without which {rest} remain"
         headline += f" ({size.remark})" * bool(size.remark)
-        return "; ".join([headline, *self.left_out])
+        return "; ".join([headline, *self.remarks])
 
 
 def motions_of(log: Log) -> dict[str, Series]:
@@ -763,7 +767,12 @@ def _frame(
     t, x, y = position
     if align != "origin":  # for which c R x + p is nearest to y (Umeyama 1991)
         x0, y0 = x.mean(axis=0), y.mean(axis=0)
-        U, d, Vt = np.linalg.svd((y - y0).T @ (x - x0) / len(x))
+        C = (y - y0).T @ (x - x0) / len(x)
+        if align == "yaw":  # about z, which gravity gives
+            angle = np.arctan2(C[1, 0] - C[0, 1], C[0, 0] + C[1, 1])
+            R = matrix_groups.rotation_of_euler("ZYX", np.array([angle, 0.0, 0.0]))
+            return 1.0, R, y0 - R @ x0
+        U, d, Vt = np.linalg.svd(C)
         if not d[1] > 1e-12 * d[0]:
             raise EqtError("align: the positions are on a line; use origin, or leave it out")
         signs = np.array([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
@@ -787,22 +796,35 @@ def moved(quantity: str, one: Series, c: float, R: Array, p: Array) -> Series:
 
 
 def _relative(
-    position: list[Array], turned: list[Series], how: str, frames: int
-) -> dict[str, tuple[Array, Array]]:
-    """Return the errors of the motions over some frames, E = (Q_d⁻¹ Q_d')⁻¹ Q⁻¹Q'."""
+    name: str, position: list[Array], turned: list[Series], how: str, over: tuple[float, str]
+) -> tuple[dict[str, tuple[Array, Array]], list[str]]:
+    """Return the errors E = (Q_d⁻¹ Q_d')⁻¹ Q⁻¹Q' over instants or metres of path, and remarks."""
     t, *places = position
-    first, moves = np.arange(0, len(t) - frames, frames), []
+    steps = norm(np.diff(places[1], axis=0)) if over[1] else np.ones(len(t) - 1)
+    passed, rows, lengths = 0.0, [0], list[float]()
+    for row, step in enumerate(steps.tolist(), start=1):
+        passed += step
+        if passed >= over[0]:
+            rows, lengths, passed = [*rows, row], [*lengths, passed], 0.0
+    if not lengths:
+        raise InputError(
+            f"{name}: the desired path of {passed:.3g} m is shorter than {over[0]:g} m"
+        )
+    moves = []
     for k, place in enumerate(places):
         Q = np.tile(np.eye(4), (len(t), 1, 1))
         Q[:, :3, 3] = place
         if turned:
             Q[:, :3, :3] = matrices(turned[k].at(t, how))
-        moves.append(np.linalg.solve(Q[first], Q[first + frames]))
-    E, t = np.linalg.solve(moves[1], moves[0]), t[first + frames]
+        moves.append(np.linalg.solve(Q[rows[:-1]], Q[rows[1:]]))
+    E, t = np.linalg.solve(moves[1], moves[0]), t[rows[1:]]
     none = np.tile([1.0, 0, 0, 0], (len(t), 1))
     errors = {"position": (t, difference("position", E[:, :3, 3], 0 * none[:, 1:]))}
-    turn = {"attitude": (t, difference("attitude", quaternions(E[:, :3, :3]), none))}
-    return errors | turn if turned else errors
+    if turned:
+        errors["attitude"] = t, difference("attitude", quaternions(E[:, :3, :3]), none)
+    share = float(np.mean(norm(E[:, :3, 3]) / lengths))
+    drift = f"on average {100 * share:.4g} % of the path, in {len(lengths)} parts"
+    return errors, [drift] * bool(over[1])
 
 
 NO_SPANS = np.empty(0), np.ones(1, bool)
@@ -815,7 +837,7 @@ def tracking_errors(
     spans: tuple[Array, Array] = NO_SPANS,
     association: str = "linear",
     align: str | None = None,
-    relative: int | None = None,
+    relative: tuple[float, str] | None = None,
     window: Sequence[float] = (-np.inf, np.inf),
 ) -> TrackingErrors:
     """Compare known series with wanted ones, at the instants of the rougher ones in a window.
@@ -842,9 +864,11 @@ def tracking_errors(
         position = enough(name, pair("position").rows(0.0, association), 1)
         frame = _frame(position, attitudes(), align, association)
         known = {q: moved(q, series, *frame) for q, series in known.items()}
+    drift = list[str]()
     if relative:
-        position = enough(name, pair("position").rows(0.0, association), 1 + relative)
-        curves = _relative(position, attitudes(), association, relative)
+        least = 2 if relative[1] else 1 + int(relative[0])
+        position = enough(name, pair("position").rows(0.0, association), least)
+        curves, drift = _relative(name, position, attitudes(), association, relative)
     else:
         rows = {q: pair(q).rows(0.0, association) for q in shared}
         curves = {q: (t, difference(q, *two)) for q, (t, *two) in rows.items() if len(t)}
@@ -857,7 +881,7 @@ def tracking_errors(
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
-    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",), (*odd,))
+    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",), (*drift, *odd))
 
 
 def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:

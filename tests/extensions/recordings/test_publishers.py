@@ -50,6 +50,18 @@ def test_a_topic_of_two_publishers_is_all_its_messages():
     assert rms(eqt_cli.log_errors(path, "truth.csv")) == pytest.approx(0.4 * np.sqrt(3 * 0.75))
 
 
+def test_a_topic_named_as_a_target_may_be_measured_and_is_not_its_own_setpoint():
+    pose = pose_stamped(place(T), turned(T).as_quat())
+    path = write_bag(Path("f.bag"), [("/vrpn/target_drone/pose", POSE, T, pose)])
+    checked = eqt_cli.check_log(path)
+    assert (checked.group, checked.rows, checked.problems) == ("SE3", 200, [])
+    said = refusal(InputError, eqt_cli.log_errors, path, topic="/vrpn/target_drone/pose")
+    assert said.startswith("f.bag: measured: position, attitude; wanted: none; name the topic")
+    table("truth.csv", T, place(T) + 0.1)
+    found = eqt_cli.log_errors(path, "truth.csv", topic="/vrpn/target_drone/pose")
+    assert rms(found) == pytest.approx(0.1 * np.sqrt(3))
+
+
 def twist(velocities, rates):
     def made(k, header, make):
         linear, angular = (make["Vector3"](*x[k].tolist()) for x in (velocities, rates))

@@ -2,12 +2,14 @@
 
 import struct
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from case_tables import refusal
 from flights import dataflash, odometry, pose_stamped, ulog, write_bag
+from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
@@ -604,13 +606,23 @@ def two_trajectories():
     return p, R, q, S
 
 
-@pytest.mark.parametrize("align", ["rigid", "similarity", "origin"])
+@pytest.mark.parametrize("align", ["rigid", "similarity", "yaw", "origin"])
 def test_positions_are_aligned_as_a_plain_program_does(align):
     p, R, q, S = two_trajectories()
     found = eqt_cli.log_errors("flown.tum", "wanted.tum", format="tum", align=align)
     if align == "origin":
         turn, scale = R[0] * S[0].inv(), 1.0
         shift = p[0] - turn.apply(q[0])
+    elif align == "yaw":
+        # The yaw with the least sum of squares, by a search
+        x, y = (each - each.mean(axis=0) for each in (q, p))
+
+        def left(yaw):
+            return np.sum((Rotation.from_euler("z", yaw).apply(x) - y) ** 2)
+
+        yaw = minimize_scalar(left, bounds=(-1.5, 0.5), method="bounded", options={"xatol": 1e-12})
+        turn, scale = Rotation.from_euler("z", yaw.x), 1.0
+        shift = p.mean(axis=0) - turn.apply(q.mean(axis=0))
     else:
         # By SciPy's solution of Wahba's problem, and the scale as a least-squares slope
         turn, _ = Rotation.align_vectors(p - p.mean(axis=0), q - q.mean(axis=0))
@@ -620,8 +632,9 @@ def test_positions_are_aligned_as_a_plain_program_does(align):
         shift = p.mean(axis=0) - scale * turn.apply(q.mean(axis=0))
     apart = np.linalg.norm(scale * turn.apply(q) + shift - p, axis=1)
     angle = np.degrees((R.inv() * turn * S).magnitude())
+    digits = 1e-5 if align == "yaw" else 1e-10  # of the search
     assert size(found, "position").rms == pytest.approx(np.sqrt(np.mean(apart**2)), abs=1e-12)
-    assert size(found, "attitude", "angle").largest == pytest.approx(angle.max(), abs=1e-10)
+    assert size(found, "attitude", "angle").largest == pytest.approx(angle.max(), abs=digits)
 
 
 def test_relative_motions_do_not_depend_on_the_frame():
@@ -633,3 +646,60 @@ def test_relative_motions_do_not_depend_on_the_frame():
         flew = S[k].inv().apply(q[k + 3] - q[k])
         expected.append(np.linalg.norm(move[1].inv().apply(flew - move[0])))
     assert found.curves["position"][1][:, 0] == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_motions_over_metres_of_path_are_those_of_evo():
+    """Parts of the desired path that are at least so long, from one row on, in turn."""
+    p, R, q, S = two_trajectories()
+    found = eqt_cli.log_errors("flown.tum", "wanted.tum", format="tum", relative="1.5 m")
+    rows, passed, lengths = [0], 0.0, []
+    for k in range(1, len(p)):
+        passed += np.linalg.norm(p[k] - p[k - 1])
+        if passed >= 1.5:
+            rows, lengths, passed = [*rows, k], [*lengths, passed], 0.0
+    expected = []
+    for a, b in pairwise(rows):
+        move = R[a].inv().apply(p[b] - p[a]), R[a].inv() * R[b]
+        expected.append(
+            np.linalg.norm(move[1].inv().apply(S[a].inv().apply(q[b] - q[a]) - move[0]))
+        )
+    assert found.curves["position"][1][:, 0] == pytest.approx(np.array(expected), abs=1e-12)
+    share = 100 * np.mean(np.divide(expected, lengths))
+    assert found.headline.endswith(
+        f"; on average {share:.4g} % of the path, in {len(rows) - 1} parts"
+    )
+
+
+NO_DISTANCE = {
+    "5z": "relative: expected instants, as 50, or metres of the path, as 5m, got '5z'",
+    0: "relative: expected instants, as 50, or metres of the path, as 5m, got 0",
+    "900m": "wanted.csv: the desired path of 32.9 m is shorter than 900 m",
+}
+
+
+@pytest.mark.parametrize("relative", NO_DISTANCE)
+def test_a_distance_that_fits_nothing_is_told(relative):
+    table("wanted.csv", T)
+    said = refusal(EqtError, eqt_cli.log_errors, "wanted.csv", "wanted.csv", relative=relative)
+    assert said == NO_DISTANCE[relative]
+
+
+def test_two_files_have_a_mapping_and_a_format_each():
+    """Motion capture with y up in cm, beside an onboard estimate; TUM beside EuRoC."""
+    p, R, *_ = two_trajectories()
+    t = 0.05 * np.arange(len(p))
+    up = Rotation.from_euler("x", 90, degrees=True)
+    rows = np.c_[t, 100 * up.inv().apply(p), (up.inv() * R).as_quat()]
+    np.savetxt("mocap.csv", rows, delimiter=",", header="t,x,y,z,qx,qy,qz,qw", comments="")
+    mapping = {"units": {"x": "cm", "y": "cm", "z": "cm"}, "origin": {"rotvec": ["90 deg", 0, 0]}}
+    found = eqt_cli.log_errors("mocap.csv", "wanted.tum", mapping, second_mapping={})
+    assert size(found, "position").rms < 1e-9 > size(found, "attitude", "angle").rms / 1e6
+    stamps = [f"{1403715000 + k:.9f}".replace(".", "") for k in t]
+    lines = [
+        f"{s},{','.join(map(repr, r))}"
+        for s, r in zip(stamps, np.c_[p, R.as_quat(scalar_first=True)].tolist(), strict=True)
+    ]
+    Path("truth.csv").write_text("#timestamp, p_RS_R_x [m]\n" + "\n".join(lines))
+    np.savetxt("late.tum", np.c_[1403715000 + t, p, R.as_quat()], fmt="%.17g")
+    for more in ({}, {"format": "tum", "second_format": "euroc"}):
+        assert size(eqt_cli.log_errors("late.tum", "truth.csv", **more), "position").rms < 1e-6
