@@ -23,8 +23,7 @@ from eqt_cli.components.recording_check import Recording, read_recording
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, logs, plant_fit, prediction
-from eqt_cli.extensions.recordings.frames import in_axes
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, frames, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
@@ -296,11 +295,12 @@ def _series(
     kinds, topics = [of], flight.topics
     if topic is not None:
         kinds, topics = [of, "", " setpoint"], [each for each in topics if each.name == topic]
+        topics = topics or list(filter(None, [frames.composed(flight.topics, topic)]))
         if not topics:
             raise EqtError(f"{path}: has no topic '{topic}'; eqt log check lists them")
     flight = flight._replace(topics=topics)
     every = {q: [s for k in kinds for s in flight.series(q + k, not of)] for q in logs.QUANTITIES}
-    turned = {q: [in_axes(q, s, flight.mapping) for s in some] for q, some in every.items()}
+    turned = {q: [frames.in_axes(q, s, flight.mapping) for s in some] for q, some in every.items()}
     return {quantity: some for quantity, some in turned.items() if some}
 
 

@@ -20,21 +20,12 @@ from eqt_cli.components.recording_check import Recording
 from eqt_cli.extensions.recordings.logs import QUANTITIES, TrackingErrors, error_files
 from eqt_cli.extensions.recordings.measured import measured_runs
 from eqt_cli.extensions.recordings.prediction import Growth
-from eqt_cli.figures import layout
+from eqt_cli.figures import layout, style
 from eqt_cli.figures.figure import Panelled, Timed
 from eqt_cli.figures.labels import axis_labels, in_words, part_curves, part_name
 from eqt_cli.figures.layout import EMPTY, add_legend, add_title, band_look, name_scale, sheet
 from eqt_cli.figures.render import FORMATS, encode
 from eqt_cli.figures.shown import Chosen, error_of, positions
-from eqt_cli.figures.style import (
-    Width,
-    colours_of_style,
-    component_style,
-    house_style,
-    ink,
-    line_style,
-    mixed,
-)
 from eqt_cli.results.result import Result
 
 # Figure of a recording beside a run: pose, error, velocity and wrench over time -------------------
@@ -143,7 +134,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
         shown = self._only(results, "result")
         return ShownMeasured(shown, measured, self.name, self.chosen, self.run)
 
-    def compose(self, shown: ShownMeasured, width: Width) -> Drawing:
+    def compose(self, shown: ShownMeasured, width: style.Width) -> Drawing:
         """Draw a row for each quantity; the coordinates of a part share a panel."""
         parts, curves, (measured_times, times) = shown.group.parts, shown.curves, shown.times
         wanted = self.picked([name for name, *_ in curves])
@@ -176,7 +167,7 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
                 add_title(panels[panel], part_name(part.name))
         names = axis_labels(shown.group)
         lines = [Line2D([], [], **_thin(k)) for k in range(len(names))]
-        grey = Line2D([], [], color=mixed(ink(), ink(0), _PALE), **_MEASURED)
+        grey = Line2D([], [], color=style.mixed(style.ink(), style.ink(0), _PALE), **_MEASURED)
         add_legend(drawing, [*lines, grey], [*names, "measured"])
         return drawing
 
@@ -184,13 +175,13 @@ class MeasuredFigure(Panelled, Timed[ShownMeasured]):
         self, axes: Axes, kind: str, G: MatrixLieGroup, part: Part, curve: tuple[Array, Array]
     ) -> None:
         for k, axis in enumerate(G.axis_names[part.axes]):
-            style = _thin(k)
+            look = _thin(k)
             if kind == "measured":
                 # Dashes keep apart tints of a colour that the style gives to two coordinates.
-                dashes = style["linestyle"] if k >= colours_of_style() else "-"
-                tint = mixed(style["color"], ink(0), _PALE)
-                style = {"color": tint, "linestyle": dashes, **_MEASURED}
-            axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
+                dashes = look["linestyle"] if k >= style.colours_of_style() else "-"
+                tint = style.mixed(look["color"], style.ink(0), _PALE)
+                look = {"color": tint, "linestyle": dashes, **_MEASURED}
+            axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **look)
 
 
 def _is_measured(part: Part, values: Array) -> bool:
@@ -200,7 +191,7 @@ def _is_measured(part: Part, values: Array) -> bool:
 
 
 def _thin(k: int) -> dict[str, Any]:
-    return {"linewidth": _SIMULATED, **component_style(k)}
+    return {"linewidth": _SIMULATED, **style.component_style(k)}
 
 
 def save_growth(growth: Growth, folder: Path) -> None:
@@ -212,16 +203,16 @@ def save_growth(growth: Growth, folder: Path) -> None:
         If a file cannot be written.
     """
     t = growth.horizons
-    with house_style():
+    with style.house_style():
         drawing, panels = layout.sheet(
             "column", layout.rows_of(growth.parts, 1), (float(t[0]), float(t[-1])), "s"
         )
         for k, (part, unit) in enumerate(zip(growth.parts, growth.units, strict=True)):
             axes = panels[part]
-            look = line_style(0)
+            look = style.line_style(0)
             (rms,) = axes.plot(t, growth.rms[k], **look)
             band = axes.fill_between(t, growth.low[k], growth.high[k], **band_look(look["color"]))
-            (noise,) = axes.plot(t, growth.noise[k], color=ink(), linestyle=(0, (1.2, 1)))
+            (noise,) = axes.plot(t, growth.noise[k], color=style.ink(), linestyle=(0, (1.2, 1)))
             axes.set_ylim(bottom=0.0)
             layout.name_scale(axes, in_words(part, unit))
         layout.add_legend(drawing, [rms, band, noise], ["rms", "10 % to 90 %", "noise alone, rms"])
@@ -249,7 +240,7 @@ def save_errors(tracking: TrackingErrors, name: str, folder: Path) -> None:
         If a file cannot be written.
     """
     times = np.concatenate([t for t, _ in tracking.curves.values()])
-    with house_style():
+    with style.house_style():
         ends, rows = (float(times.min()), float(times.max())), layout.rows_of([*tracking.curves], 1)
         drawing, panels = layout.sheet("column", rows, ends, "s")
         for quantity, (t, errors) in tracking.curves.items():

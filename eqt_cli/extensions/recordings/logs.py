@@ -47,6 +47,7 @@ _START += "runpy.run_path(sys.argv[0], run_name='__main__')"
 
 # Names of topics of ROS that hold a setpoint
 _SETPOINTS = re.compile(r"(?i)setpoint|reference|desired|command|target|\bcmd_")
+_CORRECTION = re.compile(r" .*\.(odom|map)$")  # a pair of frames of which none is a body
 _FRAMES = 1, 2  # accepted ones of PX4's odometry: NED, and a fixed FRD of arbitrary heading
 _STATES, _POSES = ("armed", "mode", "reset"), ("position", "attitude")
 SAME_CLOCK = 1.0  # largest distance of the first stamp from its record, if of one clock, s
@@ -172,8 +173,9 @@ class Flight(NamedTuple):
         whole
             Whether all numbers of a row must be known.
         """
+        bodies = [each for each in self.topics if not _CORRECTION.search(each.name)]
         for source in sources_of(self.format):
-            for topic in (each for each in self.topics if each.kind == source.kind):
+            for topic in (each for each in bodies or self.topics if each.kind == source.kind):
                 named = self.by_names and "/" in topic.kind and _SETPOINTS.search(topic.name)
                 fits = quantity == source.quantity + " setpoint" * bool(named)
                 if fits and {*source.fields.split()} <= {*topic.fields}:
@@ -220,9 +222,8 @@ class Flight(NamedTuple):
             R, unit = matrix_groups.rotation_of_euler("ZYX", np.nan_to_num(numbers)[:, ::-1]), ""
             numbers = np.where(is_known[:, None], quaternions(R), np.nan)
         valid &= in_span(self.mapping.time, times)
-        columns = {"t": times} | dict(zip(log_table.QUATERNION, numbers.T, strict=False))
-        if not is_measured and numbers.shape[1] != 4:
-            columns = {"t": times}
+        names_of = log_table.QUATERNION if is_measured or numbers.shape[1] == 4 else ()
+        columns = {"t": times} | dict(zip(names_of, numbers.T, strict=False))
         table = LogTable(topic.name, columns, range(len(times))).part(valid).free_of(drop)
         sound = table.free_of(get_args(log_table.Dropped))
         is_unset = not len(sound) and not np.nan_to_num(numbers[valid]).any()
@@ -904,10 +905,8 @@ def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:
 
 def _nothing_left(known: dict[str, Series], wanted: dict[str, Series], times: str) -> str:
     if times:
-        return (
-            f"no instant is left of {times}; gaps, disarmed times, changes of the mode and "
-            "setpoints that are not finite are left out, and what is before begin or after end"
-        )
+        why = "setpoints that are not finite, and times outside begin and end are left out"
+        return f"no instant is left of {times}: gaps, disarmed times, changes of the mode, {why}"
     measured, goal = (", ".join(names) or "none" for names in (known, wanted))
     advice = "name the topic of the setpoints (--setpoint), or give a second file"
     return f"measured: {measured}; wanted: {goal}; {advice}"

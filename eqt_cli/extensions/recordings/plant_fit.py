@@ -20,19 +20,8 @@ from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import PLANT, marks_of
 from eqt_cli.config.study import study
-from eqt_cli.extensions.recordings.prediction import (
-    DELAY,
-    DISTINCT,
-    WINDOWS,
-    Linear,
-    ReplayWindow,
-    Windows,
-    correlated,
-    delayed,
-    errors,
-    intervals,
-    linear,
-)
+from eqt_cli.extensions.recordings import prediction
+from eqt_cli.extensions.recordings.prediction import DELAY, Linear, ReplayWindow, Windows
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.runs.folder import COPY_FOLDERS, ResultFolder
 
@@ -230,16 +219,16 @@ class _FitProblem:
             plants = [self.driven(build(self.at(point))) for point in points]
         except ConfigError:
             return None
-        with step(WINDOWS, len(self.cut)):
+        with step(prediction.WINDOWS, len(self.cut)):
             fits, recording = [], self.windows.recording
             delay = float(numbers[-1]) if self.finds_delay else self.delay
             later = self.windows.later if by_delay or self.finds_delay else 0.0
             loops, engine = [self.first, *plants], self.base.engine
             for window in self.cut:
-                prediction = errors(loops, steps, engine, recording, window, delay, later)
-                if prediction is None:
+                predicted = prediction.errors(loops, steps, engine, recording, window, delay, later)
+                if predicted is None:
                     return None
-                fits.append(linear(prediction, self.windows.noise))
+                fits.append(prediction.linear(predicted, self.windows.noise))
             return fits
 
     def solved(self, start: Array) -> tuple[Array, list[Linear]]:
@@ -288,7 +277,7 @@ class _FitProblem:
                 "recording in which it acts, or start at a value of its magnitude"
             )
         _, values, directions = np.linalg.svd(derivatives / lengths, full_matrices=False)
-        if values[-1] < DISTINCT:
+        if values[-1] < prediction.DISTINCT:
             parts = zip(self.keys, directions[-1], strict=True)
             alike = " and ".join(key for key, part in parts if abs(part) > SHARE)
             raise EqtError(
@@ -357,10 +346,10 @@ def fit(
             break
     singular = problem.require_distinct(fits)
     after = problem.sizes(fits, len(keys))
-    notes = list(correlated(fits, windows))
+    notes = list(prediction.correlated(fits, windows))
     if not problem.finds_delay:
-        notes += delayed(problem.linearised(numbers, by_delay=True) or [], fitted=True)
-    low, high = intervals(fits) + numbers
+        notes += prediction.delayed(problem.linearised(numbers, by_delay=True) or [], fitted=True)
+    low, high = prediction.intervals(fits) + numbers
     columns = zip(keys, start, numbers, low, high, strict=True)
     residuals = []
     for part, unit, axes in windows.parts:

@@ -26,6 +26,10 @@ import numpy as np
 MANY, SINGLE = "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/TransformStamped"
 """A message of many transforms, and one of a single one."""
 
+PACKAGES = {"ulog": "pyulog", "dataflash": "pymavlink.DFReader"}
+PACKAGES["bag"] = "rosbags.rosbag1 rosbags.rosbag2 rosbags.typesys"
+"""What a reader imports, by its format."""
+
 
 class Topic(NamedTuple):
     """What a file holds of a topic.
@@ -96,17 +100,21 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) ->
             kind = px4 if one.msgtype.startswith("px4_msgs") else one.msgtype
             count = sum(each.msgcount for each in every)
             topic = Topic(one.topic, kind, count, np.empty(0, int), {})
-            if kind in wanted and (texts := types.get(one.msgtype.removeprefix("px4_msgs/msg/"))):
-                store.register(_definition(one, texts, next(reader.messages(every), None)))
-            is_known = kind in (*wanted, MANY) and one.msgtype in store.fielddefs
-            note = next(filter(None, (_differs(x, store) for x in every)), "") if is_known else ""
+            note = ""
             try:
+                name = one.msgtype.removeprefix("px4_msgs/msg/")
+                if kind in wanted and (texts := types.get(name)):
+                    store.register(_definition(one, texts, next(reader.messages(every), None)))
+                is_known = kind in (*wanted, MANY) and one.msgtype in store.fielddefs
+                if is_known:
+                    note = next(filter(None, (_differs(x, store) for x in every)), "")
                 if is_known and not note:
                     messages = ((t, decode(x, one.msgtype)) for _, t, x in reader.messages(every))
                     if kind == MANY:
                         for name, some in _parts(one.topic, messages).items():
                             part = Topic(name, SINGLE, 0, topic.times, {})
-                            yield _decoded(part, some, SINGLE, wanted[SINGLE], store)
+                            part = _decoded(part, some, SINGLE, wanted[SINGLE], store)
+                            yield part._replace(rows=part.rows * (len(some) > 1))  # others: static
                             topic = topic._replace(rows=0)  # so that it is not listed
                     else:
                         topic = _decoded(topic, messages, one.msgtype, wanted[kind], store)
@@ -132,9 +140,9 @@ def _parts(topic: str, messages: Iterator[Any]) -> dict[str, list[Any]]:
     pairs = dict[str, list[Any]]()
     for time, message in messages:
         for each in message.transforms:
-            name = f"{topic} {each.header.frame_id}.{each.child_frame_id}"
-            pairs.setdefault(name, []).append((time, each))
-    return {name: poses for name, poses in pairs.items() if len(poses) > 1}  # others are static
+            frames = (x.removeprefix("/") for x in (each.header.frame_id, each.child_frame_id))
+            pairs.setdefault(f"{topic} {'.'.join(frames)}", []).append((time, each))
+    return pairs
 
 
 def _decoded(topic: Topic, messages: Iterable[Any], kind: str, wanted: Any, store: Any) -> Topic:
@@ -244,13 +252,9 @@ def main(path: str, format: str, seconds: str) -> None:
 
     Of the processor it may take so many seconds, without the imports.
     """
-    reader, packages = {
-        "ulog": (ulog, ["pyulog"]),
-        "bag": (bag, ["rosbags.rosbag1", "rosbags.rosbag2", "rosbags.typesys"]),
-        "dataflash": (dataflash, ["pymavlink.DFReader"]),
-    }[format]
+    reader = {"ulog": ulog, "bag": bag, "dataflash": dataflash}[format]
     with redirect_stdout(io.StringIO()):  # readers print warnings
-        for package in packages:
+        for package in PACKAGES[format].split():
             import_module(package)
         with suppress(ImportError):  # Windows has no such limit
             import resource

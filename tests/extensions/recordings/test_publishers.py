@@ -10,7 +10,7 @@ from flights import dataflash, pose_stamped, write_bag
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.base.errors import InputError
+from eqt_cli.base.errors import EqtError, InputError
 from eqt_cli.extensions.recordings.logs import flight_of
 
 T = 100.0 + np.arange(200) / 20  # s
@@ -206,3 +206,49 @@ def test_the_primary_core_of_an_estimator_is_read():
     (series,) = flight_of(Path("f.bin")).series("position")
     right = T + 10.0 * (series.times > T[100] + 1e-9)
     assert series.numbers[:, 0] == pytest.approx(right, abs=1e-4)
+
+
+def tree(t):
+    """A tree of SLAM: corrections at 5 Hz, odometry at 20 Hz, and a sensor that stands still."""
+    slow = np.arange(len(t)) % 4 == 0
+    correction = Rotation.from_rotvec((0.7 + 0.02 * (t - t[0]))[:, None] * [0, 0, 1])
+    shift = np.c_[3 + 0.1 * (t - t[0]), 1 + 0 * t, 0 * t]
+    parts = {
+        "map odom": (shift, correction, slow),
+        "odom base": (place(t), turned(t), slow | True),
+        "base imu": (
+            np.tile([0.1, 0, 0.2], (len(t), 1)),
+            Rotation.from_rotvec((1.2 + 0 * t)[:, None] * [0, 0, 1]),
+            t == t[0],
+        ),
+    }
+
+    def made(k, header, make):
+        transforms = []
+        for pair, (p, R, at) in parts.items():
+            if at[k]:
+                parent, child = pair.split()
+                one = make["Header"](stamp=header.stamp, frame_id=parent)
+                x, q = make["Vector3"](*p[k].tolist()), make["Quaternion"](*R[k].as_quat().tolist())
+                moved = make["Transform"](translation=x, rotation=q)
+                transforms.append(make["TransformStamped"](one, child, moved))
+        return make["TFMessage"](transforms=transforms)
+
+    p, R = np.zeros((len(t), 3)), Rotation.identity(len(t))
+    for name in ("base imu", "odom base", "map odom"):
+        x, turn, _ = parts[name]
+        p, R = x + turn.apply(p), turn * R
+    return ("/tf", "tf2_msgs/msg/TFMessage", t, made), p, R
+
+
+def test_transforms_are_composed_to_the_pair_that_is_asked_for():
+    topic, p, R = tree(T)
+    path = write_bag(Path("f.mcap"), [topic])
+    np.savetxt("truth.tum", np.c_[T, p, R.as_quat()], fmt="%.17g")
+    found = eqt_cli.log_errors(path, "truth.tum", topic="/tf map.imu")
+    assert len(found.curves["position"][0]) == 197  # until the last correction
+    assert (rms(found) < 1e-6, rms(found, "attitude") < 1e-4) == (True, True)
+    # The body is the frame that odometry moves, and not the odometry's own frame
+    assert eqt_cli.check_log(path).rows == 200
+    with pytest.raises(EqtError, match=r"has no topic '/tf map\.wheel'"):
+        eqt_cli.log_errors(path, "truth.tum", topic="/tf map.wheel")
