@@ -155,6 +155,8 @@ class LogMapping:
         The heading of a column in the file by eqt's name for it, as in ``{t: stamp, qw: q_w}``.
     units
         The unit of a column by its name, where its heading has none, as in ``{t: ms, yaw: deg}``.
+    scale
+        A factor of a column by its name, as in ``{pitch: -1}`` for a pitch of the other sign.
     quaternion
         The order of columns ``q0 … q3``, ``q1 … q4``, ``q[0] … q[3]``, and of those of the formats
         tum and euroc where a file departs from its format; w is the scalar part.
@@ -184,6 +186,7 @@ class LogMapping:
 
     columns: dict[str, str] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict)
     quaternion: Literal["xyzw", "wxyz"] | None = None
     euler: str = "ZYX"
     attitude: Literal["body_to_world", "world_to_body"] = "body_to_world"
@@ -375,6 +378,8 @@ class Sheet:
         Whether rows may have entries beyond the columns.
     order
         The order of quaternions, xyzw or wxyz; empty where their columns are named.
+    scale
+        Factors of columns by their names.
     damaged
         Whether parts of the file were skipped.
     """
@@ -390,6 +395,7 @@ class Sheet:
     more: bool = False
     order: str = ""
     damaged: bool = False
+    scale: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def header_place(self) -> str:
@@ -430,7 +436,7 @@ class Sheet:
             names.remove("t")
         if names:
             for column, name in zip(self._numbers(names).T, names, strict=True):
-                factor = factor_of(name, self.units.get(name, ""))
+                factor = factor_of(name, self.units.get(name, "")) * self.scale.get(name, 1.0)
                 columns[name] = column if factor == 1.0 else column * factor
         return LogTable(self.name, columns, self.numbers, since)
 
@@ -573,10 +579,11 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
         For a unit that its column cannot have, with its place.
     """
     units = dict(sheet.units)
-    for name, unit in mapping.units.items():
+    for key, name in [(k, name) for k in ("units", "scale") for name in getattr(mapping, k)]:
         if name not in sheet.names:
             hint = suggestion(name, used) or f"; expected one of {', '.join(used)}"
-            raise MappingError(("units", name), f"{sheet.name} has no column {name}{hint}")
+            raise MappingError((key, name), f"{sheet.name} has no column {name}{hint}")
+    for name, unit in mapping.units.items():
         if name in used:
             factor_of(name, unit, ("units", name))
         in_header = units.get(name) or unit
@@ -591,7 +598,7 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
             factor_of(name, units.get(name, ""))
         except InputError as error:
             raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
-    return replace(sheet, units=units)
+    return replace(sheet, units=units, scale=mapping.scale)
 
 
 def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:

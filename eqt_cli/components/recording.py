@@ -475,7 +475,7 @@ def in_span(time: TimeMapping, times: Array, since: float = 0.0) -> Array:
     return inside & ~beyond
 
 
-START_KEYS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body", "drop")
+START_KEYS = set("columns units scale quaternion euler attitude world body drop".split())
 """The keys of a mapping that a table of initial states may have."""
 
 

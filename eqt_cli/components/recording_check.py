@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from hashlib import sha256
-from itertools import permutations
+from itertools import combinations, permutations
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -92,7 +93,7 @@ def misfits(log: Log) -> Iterator[str]:
         as_mapped = _fit(log, G, recorded)
         if as_mapped is None or as_mapped.difference <= 2 * CLEAR:
             continue
-        variants = _variants(log, recorded.kind)
+        variants = _variants(log, recorded)
         others = ((_fit(variant, G, recorded), words) for words, variant in variants)
         fitting = [(fit, words) for fit, words in others if fit is not None and fit.shape <= FITS]
         # They differ by much, or almost only by a factor.
@@ -111,12 +112,9 @@ def _advice(
         return f"are {_of_factor(kind, as_mapped.factor)}"
     differ = f"differ from the velocity of the poses by {100 * as_mapped.difference:.0f} %"
     if not fitting:
-        attitude = "angles" if {*EULER} <= {*log.columns.names} else "quaternion"
-        return (
-            f"{differ}, and no other frame or order of the {attitude} makes them fit; check "
-            "the columns, the units and the times"
-        )
-    fit, words = min(fitting, key=lambda each: each[0].shape)
+        advice = "check the columns, the units and the times"
+        return f"{differ}, and no other frame, sign or order makes them fit; {advice}"
+    fit, words = min(fitting, key=lambda each: round(each[0].shape, 3))  # of equals, the simplest
     if fit.difference <= FITS:
         return f"{differ}, and with {words} by {100 * fit.difference:.0f} %; correct the mapping"
     return f"{differ}; with {words} they are {_of_factor(kind, fit.factor)}"
@@ -134,18 +132,26 @@ def _of_factor(kind: str, factor: float) -> str:
     return f"{float(f'{factor:.2g}'):g} times the velocity of the poses; {advice}"
 
 
-def _variants(log: Log, kind: str) -> Iterator[tuple[str, Log]]:
-    """Yield the log as read by other common mappings, each with the key to change."""
+def _variants(log: Log, recorded: RecordedColumns) -> Iterator[tuple[str, Log]]:
+    """Yield the log as read by other common mappings, each with the keys to change."""
+    kind, columns = recorded.kind, log.table.columns
     frame = "spatial" if getattr(log.mapping, kind) == "body" else "body"
-    yield f"`{kind}: {frame}`", log.with_mapping(**{kind: frame})
     attitude = "body_to_world" if log.mapping.attitude == "world_to_body" else "world_to_body"
-    yield f"`attitude: {attitude}`", log.with_mapping(attitude=attitude)
-    if set(QUATERNION) <= set(log.columns.names):
-        yield other_order(log), reordered(log)
+    changes: list[tuple[str, Callable[[Log], Log]]] = [
+        (f"`{kind}: {frame}`", lambda one: one.with_mapping(**{kind: frame})),
+        (f"`attitude: {attitude}`", lambda one: one.with_mapping(attitude=attitude)),
+    ]
+    changes += [(other_order(log), reordered)] * ({*QUATERNION} <= {*log.columns.names})
+    for some in (some for count in (1, 2, 3) for some in combinations(changes, count)):
+        yield " and ".join(words for words, _ in some), reduce(lambda x, y: y[1](x), some, log)
     if {*EULER} <= {*log.columns.names}:
         for order in ("".join(axes) for axes in permutations("ZYX")):
             for sequence in {order, order.lower()} - {log.mapping.euler}:
                 yield f"`euler: {sequence}`", log.with_mapping(euler=sequence)
+    for name in (name for name in (*EULER, *recorded.names) if name in columns):
+        table = replace(log.table, columns=columns | {name: -columns[name]})
+        words = f"`scale: {{{name}: {-log.mapping.scale.get(name, 1):g}}}`"
+        yield words, replace(log, table=table)
 
 
 def other_order(log: Log) -> str:
@@ -371,15 +377,6 @@ class Recording:
             f"{', '.join(names)}"
         )
 
-    def part(self, first: int, last: int, step: int = 1) -> Self:
-        """Return every `step`-th row from `first` to before `last`."""
-        rows = slice(first, last, step)
-        names = "times", "poses", "velocities", "wrenches", "speeds"
-        measured = {name: getattr(self, name)[rows] for name in names}
-        gaps = np.unique((self.gaps - first) // step)
-        inside = (gaps >= 0) & (gaps < len(measured["times"]) - 1)
-        return replace(self, **measured, gaps=gaps[inside])
-
 
 def recording_of(log: Log) -> Recording:
     """Return the motion in a log.
@@ -412,13 +409,6 @@ def recording_of(log: Log) -> Recording:
         tuple(notes(log)),
         *([log.table.get(log.speeds)] if log.speeds else ()),
     )
-
-
-def read_recording(
-    text: str, name: str, form: TrajectoryFormat, G: MatrixLieGroup, mapping: LogMapping
-) -> Recording:
-    """Return the motion in the text of a file; raises as `read_log` and `recording_of` do."""
-    return recording_of(read_log(text, name, form, G, mapping))
 
 
 @dataclass(frozen=True, kw_only=True)

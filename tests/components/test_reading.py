@@ -17,7 +17,7 @@ from eqt_cli.components.recording import (
     read_starts,
     recorded_columns,
 )
-from eqt_cli.components.recording_check import read_recording
+from eqt_cli.components.recording_check import recording_of
 from eqt_cli.extensions.recordings.logs import check_text
 
 TURNS = Rotation.from_rotvec([[0, 0, 0], [0.1, 0.2, 0.3], [0.3, 0.1, -0.2]])
@@ -309,7 +309,7 @@ def test_columns_of_each_group(name):
     given = numbers.normal(size=(3, len(names)))
     rows = np.c_[[0.0, 1.0, 2.0], poses, given]
     text = text_of(",".join(["t", *own, *names]), rows)
-    found = read_recording(text, "a.csv", "csv", G, LogMapping())
+    found = recording_of(read_log(text, "a.csv", "csv", G, LogMapping()))
     both = np.c_[found.velocities, found.require_wrenches()]
     half = {"rates": 0, "velocity": 0, "torque": G.dimension, "force": G.dimension}
     for one in beside:
@@ -329,7 +329,7 @@ def test_power_is_the_same_in_every_frame_and_axes(frame):
     text = text_of(header, np.c_[np.arange(4.0), turns, poses[:, :3, 3], given])
     frames = dict.fromkeys(("rates", "velocity", "torque", "force"), frame)
     said = LogMapping(world="NED to ENU", body="FRD to FLU", **frames)
-    found = read_recording(text, "a.csv", "csv", G, said)
+    found = recording_of(read_log(text, "a.csv", "csv", G, said))
     power = np.sum(found.require_wrenches() * found.velocities, axis=1)
     expected = np.sum(given[:, :6] * given[:, 6:], axis=1)
     np.testing.assert_allclose(power, expected, atol=NEARLY_EXACT)
@@ -342,7 +342,7 @@ def test_what_was_not_measured_is_said():
     G = group_named("SE3")
     rows = np.array([[t, *[0, 0, 0, 1], *[0, 0, 0], 1, 2, 3] for t in (0.0, 1.0)])
     text = text_of("t,qx,qy,qz,qw,x,y,z,tx,ty,tz", rows)
-    found = read_recording(text, "a.csv", "csv", G, LogMapping())
+    found = recording_of(read_log(text, "a.csv", "csv", G, LogMapping()))
     np.testing.assert_array_equal(found.wrenches[0], [1, 2, 3, np.nan, np.nan, np.nan])
     assert refusal(InputError, found.require_wrenches) == (
         "a.csv:1: missing column fx, fy, fz; a wrench on SE3 has tx, ty, tz, fx, fy, fz"
@@ -353,7 +353,7 @@ def test_a_group_without_names_of_them():
     G = group_named("SE23")
     rows = np.array([[t, *[0, 0, 0, 1], *[0.0] * 6] for t in (0.0, 1.0)])
     text = text_of(",".join(["t", *pose_columns(G)]), rows)
-    found = read_recording(text, "a.csv", "csv", G, LogMapping())
+    found = recording_of(read_log(text, "a.csv", "csv", G, LogMapping()))
     said = refusal(InputError, found.require_wrenches)
     assert said == "a.csv:1: no columns of a wrench on SE23 are known"
 
@@ -362,7 +362,7 @@ def test_units_of_wrenches():
     header = "t,qx,qy,qz,qw,x,y,z,tx [mN·m],ty (N m),tz,fx (kN),fy (mN),fz"
     rows = np.array([[t, *[0, 0, 0, 1], *[0.0] * 3, *[1.0] * 6] for t in (0.0, 1.0)])
     text, G = text_of(header, rows), group_named("SE3")
-    found = read_recording(text, "a.csv", "csv", G, LogMapping(units={"tz": "Nm"}))
+    found = recording_of(read_log(text, "a.csv", "csv", G, LogMapping(units={"tz": "Nm"})))
     np.testing.assert_allclose(found.wrenches[0], [1e-3, 1, 1, 1e3, 1e-3, 1], rtol=1e-15)
     said = check_text(text, "a.csv", "csv", LogMapping())
     assert [(one.use, one.unit, one.assumed) for one in said.columns[-6:]] == [
@@ -374,5 +374,5 @@ def test_units_of_wrenches():
         ("force", "N", True),
     ]
     pounds = LogMapping(units={"fz": "lbf"})
-    said = refusal(InputError, read_recording, text, "a.csv", "csv", G, pounds)
+    said = refusal(InputError, read_log, text, "a.csv", "csv", G, pounds)
     assert said == "column fz: expected a force in N, mN or kN, got 'lbf'"

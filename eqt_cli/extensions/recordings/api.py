@@ -19,7 +19,7 @@ from eqt_cli.base.option_types import validated
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, recording_text
 from eqt_cli.components.recording import read_log
-from eqt_cli.components.recording_check import Recording, read_recording
+from eqt_cli.components.recording_check import Recording, recording_of
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
@@ -99,7 +99,7 @@ def read_measured(
 ) -> Recording:
     """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
     with _read(path, mapping, format) as (text, name, kind, columns):
-        return read_recording(text, name, kind, G, columns)
+        return recording_of(read_log(text, name, kind, G, columns))
 
 
 def _flight(path: str | os.PathLike[str], mapping: _Mapping = None) -> Flight | None:

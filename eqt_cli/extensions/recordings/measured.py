@@ -505,6 +505,16 @@ def _size(values: Array, part: Part) -> float:
     return float(np.sum(values[:, part.axes] ** 2))
 
 
+def _part(recording: Recording, first: int, last: int, step: int) -> Recording:
+    """Return every `step`-th row from `first` to before `last`."""
+    rows = slice(first, last, step)
+    names = "times", "poses", "velocities", "wrenches", "speeds"
+    measured = {name: getattr(recording, name)[rows] for name in names}
+    gaps = np.unique((recording.gaps - first) // step)
+    inside = (gaps >= 0) & (gaps < len(measured["times"]) - 1)
+    return replace(recording, **measured, gaps=gaps[inside])
+
+
 def measured_runs(
     result: Result,
     recording: Recording,
@@ -552,7 +562,7 @@ def measured_runs(
             f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
         )
     first, last = int(inside[0]), int(inside[-1]) + 1
-    shown = recording.part(first, last, -(-(last - first) // MOST_ROWS))
+    shown = _part(recording, first, last, -(-(last - first) // MOST_ROWS))
     shown = replace(shown, times=shown.times + fit.offset)
     return [
         MeasuredRun(

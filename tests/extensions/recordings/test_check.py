@@ -12,7 +12,7 @@ from eqt_cli.base.errors import ConfigError, EqtError, InputError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, MappingError, TimeMapping
 from eqt_cli.components.recording import read_log
-from eqt_cli.components.recording_check import read_recording
+from eqt_cli.components.recording_check import recording_of
 from eqt_cli.extensions.recordings.logs import check_text
 
 HEAD = "t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz"
@@ -63,6 +63,12 @@ MISTAKES = {
     "frame of the velocity": ({"v": R.inv().apply(MADE["v"])}, {}, {"velocity": "body"}),
     "attitude": ({"q": R.inv().as_quat()}, {}, {"attitude": "world_to_body"}),
     "order": ({"head": NUMBERED}, {"quaternion": "wxyz"}, {"quaternion": "xyzw"}),
+    "transformation of frames": (
+        {"q": R.inv().as_quat(), "w": R.apply(MADE["w"])},
+        {},
+        {"attitude": "world_to_body", "rates": "spatial"},
+    ),
+    "sign of a rate": ({"w": MADE["w"] * [1, -1, 1]}, {}, {"scale": {"wy": -1}}),
     "unit of rates": ({"w": np.rad2deg(MADE["w"])}, {}, {"units": DEG}),
     "unit of positions": ({"p": 1e3 * MADE["p"]}, {}, None),
     "time base": ({"t": 1e3 * T}, {}, {"units": {"t": "ms"}}),
@@ -79,6 +85,18 @@ def test_velocities_tell_a_mistake_and_its_remedy_makes_them_fit(mistake, notes)
     recorded, mapping, remedy = MISTAKES[mistake]
     assert " | ".join(check(recording(**recorded), **mapping).notes) == notes
     assert remedy is None or check(recording(**recorded), **remedy).notes == []
+
+
+def test_the_sign_of_an_angle_is_named_and_given_by_a_scale():
+    """The pitch of a Crazyflie has the sign of its legacy axes."""
+    yaw, pitch, roll = R.as_euler("ZYX").T
+    rows = np.c_[T, yaw, -pitch, roll, MADE["w"]]
+    text = "t,yaw,pitch,roll,wx,wy,wz\n" + "\n".join(",".join(map(repr, r)) for r in rows.tolist())
+    (note,) = check(text).notes
+    assert note.endswith(", and with `scale: {pitch: -1}` by 0 %; correct the mapping")
+    assert check(text, scale={"pitch": -1}).notes == []
+    said = refusal(MappingError, check, text, scale={"pich": -1})
+    assert said == "log.csv has no column pich; did you mean 'pitch'?"
 
 
 def test_the_other_order_of_a_quaternion_fits():
@@ -193,7 +211,7 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
 
 
 def body_of(text, **mapping):
-    return read_recording(text, "l.csv", "csv", group_named("SE3"), LogMapping(**mapping))
+    return recording_of(read_log(text, "l.csv", "csv", group_named("SE3"), LogMapping(**mapping)))
 
 
 def test_a_marker_tells_the_motion_of_the_body():
@@ -227,13 +245,13 @@ def test_rows_are_thinned_and_commands_keep_their_mean():
     rows = [f"{0.01 * k!r},{0.02 * k!r},{1.0 if k % 10 < 3 else 0.0}" for k in range(100)]
     del rows[42:45]
     text, G = "\n".join(["t,angle,tz", *rows]), group_named("SO2")
-    thin = read_recording(text, "l.csv", "csv", G, LogMapping(time=TimeMapping(rate=10.0)))
+    thin = recording_of(read_log(text, "l.csv", "csv", G, LogMapping(time=TimeMapping(rate=10.0))))
     np.testing.assert_allclose(thin.times, 0.1 * np.arange(10), atol=1e-12)
     # The command of 1 N m before the missing rows holds until the next: 0.05 s of 0.1 s.
     np.testing.assert_allclose(thin.wrenches[:, 0], [0.3] * 4 + [0.5] + [0.3] * 5)
     assert thin.gaps.tolist() == []  # 0.04 s is no gap of rows 0.01 s apart
     said = LogMapping(time=TimeMapping(rate=10.0, gap=0.03))
-    assert read_recording(text, "l.csv", "csv", G, said).gaps.tolist() == [4]
+    assert recording_of(read_log(text, "l.csv", "csv", G, said)).gaps.tolist() == [4]
 
 
 ANGLES = np.column_stack([T, R.as_euler("ZYX"), MADE["w"]])

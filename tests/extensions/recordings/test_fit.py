@@ -17,7 +17,8 @@ from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping
-from eqt_cli.components.recording_check import read_recording
+from eqt_cli.components.recording import read_log
+from eqt_cli.components.recording_check import recording_of
 from eqt_cli.components.references import LogReference
 from eqt_cli.config.preflight import build
 from eqt_cli.extensions.recordings.prediction import Replay
@@ -419,7 +420,7 @@ def test_a_recorded_reference_has_the_pose_and_the_velocity_of_each_row():
     quaternions /= np.linalg.norm(quaternions, axis=1)[:, None]
     numbers = np.c_[np.cumsum(random.uniform(0.1, 0.3, 5)), quaternions, random.normal(size=(5, 9))]
     text = rows(*numbers.tolist(), names="t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz")
-    log = read_recording(text, "a.csv", "csv", G, LogMapping())
+    log = recording_of(read_log(text, "a.csv", "csv", G, LogMapping()))
     Q, V, _ = LogReference(file="a.csv").with_files({"a.csv": text}).motion(G, log.times)
     np.testing.assert_allclose(Q, log.poses, atol=1e-12)  # rounding of exp and log
     np.testing.assert_allclose(V, log.velocities, atol=1e-9)

@@ -14,7 +14,8 @@ from eqt_cli.base.errors import EqtError, InputError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, TimeMapping
 from eqt_cli.components.motions import through
-from eqt_cli.components.recording_check import Recording, read_recording
+from eqt_cli.components.recording import read_log
+from eqt_cli.components.recording_check import Recording, recording_of
 from eqt_cli.extensions.recordings.measured import Course, aligned, explained, measured_runs
 from eqt_cli.results.result import open_result
 
@@ -244,7 +245,7 @@ def test_the_law_that_flew_explains_more(made, log):
 def pair_of(folder, text, run=0, controllers=(0,), **mapping):
     with open_result(folder) as result:
         said = LogMapping(**(MAPPING | mapping))
-        recording = read_recording(text, "flight.csv", "csv", result.group, said)
+        recording = recording_of(read_log(text, "flight.csv", "csv", result.group, said))
         return measured_runs(result, recording, controllers, run)[0]
 
 
@@ -297,8 +298,8 @@ def test_of_many_rows_some_are_compared(made, monkeypatch):
 def test_another_world_is_noted(made):
     """A recording whose world is turned by 90° about z against that of the reference."""
     with open_result(made) as result:
-        recording = read_recording(
-            log_of(made), "flight.csv", "csv", result.group, LogMapping(**MAPPING)
+        recording = recording_of(
+            read_log(log_of(made), "flight.csv", "csv", result.group, LogMapping(**MAPPING))
         )
         G = recording.group
         turn = G.exp(np.pi / 2 * np.eye(G.dimension)[2])
