@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
@@ -33,10 +33,6 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
 
 # Reads and checks recordings ----------------------------------------------------------------------
-
-
-LOG_BYTES = 400_000_000
-"""Largest size of a recording, bytes: a million rows of 20 numbers."""
 
 
 def _literal(kind: Any, option: str, text: str) -> Any:
@@ -91,7 +87,8 @@ def check_log(
     G, flight = None if group is None else group_named(group), _flight(path)
     with _read(path, mapping, format, flight) as log:
         check = logs.check_text(*log, G)
-    return replace(check, topics=list(logs.topics_of(flight))) if flight else check
+    more: Any = {"topics": [*logs.topics_of(flight)], "format": flight.format} if flight else {}
+    return replace(check, **more)
 
 
 def read_measured(
@@ -108,11 +105,10 @@ def _flight(path: str | os.PathLike[str], mapping: _Mapping = None) -> Flight | 
     Of a mapping, they obey `drop`, `time`, and `t` of `columns` if that is the recorder's time.
     """
     file = path_from("path", path)
-    if file.suffix.lower() not in FORMATS_BY_SUFFIX:
+    if file.suffix.lower() not in FORMATS_BY_SUFFIX and not (file / "metadata.yaml").is_file():
         return None
-    known, _ = _mapping_from(mapping)
     with refusals(file, "read"):
-        return flight_of(file)._replace(mapping=known)
+        return flight_of(file)._replace(mapping=_mapping_from(mapping)[0])
 
 
 def _mapping_from(mapping: _Mapping) -> tuple[LogMapping, Problems]:
@@ -140,7 +136,7 @@ def _read(
     columns, problems = _mapping_from(mapping)
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = flight and logs.table_of(flight)
-    text = text or recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
+    text = text or recording_text(file, "check the path", EqtError, logs.MAX_BYTES, smaller)
     kind = _kind_of(text) if kind == "csv" else kind
     try:
         yield text, str(file), kind, columns
@@ -171,8 +167,8 @@ def log_errors(
     association: str = "linear",
     align: str | None = None,
     relative: int | str | None = None,
-    begin: float | str | None = None,
-    end: float | str | None = None,
+    begin: float | str = -np.inf,
+    end: float | str = np.inf,
     disarmed: bool = False,
     out: str | os.PathLike[str] | None = None,
 ) -> TrackingErrors:
@@ -272,15 +268,13 @@ def log_errors(
     return errors
 
 
-def _instant(name: str, value: float | str | None, begins: Sequence[float]) -> float:
+def _instant(name: str, value: float | str, begins: Sequence[float]) -> float:
     """Return a time, s; a text with a sign counts from the first of some times."""
-    if value is None:
-        return -np.inf if name == "begin" else np.inf
-    with suppress(ValueError):
-        if np.isfinite(time := float(value)):
-            return time + f"{value}".startswith("+") * min(begins, default=0.0)
-    expected = "expected seconds, as 12.5 by the clock of the file or +5 from its first row"
-    raise EqtError(f"{name}: {expected}, got {value!r}")
+    try:
+        return float(value) + f"{value}".startswith("+") * min(begins, default=0.0)
+    except ValueError:
+        expected = "expected seconds, as 12.5 by the clock of the file or +5 from its first row"
+        raise EqtError(f"{name}: {expected}, got {value!r}") from None
 
 
 def _series(

@@ -236,9 +236,14 @@ def log_errors(
     from eqt_cli import api
     from eqt_cli.extensions.recordings.logs import error_table
 
-    how: dict[str, Any] = {"topic": topic, "setpoint": setpoint, "begin": begin, "end": end}
+    how: dict[str, Any] = {"topic": topic, "setpoint": setpoint, "disarmed": disarmed}
     how |= {"association": association, "align": align, "relative": relative, "out": out}
-    how |= {"disarmed": disarmed, "second_mapping": second_mapping, "second_format": second_format}
+    how |= {
+        "begin": begin or "-inf",
+        "end": end or "inf",
+        "second_mapping": second_mapping,
+        "second_format": second_format,
+    }
     errors = api.log_errors(file, second, mapping, format=format_, **how)
     sizes = [one._asdict() for one in errors.sizes]
     document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}

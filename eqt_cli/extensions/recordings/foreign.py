@@ -3,6 +3,7 @@
 import re
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import InputError
@@ -10,11 +11,11 @@ from eqt_cli.base.files import open_regular
 
 
 def require_text(path: Path) -> None:
-    """Raise an `InputError` for a file that is known to be no text."""
+    """Raise an `InputError` for a file that is known to be no table."""
     with suppress(OSError, ValueError), open_regular(path) as stream:  # whoever reads reports them
         begin = stream.read(512).decode("latin-1")
         table = Path(__file__).with_suffix(".yaml")
-        data = yaml_source.load(table.read_text("utf-8"), table.name).data
-        for start, title, remedy in dict(data)["files"]:
+        data: Any = yaml_source.load(table.read_text("utf-8"), table.name).data
+        for start, title, remedy in data["files"]:
             if re.match(start, begin, re.DOTALL):
-                raise InputError(f"{path}: is {title}, not text; {remedy}")
+                raise InputError(f"{path}: is {title}, not a table that eqt reads; {remedy}")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.components.log_table import LogMapping
-from eqt_cli.extensions.recordings.delay import turns
+from eqt_cli.extensions.recordings.delay import apart, turns
 
 TRANSFORM = [f"transform.translation.{axis}" for axis in "xyz"]
 TRANSFORM += [f"transform.rotation.{axis}" for axis in "wxyz"]
@@ -33,11 +33,10 @@ def of_twist(quantity: str, twist: Any, position: Any, attitude: Any) -> Any:
     R = turns(attitude.at(times))
     known = np.isfinite(attitude.at(times)).all(axis=1)
     early, late = times - WINDOW, times + WINDOW
+    poses = attitude if quantity == "rates" else position
+    change = apart(poses.at(late), poses.at(early))
     if quantity == "rates":
-        change = (turns(attitude.at(late)) * turns(attitude.at(early)).inv()).as_rotvec()
-        change += 0 * (attitude.at(late) + attitude.at(early))[:, 1:]  # NaN stays NaN
-    else:
-        change = position.at(late) - position.at(early)
+        change = turns(attitude.at(early)).apply(change)
     misfits = []
     for numbers in (x, R.apply(x)):
         path = cumulative_trapezoid(numbers, times, axis=0, initial=0)

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
@@ -96,11 +95,6 @@ class Series(NamedTuple):
     left_out: str = ""
     is_odd: bool = False
     axes: str = ""
-
-    @property
-    def span(self) -> str:
-        """The first and the last time, s."""
-        return f"{self.times[0]:.13g} to {self.times[-1]:.13g}"
 
     def at(self, t: Array, how: str = "linear", edges: Array | tuple[()] = ()) -> Array:
         """Return the numbers at some times; NaN outside, in gaps, and across edges.
@@ -285,7 +279,7 @@ def flight_of(path: Path) -> Flight:
     EqtError
         If the package that reads it is not installed.
     """
-    format = FORMATS_BY_SUFFIX[path.suffix.lower()]
+    format = FORMATS_BY_SUFFIX.get(path.suffix.lower(), "bag")  # also of a folder
     title, package, extra = (formats()[format][key] for key in ("title", "package", "extra"))
     if find_spec(package) is None:
         get = f"(extra {extra}); install it with: pip install {package}"
@@ -293,10 +287,10 @@ def flight_of(path: Path) -> Flight:
     wanted: dict[str, list[str]] = {}
     for source in sources_of(format):
         wanted.setdefault(source.kind, []).extend(f"{source.fields} {source.valid}".split())
-    with open_regular(path) as stream:
-        size = stream.seek(0, io.SEEK_END)
-    with suppress(OSError):  # what SQLite holds beside a bag
-        size += Path(f"{path}-wal").stat().st_size
+    size, beside = 0, [Path(f"{path}-wal")]  # which SQLite has after a power cut
+    for file in path.iterdir() if path.is_dir() else [path, *filter(Path.is_file, beside)]:
+        with open_regular(file) as stream:
+            size += stream.seek(0, io.SEEK_END)
     if size > MAX_BYTES:
         raise TooLargeError(MAX_BYTES, size)
     seconds = SECONDS + size / BYTES_PER_SECOND
@@ -313,7 +307,8 @@ def flight_of(path: Path) -> Flight:
         raise InputError(f"{path}: {many}; {SMALLER}")
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip()[-300:]
-        raise InputError(f"{path}: cannot be read as {title}: {printable(said) or 'too large'}")
+        why = f"{printable(said) or 'too large'}{formats()[format]['remedy']}"
+        raise InputError(f"{path}: cannot be read as {title}: {why}")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         topics = []
         for k, (name, kind, rows, note, names) in enumerate(json.loads(arrays["head"].tobytes())):
@@ -546,11 +541,10 @@ def check_text(
         raise
     except InputError as error:
         problems.append(str(error))
-    kind = FORMATS_BY_SUFFIX.get(Path(name.lower()).suffix, form)
     begin, end = log.times[[0, -1]].tolist()
     rate, gaps = 1 / median if median > 0 else np.nan, gaps_of(log.times, log.gaps)
     least = (float(norms.min()), float(norms.max())) if len(norms) else None
-    facts = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
+    facts = form, G.name, list(_uses(log)), len(log.times), begin, end, rate
     remarks = [] if problems else list(notes(log))
     return LogCheck(name, *facts, gaps, least, problems, remarks, left_out=left_out(log.table))
 
@@ -581,7 +575,7 @@ def largest_group(
         raise InputError(
             f"{name}: no columns of a pose were found, such as {known} or yaw, pitch, roll for a "
             "rotation and x, y, z for a position; name them in a mapping, "
-            "`columns: {qx: …}`, or give the group"
+            "`columns: {qx: …}`, or give the group, as SO3 for entries Q11 … Q33 of a matrix"
         )
     return max(fitting, key=lambda group: len(recording.pose_columns(group)))
 
@@ -896,7 +890,8 @@ def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:
         advice = "`{world: ENU to NED, body: FLU to FRD}` in a mapping turns what ROS has"
         raise InputError(f"{name}: the axes of {axes} differ; {advice}, or name other topics")
     begins, ends = ([[x.times[k] for x in pair] for pair in pairs] for k in (0, -1))
-    times = "".join(" and ".join(f"{x.topic} from {x.span} s" for x in pair) for pair in pairs[:1])
+    ends_of = ((x.topic, *x.times[[0, -1]]) for pair in pairs[:1] for x in pair)
+    times = " and ".join(f"{topic} from {a:.13g} to {b:.13g} s" for topic, a, b in ends_of)
     if pairs and all(max(b) > min(e) for b, e in zip(begins, ends, strict=True)):
         advice = "move the clock of one file by a mapping, `time: {offset: …}`"
         raise InputError(f"{name}: no common time: {times}; {advice}")

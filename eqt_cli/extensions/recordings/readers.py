@@ -84,8 +84,7 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) ->
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     path = _with_its_log(path)
-    with Path(path).open("rb") as stream:
-        old = stream.read(7) == b"#ROSBAG"
+    old = Path(path).is_file() and np.fromfile(path, np.uint8, 7).tobytes() == b"#ROSBAG"
     store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_HUMBLE)
     decode = store.deserialize_ros1 if old else store.deserialize_cdr
     if MANY not in store.fielddefs:  # rosbags has none of ROS 1
@@ -118,14 +117,19 @@ def bag(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) ->
                             topic = topic._replace(rows=0)  # so that it is not listed
                     else:
                         topic = _decoded(topic, messages, one.msgtype, wanted[kind], store)
+                        note = f"{topic.rows} of {count} read; try mcap recover" * (
+                            topic.rows < count
+                        )
             except Exception as error:  # a foreign message may make rosbags raise anything
-                note = str(error)
+                note = f"{error}; if its messages are compressed, give the folder of the bag"
             yield topic._replace(note=note)
 
 
 def _with_its_log(path: str) -> str:
     """Return a copy of a database with what SQLite still holds beside it, if it holds anything."""
     beside = Path(f"{path}-wal")
+    if any(Path(path).glob("*.db3-wal")):
+        raise ValueError("a part is in a write-ahead log; give the .db3 in place of the folder")
     if not beside.is_file() or not beside.stat().st_size:
         return path
     for name, source in (("copy.db3", path), ("copy.db3-wal", beside)):

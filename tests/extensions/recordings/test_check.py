@@ -174,7 +174,7 @@ def test_poses_of_no_group():
     assert refusal(EqtError, check, "t,a,b\n0,1,2\n") == (
         "log.csv: no columns of a pose were found, such as qx, qy, qz, qw or yaw, pitch, roll for "
         "a rotation and x, y, z for a position; name them in a mapping, `columns: {qx: …}`, or "
-        "give the group"
+        "give the group, as SO3 for entries Q11 … Q33 of a matrix"
     )
 
 

@@ -252,3 +252,35 @@ def test_transforms_are_composed_to_the_pair_that_is_asked_for():
     assert eqt_cli.check_log(path).rows == 200
     with pytest.raises(EqtError, match=r"has no topic '/tf map\.wheel'"):
         eqt_cli.log_errors(path, "truth.tum", topic="/tf map.wheel")
+
+
+@pytest.mark.parametrize("compression", [None, "FILE", "MESSAGE"])
+def test_a_folder_of_a_bag_is_read_as_one(compression):
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store, pose = get_typestore(Stores.ROS2_HUMBLE), pose_stamped(place(T), turned(T).as_quat())
+    make = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    writer = Writer(Path("f"), version=9, storage_plugin=StoragePlugin.SQLITE3)
+    if compression:
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/pose", POSE, typestore=store)
+        for k, t in enumerate(T):
+            stamp = store.types["builtin_interfaces/msg/Time"](int(t), round(1e9 * (t % 1)))
+            message = pose(k, make["Header"](stamp, "map"), make)
+            writer.write(connection, round(1e9 * t), store.serialize_cdr(message, POSE))
+    checked = eqt_cli.check_log("f")
+    assert (checked.rows, checked.format, checked.problems) == (200, "bag", [])
+    if compression == "MESSAGE":
+        (file,) = Path("f").glob("*.db3")
+        said = refusal(InputError, eqt_cli.check_log, file)
+        assert said.endswith("; if its messages are compressed, give the folder of the bag")
+
+
+def test_a_bag_that_was_cut_names_what_mends_it():
+    pose = pose_stamped(place(T), turned(T).as_quat())
+    path = write_bag(Path("f.mcap"), [("/pose", POSE, T, pose)])
+    path.write_bytes(path.read_bytes()[:-400])
+    said = refusal(InputError, eqt_cli.check_log, path)
+    assert "; if its recorder was stopped, mcap recover (.mcap), rosbag reindex (.bag)" in said
