@@ -237,16 +237,18 @@ def log_errors(
     if not over or relative == 0 or not (size := float(over[1].rstrip("m "))) > 0:
         expected = "expected instants, as 50, or metres of the path, as 5m"
         raise EqtError(f"relative: {expected}, got {relative!r}")
-    distance = None if relative is None else (size, over[2] or "")
+    parts = None if relative is None else (size, over[2] or "")
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
     of_second = mapping if second_mapping is None else second_mapping
     other = None if second is None else _flight(second, of_second)
-    columns = _mapping_from(mapping)[0]
-    span = replace(columns.time, begin=None, end=None)
-    rest = replace(columns, columns={}, drop=[], world=None, body=None, time=span)
-    if flight and (second is None or other or second_mapping) and rest != LogMapping():
-        keys = "`drop`, `world`, `body`, begin and end of `time`, and the recorder's `columns`"
-        raise EqtError(f"mapping: of a log, errors take only {keys}")
+    if second is not None and second_mapping is None and (flight is None) != (other is None):
+        # One mapping of a log and a table is that of the table
+        flight, other = (x and x._replace(mapping=LogMapping()) for x in (flight, other))
+    for each in filter(None, (flight, other)):
+        rest = replace(each.mapping, columns={}, drop=[], world=None, body=None)
+        if replace(rest, time=replace(rest.time, begin=None, end=None)) != LogMapping():
+            keys = "`drop`, `world`, `body`, begin and end of `time`, and the recorder's `columns`"
+            raise EqtError(f"mapping: of a log, errors take only {keys}")
     measured = _series(path, flight, mapping, format, topic)
     if second is not None:
         goals = _series(second, other, of_second, second_format or format, setpoint)
@@ -257,10 +259,9 @@ def log_errors(
         goals = _series(path, flight, mapping, format, setpoint, of)
         spans = logs.spans_of(flight, disarmed)
     known, wanted = _chosen(measured, goals, second is None and setpoint is None)
-    begins = [series.times[0] for series in known.values()]
-    window = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
-    how: Any = (association, align, distance, window)
-    errors = logs.tracking_errors(f"{path}", known, wanted, spans, *how)
+    begins = [t for series in known.values() for t in series.times[:1]]
+    span = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
+    errors = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, parts, span)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
 

@@ -370,8 +370,11 @@ def table_of(flight: Flight) -> str:
     headings, columns = ["t (s)"], [times]
     for name, every in series_by_name.items():
         used = [one for one in every if one.topic == lead.topic or not one.is_odd]
+        used.sort(
+            key=lambda one: one.axes != lead.axes
+        )  # PX4's velocity is in other axes than ROS's
         for k, series in enumerate(used):
-            is_first = not k and series.unit != "normalised"
+            is_first = not k and series.axes == lead.axes and series.unit != "normalised"
             names = COLUMNS[name].split() if is_first else series.fields
             headings += [f"{each} ({series.unit})" if series.unit else each for each in names]
             numbers, is_valid = _at_rows(series, lead, "held" if name in WRENCH else "linear")

@@ -119,6 +119,11 @@ def test_axes_of_ros_are_not_subtracted_from_those_of_px4():
     )
     axes = {"world": "ENU to NED", "body": "FLU to FRD"}
     assert rms(eqt_cli.log_errors(path, mapping=axes)) == pytest.approx(0.05, abs=1e-5)
+    # One mapping of a log and a table is the table's; of each, there may be one
+    x, y, z = place(T).T
+    table("ned.csv", T, np.c_[y, x, -z])
+    assert rms(eqt_cli.log_errors(path, "ned.csv", {"world": "NED to ENU"})) < 1e-9
+    assert rms(eqt_cli.log_errors(path, "ned.csv", axes, second_mapping={})) < 1e-9
 
 
 # VehicleAttitudeSetpoint of release/1.14 and of main of px4_msgs, and VehicleStatus of 1.14, cut
