@@ -305,15 +305,11 @@ def _chosen(
     """Return the first pair of each quantity: usable, of the same axes, and of different fields."""
     known, wanted = ({q: some[0] for q, some in side.items()} for side in (measured, goals))
     for q in known.keys() & goals.keys():
-        pairs = [
-            (k, w) for w in goals[q] for k in measured[q] if not differ or k.fields != w.fields
-        ]
+        pairs: list[Any] = [(k, w) for w in goals[q] for k in measured[q]]
+        pairs = [(k, w) for k, w in pairs if not differ or k.fields != w.fields]
         pairs.sort(key=lambda two: (two[0].is_odd or two[1].is_odd, two[0].axes != two[1].axes))
-        if pairs:
-            known[q], wanted[q] = pairs[0]
-        else:
-            del wanted[q]
-    return known, wanted
+        known[q], wanted[q] = (pairs or [(known[q], None)])[0]
+    return known, {q: series for q, series in wanted.items() if series is not None}
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------
