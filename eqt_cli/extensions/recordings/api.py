@@ -242,8 +242,9 @@ def log_errors(
     of_second = mapping if second_mapping is None else second_mapping
     other = None if second is None else _flight(second, of_second)
     if second is not None and second_mapping is None and (flight is None) != (other is None):
-        # One mapping of a log and a table is that of the table
-        flight, other = (x and x._replace(mapping=LogMapping()) for x in (flight, other))
+        # One mapping of a log and a table is that of the table, but for the rows to leave out
+        drop = LogMapping(drop=_mapping_from(mapping)[0].drop)
+        flight, other = (x and x._replace(mapping=drop) for x in (flight, other))
     for each in filter(None, (flight, other)):
         rest = replace(each.mapping, columns={}, drop=[], world=None, body=None)
         if replace(rest, time=replace(rest.time, begin=None, end=None)) != LogMapping():
@@ -303,7 +304,8 @@ def _chosen(
     measured: dict[str, list[Series]], goals: dict[str, list[Series]], differ: bool
 ) -> tuple[dict[str, Series], dict[str, Series]]:
     """Return the first pair of each quantity: usable, of the same axes, and of different fields."""
-    known, wanted = ({q: some[0] for q, some in side.items()} for side in (measured, goals))
+    known = {q: some[0] for q, some in measured.items()}
+    wanted: dict[str, Any] = {q: some[0] for q, some in goals.items()}
     for q in known.keys() & goals.keys():
         pairs: list[Any] = [(k, w) for w in goals[q] for k in measured[q]]
         pairs = [(k, w) for k, w in pairs if not differ or k.fields != w.fields]
