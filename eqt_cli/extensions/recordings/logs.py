@@ -391,8 +391,7 @@ def table_of(flight: Flight) -> str:
         raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
     parts = [f"{log_table.DAMAGED}\n" for each in flight.topics if each.kind == "damaged"]
     parts += [",".join(headings), "\n"]
-    digits = ["%.9f" if each.endswith("(s)") else "%.9g" for each in headings]
-    row_format = ",".join(digits) + "\n"
+    row_format = ",".join("%.9f" if x.endswith("(s)") else "%.9g" for x in headings) + "\n"
     for first in range(0, len(table), CHUNK):
         rows = table[first : first + CHUNK].tolist()
         parts.append("".join(row_format % tuple(row) for row in rows))
