@@ -370,9 +370,8 @@ def table_of(flight: Flight) -> str:
     headings, columns = ["t (s)"], [times]
     for name, every in series_by_name.items():
         used = [one for one in every if one.topic == lead.topic or not one.is_odd]
-        used.sort(
-            key=lambda one: one.axes != lead.axes
-        )  # PX4's velocity is in other axes than ROS's
+        # The same topic first, and PX4's axes, which are not those of ROS, last
+        used.sort(key=lambda one: (one.axes != lead.axes, one.topic != lead.topic))
         for k, series in enumerate(used):
             is_first = not k and series.axes == lead.axes and series.unit != "normalised"
             names = COLUMNS[name].split() if is_first else series.fields

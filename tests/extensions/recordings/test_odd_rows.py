@@ -128,6 +128,15 @@ def test_a_bad_topic_that_nobody_asks_for_is_no_reason():
     )
 
 
+def test_a_pose_is_of_one_topic():
+    """The first topic has attitudes, but no positions."""
+    nowhere = np.full((len(T), 3), np.nan)
+    still = np.tile([0.0, 0, 0, 1], (len(T), 1))
+    path = write_bag(Path("f.mcap"), [poses("/a", quaternions=still, places=nowhere), poses("/b")])
+    columns = {one.heading for one in eqt_cli.check_log(path).columns if not one.name}
+    assert {f"/a.pose.orientation.{axis}" for axis in "wxyz"} <= columns
+
+
 def test_stamps_that_stand_still_leave_the_times_to_the_recorder():
     path = write_bag(Path("f.bag"), [poses("/pose"), poses("/setpoint", 0.1, stamps=0 * T + T[0])])
     rates = {name: rate for name, _, _, rate, _ in eqt_cli.check_log(path).topics}
