@@ -306,11 +306,13 @@ def _chosen(
     """Return the first pair of each quantity: usable, of the same axes, and of different fields."""
     known = {q: some[0] for q, some in measured.items()}
     wanted: dict[str, Any] = {q: some[0] for q, some in goals.items()}
-    for q in known.keys() & goals.keys():
+    for q in [q for q in known if q in goals]:  # the position first, whose topic leads
+        lead = known.get("position", known[q]).topic
         pairs: list[Any] = [(k, w) for w in goals[q] for k in measured[q]]
         pairs = [(k, w) for k, w in pairs if not differ or k.fields != w.fields]
-        pairs.sort(key=lambda two: (two[0].is_odd or two[1].is_odd, two[0].axes != two[1].axes))
-        known[q], wanted[q] = (pairs or [(known[q], None)])[0]
+        odd = [(k.is_odd or w.is_odd, k.axes != w.axes, k.topic != lead) for k, w in pairs]
+        best = odd.index(min(odd)) if odd else 0
+        known[q], wanted[q] = (pairs or [(known[q], None)])[best]
     return known, {q: series for q, series in wanted.items() if series is not None}
 
 

@@ -135,6 +135,9 @@ def test_a_pose_is_of_one_topic():
     path = write_bag(Path("f.mcap"), [poses("/a", quaternions=still, places=nowhere), poses("/b")])
     columns = {one.heading for one in eqt_cli.check_log(path).columns if not one.name}
     assert {f"/a.pose.orientation.{axis}" for axis in "wxyz"} <= columns
+    np.savetxt("truth.tum", np.c_[T, place(T), turned(T)], fmt="%.17g")
+    found = eqt_cli.log_errors(path, "truth.tum")
+    assert {one.partition(" − ")[0] for one in found.topics.values()} == {"/b"}
 
 
 def test_stamps_that_stand_still_leave_the_times_to_the_recorder():
