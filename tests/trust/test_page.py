@@ -51,13 +51,13 @@ def test_the_page_states_the_bounds():
     from eqt_cli.base.yaml_source import MAX_BYTES
     from eqt_cli.config.document import DATA_BYTES
     from eqt_cli.engines.compiler import PREPROCESSOR, SECONDS, Limits
-    from eqt_cli.extensions.recordings.api import LOG_BYTES
+    from eqt_cli.extensions.recordings import logs
 
     text = PAGE.read_text(encoding="utf-8")
     assert TEXT_BYTES == MAX_BYTES
     assert f"more than {TEXT_BYTES / 1e6:.0f} MB" in text
     assert f"at most {DATA_BYTES / 1e6:.0f} MB" in text
-    assert f"at most {LOG_BYTES / 1e6:.0f} MB" in text
+    assert f"at most {logs.MAX_BYTES / 1e6:.0f} MB" in text
     assert f"more than {RECORD_BYTES / 2**20:.0f} MiB" in text
     gib, mib = 2**30, 2**20
     by, own = PREPROCESSOR, Limits(SECONDS)
