@@ -390,7 +390,7 @@ class Log:
             before, here = self.times[row - 1], self.times[row]
             more = f" ({len(steps)} times in all)" if len(steps) > 1 else ""
             advice = DROPPING.format("repeated" if here in self.times[:row] else "unordered")
-            message = f"expected a time after {before:.9g} s, got {here:.9g} s{more}"
+            message = f"expected a time after {before:.13g} s, got {here:.13g} s{more}"
             raise self.table.error(row, message + advice)
         require_norms(self.table, self.columns)
         _ = self.moved_poses
@@ -455,7 +455,7 @@ def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tupl
         low, high = float(times.min()) + since, float(times.max()) + since
         raise MappingError(
             ("time", "begin" if time.end is None or time.end >= low else "end"),
-            f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
+            f"no row of {table.name} is left: its times are from {low:.13g} to {high:.13g} s",
         )
     table = table.part(inside)
     table = table.without(mapping.drop)

@@ -281,7 +281,7 @@ def _times(log: Log) -> Iterator[str]:
     if gaps := gaps_of(log.times, log.gaps):
         begin, length = max(gaps, key=lambda gap: gap[1])
         count = "1 gap" if len(gaps) == 1 else f"{len(gaps)} gaps, the longest"
-        there = f"{length:.4g} s after t = {begin:.6g} s"
+        there = f"{length:.4g} s after t = {begin:.13g} s"
         yield f"{count} of {there}, where rows are {median:.4g} s apart"
 
 

@@ -264,7 +264,7 @@ def _print_log(checked: LogCheck) -> None:
         for one in checked.columns
     ]
     output.print_text(output.table(["column", "name", "use", "unit"], rows), "")
-    gaps = [f"{length:.4g} s after {begin:.6g} s" for begin, length in checked.gaps[:MOST_GAPS]]
+    gaps = [f"{length:.4g} s after {begin:.13g} s" for begin, length in checked.gaps[:MOST_GAPS]]
     if len(checked.gaps) > MOST_GAPS:
         gaps.append(f"and {len(checked.gaps) - MOST_GAPS} more")
     lines = [

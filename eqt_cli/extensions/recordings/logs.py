@@ -901,8 +901,8 @@ def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:
 
 def _nothing_left(known: dict[str, Series], wanted: dict[str, Series], times: str) -> str:
     if times:
-        why = "setpoints that are not finite, and times outside begin and end are left out"
-        return f"no instant is left of {times}: gaps, disarmed times, changes of the mode, {why}"
+        why = "setpoints that are not finite, and times outside begin and end (+5: from the start)"
+        return f"no instant is left of {times}, without gaps, disarmed times, mode changes, {why}"
     measured, goal = (", ".join(names) or "none" for names in (known, wanted))
     advice = "name the topic of the setpoints (--setpoint), or give a second file"
     return f"measured: {measured}; wanted: {goal}; {advice}"

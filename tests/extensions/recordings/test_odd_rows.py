@@ -108,6 +108,7 @@ def test_a_setpoint_without_an_attitude_has_none():
     assert {one.quantity for one in found.sizes} == {"position"}
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_a_bad_topic_that_nobody_asks_for_is_no_reason():
     unset, back = np.zeros((len(T), 4)), np.r_[T[:100], T[:100]]
     topics = [
@@ -128,6 +129,7 @@ def test_a_bad_topic_that_nobody_asks_for_is_no_reason():
     )
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_a_pose_is_of_one_topic():
     """The first topic has attitudes, but no positions."""
     nowhere = np.full((len(T), 3), np.nan)
@@ -140,6 +142,7 @@ def test_a_pose_is_of_one_topic():
     assert {one.partition(" − ")[0] for one in found.topics.values()} == {"/b"}
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_stamps_that_stand_still_leave_the_times_to_the_recorder():
     path = write_bag(Path("f.bag"), [poses("/pose"), poses("/setpoint", 0.1, stamps=0 * T + T[0])])
     rates = {name: rate for name, _, _, rate, _ in eqt_cli.check_log(path).topics}
@@ -147,6 +150,7 @@ def test_stamps_that_stand_still_leave_the_times_to_the_recorder():
     assert size(eqt_cli.log_errors(path)).rms == pytest.approx(0.1 * np.sqrt(3), abs=1e-9)
 
 
+@pytest.mark.ci("writes and reads bags")
 @pytest.mark.parametrize(
     ("mapping", "rows", "length"),
     [

@@ -39,6 +39,7 @@ def table(name, t, p):
     np.savetxt(name, np.c_[t, p], delimiter=",", header="t,x,y,z", comments="")
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_a_topic_of_two_publishers_is_all_its_messages():
     parts = [(T[:50], 0.0), (T[50:], 0.4)]
     topics = [
@@ -50,6 +51,7 @@ def test_a_topic_of_two_publishers_is_all_its_messages():
     assert rms(eqt_cli.log_errors(path, "truth.csv")) == pytest.approx(0.4 * np.sqrt(3 * 0.75))
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_a_topic_named_as_a_target_may_be_measured_and_is_not_its_own_setpoint():
     pose = pose_stamped(place(T), turned(T).as_quat())
     path = write_bag(Path("f.bag"), [("/vrpn/target_drone/pose", POSE, T, pose)])
@@ -70,6 +72,7 @@ def twist(velocities, rates):
     return made
 
 
+@pytest.mark.ci("writes and reads bags")
 @pytest.mark.parametrize("name", ["velocity_body", "velocity_local", "twist"])
 def test_the_poses_tell_the_frame_of_a_twist(name):
     """MAVROS stamps a twist of the body and one of space with the same frame."""
@@ -108,6 +111,7 @@ def setpoints(off=0.0):
     return "/fmu/in/trajectory_setpoint", "px4_msgs/msg/TrajectorySetpoint", T, made
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_axes_of_ros_are_not_subtracted_from_those_of_px4():
     topics = [("/mocap", POSE, T, pose_stamped(place(T), turned(T).as_quat())), setpoints(0.05)]
     definitions = {"px4_msgs/msg/TrajectorySetpoint": SETPOINT}
@@ -135,6 +139,7 @@ VERSIONS = {
 }
 
 
+@pytest.mark.ci("writes and reads bags")
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("suffix", [".mcap", ".db3"])
 def test_the_messages_of_a_version_of_px4_are_those_of_the_file(version, suffix):
@@ -158,6 +163,7 @@ def test_the_messages_of_a_version_of_px4_are_those_of_the_file(version, suffix)
     assert series.numbers == pytest.approx(q, abs=1e-7)
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_what_sqlite_holds_beside_a_bag_belongs_to_it():
     """The recorder lost its power: a part of the bag is in its write-ahead log."""
     pose = pose_stamped(place(T), turned(T).as_quat())
@@ -246,6 +252,7 @@ def tree(t):
     return ("/tf", "tf2_msgs/msg/TFMessage", t, made), p, R
 
 
+@pytest.mark.ci("writes and reads bags")
 def test_transforms_are_composed_to_the_pair_that_is_asked_for():
     topic, p, R = tree(T)
     path = write_bag(Path("f.mcap"), [topic])
@@ -259,6 +266,7 @@ def test_transforms_are_composed_to_the_pair_that_is_asked_for():
         eqt_cli.log_errors(path, "truth.tum", topic="/tf map.wheel")
 
 
+@pytest.mark.ci("writes and reads bags")
 @pytest.mark.parametrize("compression", [None, "FILE", "MESSAGE"])
 def test_a_folder_of_a_bag_is_read_as_one(compression):
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
