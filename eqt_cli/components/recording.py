@@ -457,7 +457,7 @@ def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tupl
             ("time", "begin" if time.end is None or time.end >= low else "end"),
             f"no row of {table.name} is left: its times are from {low:.13g} to {high:.13g} s",
         )
-    table = table.part(inside)
+    table = table if inside.all() else table.part(inside)
     table = table.without(mapping.drop)
     times = (table.columns["t"] - first) * time.scale
     if time.offset == "first":
