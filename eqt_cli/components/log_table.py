@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from pathlib import Path, PurePath
+from decimal import Decimal
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
@@ -494,34 +495,30 @@ class Sheet:
 
     def _nanoseconds(self) -> tuple[float, Array]:
         """Return the first time and the times since then, s, subtracted as whole numbers."""
-        place, times = self.names.index("t"), list[float]()
+        place, times = self.names.index("t"), list[Decimal]()
         for number, line in zip(self.numbers, self.lines, strict=True):
             entry = _entries(line, self.delimiter)[place] if '"' in line else ""
             entry = entry or line.split(self.delimiter, place + 1)[place].strip()
-            whole, _, part = entry.partition(".")
-            exact = whole.isdecimal() and len(whole) <= MAX_DIGITS and not part.strip("0")
-            if not exact and not (_is_number(entry or "nan") and math.isnan(_cell(entry))):
-                raise self._error(number, f"expected whole nanoseconds, got {_shown(entry)}")
-            times.append(int(whole) if exact else math.nan)
-        first = next((time for time in times if not math.isnan(time)), 0)
-        return first / 1e9, np.array([float(time - first) for time in times]) / 1e9
+            missing = _is_number(entry or "nan") and math.isnan(_cell(entry))
+            exact = not missing and _is_number(entry) and 0 <= Decimal(entry) < 10**MAX_DIGITS
+            if not exact and not missing:
+                raise self._error(number, f"expected nanoseconds, got {_shown(entry)}")
+            times.append(Decimal(entry if exact else "nan"))
+        first = next((time for time in times if time.is_finite()), Decimal())
+        return float(first) / 1e9, np.array([float(time - first) for time in times]) / 1e9
 
 
 # Formats of extensions ----------------------------------------------------------------------------
 
-DAMAGED = "# parts of the file are damaged and were skipped"
+CONVERTED = "# converted by eqt"
+"""First line of a table that an extension made of a file of another program."""
+
+DAMAGED = f"{CONVERTED}; parts of the file are damaged and were skipped"
 """First line of the table of a damaged file."""
 
 
-def _reader(name: str) -> str | None:
-    """Return the module of an extension that reads recordings with the suffix of this file."""
-    modules = ((k, getattr(each, "RECORDINGS", {})) for k, each in extensions().items())
-    suffix = PurePath(name.lower()).suffix
-    return next((f"{k}.{of[suffix]}" for k, of in modules if suffix in of), None)
-
-
 def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str) -> str:
-    """Return the text of a recording; a file in a format of an extension is converted to a table.
+    """Return the text of a recording; an extension makes a table of the formats that it knows.
 
     Raises
     ------
@@ -529,12 +526,11 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, s
         Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot be
         converted.
     """
-    reader = _reader(path.name)
-    if reader:
-        return str(of_extension(f"{reader}.text_of_recording")(path, missing, kind, limit))
-    if other := _reader("*.*"):
-        of_extension(f"{other}.require_text")(path)
-    return text_of(path, missing, kind, limit=limit, smaller=smaller)
+    read = text_of
+    for extension, manifest in extensions().items():
+        if module := getattr(manifest, "RECORDINGS", ""):
+            read = of_extension(f"{extension}.{module}.text_of_recording")
+    return read(path, missing, kind, limit=limit, smaller=smaller)
 
 
 # The lines of a file and its columns --------------------------------------------------------------
@@ -551,8 +547,8 @@ def open_sheet(text: str, name: str, form: TrajectoryFormat, mapping: LogMapping
     if form != "csv":
         return _without_header(text, name, form, mapping)
     lines, numbers = _lines(text, name)
-    damaged = bool(lines) and lines[0] == DAMAGED
-    lines, numbers = lines[damaged:], numbers[damaged:]
+    converted, damaged = text.startswith(CONVERTED), text.startswith(DAMAGED)
+    lines, numbers = lines[converted:], numbers[converted:]
     number, header = (numbers[0], lines.pop(0)) if lines else (1, "")
     read = [_heading(entry.removeprefix("#").strip()) for entry in _entries(header, ",")]
     headings, words = [heading for heading, _ in read], header.split()
@@ -642,10 +638,8 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
 
 def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> Sheet:
     """Return the sheet of a file whose format has no header."""
-    if _reader(name):
-        raise InputError(
-            f"{name}: its suffix already gives the format; leave out the format {form}"
-        )
+    if text.startswith(CONVERTED):
+        raise InputError(f"{name}: its content gives the format; leave out the format {form}")
     if mapping.columns:
         raise MappingError(
             ("columns",), f"the format {form} has no header; remove this key, or use format: csv"

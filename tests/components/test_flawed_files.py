@@ -144,11 +144,7 @@ def begins(start):
 
 
 FOREIGN = {
-    "a bag of ROS 1": begins(b"#ROSBAG V2.0\n"),
-    "an MCAP file": begins(b"\x89MCAP0\r\n"),
     "SQLite, as bags of ROS 2 are": database,
-    "an ArduPilot log": begins(b"\xa3\x95\x80\x80YFMT\0"),
-    "a PX4 flight": begins(b"ULog\x01\x12\x35"),
     "a NumPy file": array,
     "a NumPy file,": arrays,
     "a zip archive or a workbook": zipped,
@@ -156,6 +152,10 @@ FOREIGN = {
     "a MAT-file of MATLAB 5": lambda path: savemat(path, {"x": [1.0]}, appendmat=False),
     "a MAT-file of MATLAB 7.3": begins(b"MATLAB 7.3 MAT-file, Platform: GLNXA64"),
     "an HDF5 file": hierarchical,
+    "compressed by zstd": begins(b"\x28\xb5\x2f\xfd"),
+    "a log of Betaflight": begins(b"H Product:Blackbox flight data recorder"),
+    "a kernel of SPICE": begins(b"DAF/CK  "),
+    "XML": begins(b'<?xml version="1.0"?>'),
 }
 
 

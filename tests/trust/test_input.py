@@ -188,8 +188,8 @@ def test_times_at_the_bounds_are_taken(sent, eqt):
             "t,wx [rad],wy [rad],wz [rad]\n0,0,0," + "1" * 200_000,
             "w:2: expected a line of at most 100000 characters, got 200006",
         ),
-        ("euroc", "9" * 5000 + ",0,0,0,1,0,0,0\n", "w:1: expected whole nanoseconds, got text"),
-        ("euroc", "9" * 500 + ",0,0,0,1,0,0,0\n", "w:1: expected whole nanoseconds, got text"),
+        ("euroc", "9" * 5000 + ",0,0,0,1,0,0,0\n", "w:1: expected nanoseconds, got text"),
+        ("euroc", "9" * 500 + ",0,0,0,1,0,0,0\n", "w:1: expected nanoseconds, got text"),
     ],
 )
 def test_long_entries_of_a_file(sent, refused, kind, text, said):

@@ -23,11 +23,12 @@ from eqt_cli.components.recording_check import Recording, recording_of
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, frames, logs, plant_fit, prediction
+from eqt_cli.extensions.recordings import frames, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.recordings.prediction import Growth, Windows
+from eqt_cli.extensions.recordings.tables import format_of
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
@@ -105,7 +106,7 @@ def _flight(path: str | os.PathLike[str], mapping: _Mapping = None) -> Flight | 
     Of a mapping, they obey `drop`, `time`, and `t` of `columns` if that is the recorder's time.
     """
     file = path_from("path", path)
-    if file.suffix.lower() not in FORMATS_BY_SUFFIX and not (file / "metadata.yaml").is_file():
+    if not format_of(file):
         return None
     with refusals(file, "read"):
         return flight_of(file)._replace(mapping=_mapping_from(mapping)[0])

@@ -27,9 +27,10 @@ from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.recording import GAP, WRENCH, Log, in_span, read_log
 from eqt_cli.components.recording_check import gaps_of, incomplete_columns, notes, recording_of
 from eqt_cli.engines.compiler import Limits, run_contained
-from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX, frames, readers
+from eqt_cli.extensions.recordings import frames, readers
 from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
 from eqt_cli.extensions.recordings.readers import Topic
+from eqt_cli.extensions.recordings.tables import format_of
 
 # Reads a file of another program, in a process with limits ----------------------------------------
 
@@ -279,7 +280,7 @@ def flight_of(path: Path) -> Flight:
     EqtError
         If the package that reads it is not installed.
     """
-    format = FORMATS_BY_SUFFIX.get(path.suffix.lower(), "bag")  # also of a folder
+    format = format_of(path)
     title, package, extra = (formats()[format][key] for key in ("title", "package", "extra"))
     if find_spec(package) is None:
         get = f"(extra {extra}); install it with: pip install {package}"
@@ -288,7 +289,8 @@ def flight_of(path: Path) -> Flight:
     for source in sources_of(format):
         wanted.setdefault(source.kind, []).extend(f"{source.fields} {source.valid}".split())
     size, beside = 0, [Path(f"{path}-wal")]  # which SQLite has after a power cut
-    for file in path.iterdir() if path.is_dir() else [path, *filter(Path.is_file, beside)]:
+    files = path.iterdir() if path.is_dir() else [path, *beside]
+    for file in filter(Path.is_file, files):
         with open_regular(file) as stream:
             size += stream.seek(0, io.SEEK_END)
     if size > MAX_BYTES:
@@ -307,8 +309,11 @@ def flight_of(path: Path) -> Flight:
         raise InputError(f"{path}: {many}; {SMALLER}")
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip()[-300:]
-        why = f"{printable(said) or 'too large'}{formats()[format]['remedy']}"
-        raise InputError(f"{path}: cannot be read as {title}: {why}")
+        advice = formats()[format].get("advice", {})
+        tool = next((f"; {tool}" for words, tool in advice.items() if re.search(words, said)), "")
+        raise InputError(
+            f"{path}: cannot be read as {title}: {printable(said) or 'too large'}{tool}"
+        )
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         topics = []
         for k, (name, kind, rows, note, names) in enumerate(json.loads(arrays["head"].tobytes())):
@@ -388,8 +393,8 @@ def table_of(flight: Flight) -> str:
     if not len(table):
         names = [name for name, every in series_by_name.items() if every and name not in WRENCH]
         raise InputError(f"{flight.name}: {', '.join(names)} were recorded at no common time")
-    parts = [f"{log_table.DAMAGED}\n" for each in flight.topics if each.kind == "damaged"]
-    parts += [",".join(headings), "\n"]
+    damaged = any(each.kind == "damaged" for each in flight.topics)
+    parts = [log_table.DAMAGED if damaged else log_table.CONVERTED, "\n", ",".join(headings), "\n"]
     row_format = ",".join("%.9f" if x.endswith("(s)") else "%.9g" for x in headings) + "\n"
     for first in range(0, len(table), CHUNK):
         rows = table[first : first + CHUNK].tolist()
@@ -542,10 +547,11 @@ def check_text(
         raise
     except InputError as error:
         problems.append(str(error))
+    kind = format_of(Path(name)) or form
     begin, end = log.times[[0, -1]].tolist()
     rate, gaps = 1 / median if median > 0 else np.nan, gaps_of(log.times, log.gaps)
     least = (float(norms.min()), float(norms.max())) if len(norms) else None
-    facts = form, G.name, list(_uses(log)), len(log.times), begin, end, rate
+    facts = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
     remarks = [] if problems else list(notes(log))
     return LogCheck(name, *facts, gaps, least, problems, remarks, left_out=left_out(log.table))
 

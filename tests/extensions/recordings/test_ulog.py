@@ -77,7 +77,7 @@ def test_topics_meet_at_the_times_of_the_position(content):
 
 
 def test_setpoints_hold_and_are_no_torques(content):
-    header, *rows = table_of(content, "f.ulg").splitlines()
+    _, header, *rows = table_of(content, "f.ulg").splitlines()
     column = header.split(",").index("vehicle_torque_setpoint.xyz[0] (normalised)")
     held = np.array([float(row.split(",")[column]) for row in rows])
     t = np.array([float(row.split(",")[0]) for row in rows])
@@ -219,7 +219,8 @@ def test_a_configuration_takes_a_flight_and_keeps_its_table(tmp_path, content):
         " mapping: {world: NED to ENU, body: FRD to FLU, time: {offset: first}}}}"
     )
     experiment = eqt_cli.load_experiment(tmp_path / "c.yaml")
-    assert experiment.document.home.files["f.ulg"].startswith("t (s),x (m),y (m),z (m),qw,")
+    head = "# converted by eqt\nt (s),x (m),y (m),z (m),qw,"
+    assert experiment.document.home.files["f.ulg"].startswith(head)
 
 
 def test_the_table_of_a_flight_is_no_larger_than_other_files_may_be(tmp_path, content):

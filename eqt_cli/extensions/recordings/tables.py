@@ -1,0 +1,282 @@
+"""Makes tables of texts of other programs, which `tables.yaml` recognises by their first lines.
+
+A quaternion of a frame transformation from A to B (CCSDS 504.0-B-2, STK, Basilisk's sigma_BN) has
+the four numbers of Hamilton's rotation that takes coordinates in B to coordinates in A.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base import yaml_source
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError, EqtWarning, InputError
+from eqt_cli.base.files import open_regular, text_of
+from eqt_cli.base.reporting import reporter
+from eqt_cli.components.log_table import CONVERTED
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
+
+HEAD = 20_000  # characters that show the format of a text
+SAMPLED = 0.02  # s between rows that are taken of polynomials
+
+
+@cache
+def _beginnings() -> dict[str, Any]:
+    path = Path(__file__).with_name("tables.yaml")
+    return dict(yaml_source.load(path.read_text(encoding="utf-8"), path.name).data)
+
+
+def _begins(path: Path, pattern: str) -> bool:
+    """Whether a file can be read and begins so; a character stands for a byte."""
+    with suppress(OSError, ValueError), open_regular(path) as stream:
+        return bool(re.match(pattern, stream.read(512).decode("latin-1"), re.DOTALL))
+    return False
+
+
+def format_of(path: Path) -> str:
+    """Return the format of a log by its first bytes or its suffix; empty for a table."""
+    if path.is_dir():
+        return "bag" * any(re.search(r"\.(db3|mcap)", each.name) for each in path.iterdir())
+    by_bytes = (form for form, start in _beginnings()["logs"].items() if _begins(path, start))
+    return next(by_bytes, "") or FORMATS_BY_SUFFIX.get(path.suffix.lower(), "")
+
+
+def text_of_recording(
+    path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str
+) -> str:
+    """Return a recording as the text of a table.
+
+    Raises
+    ------
+    EqtError
+        Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot
+        be converted.
+    """
+    if format_of(path):
+        from eqt_cli.extensions.recordings import logs  # slow to import
+
+        return logs.text_of_recording(path, missing, kind, limit)
+    for start, title, tool in _beginnings()["foreign"]:
+        if _begins(path, start):
+            raise InputError(f"{path}: is {title}, not text; convert it to a table with {tool}")
+    text = text_of(path, missing, kind, limit=limit, smaller=smaller)
+    for name, (title, start) in _beginnings()["tables"].items():
+        if re.match(start, text[:HEAD]):
+            try:
+                text = globals()[f"_{name}"](text, path)
+            except (ValueError, LookupError, AttributeError, StopIteration, csv.Error) as error:
+                place = "".join(re.findall(r" at row \d+, column \d+", f"{error}"))
+                raise InputError(
+                    f"{path}: begins as {title}, but goes on otherwise{place}"
+                ) from None
+    return text
+
+
+def _remark(path: Path, words: str) -> None:
+    reporter().remark(EqtWarning(f"{path}: {words}"))
+
+
+def _table(names: str, *columns: Any) -> str:
+    """Return a table of numbers."""
+    rows = (",".join(map("{:.16g}".format, row)) for row in zip(*columns, strict=True))
+    return "\n".join([CONVERTED, names, *rows, ""])
+
+
+def _numbers(rows: Sequence[str], places: Sequence[int]) -> Array:
+    """Return some columns of comma-separated rows; NaN where a cell is empty."""
+    read: Any = {k: lambda cell: float(cell.strip() or "nan") for k in places}
+    return np.loadtxt(rows, delimiter=",", usecols=places, ndmin=2, converters=read, quotechar='"')
+
+
+def _quaternions(form: str, numbers: Array, *order: str) -> Array:
+    """Return the quaternions x, y, z, w of rotations in a form that SciPy names."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    q, whole = np.full((len(numbers), 4), np.nan), np.isfinite(numbers).reshape(len(numbers), -1)
+    read, rows = getattr(Rotation, f"from_{form}"), whole.all(axis=1)
+    q[rows] = read(*order, numbers[rows]).as_quat()
+    return q
+
+
+def _with_columns(text: str, names: str, columns: Array) -> str:
+    """Return a table with further columns; its lines keep their numbers."""
+    (head, *lines), cells = text.splitlines(), iter(columns.tolist())
+    rows = [",".join([x, *map("{:.12g}".format, next(cells))]) if x.strip() else x for x in lines]
+    return "\n".join([f"{head},{names}", *rows, ""])
+
+
+def _with_heads(text: str, start: str) -> tuple[list[list[str]], list[str], list[str]]:
+    """Return the rows to the header, the body of each column, and the rest."""
+    lines = text.splitlines()
+    at = next(k for k, line in enumerate(lines) if line.replace('"', "").startswith(start))
+    heads = [[cell.strip() for cell in row] for row in csv.reader(lines[: at + 1])]
+    names = next((row for row in heads if row[1:2] == ["Name"]), heads[-2])
+    names = [cell.replace(",", " ") for cell in names]
+    for k in range(3, len(names)):  # Vicon names a body once
+        names[k] = names[k] or names[k - 1]
+    return heads, names + names[-1:] * (len(heads[-1]) - len(names)), lines[at + 1 :]
+
+
+def _motive(text: str, path: Path) -> str:
+    """Read a take of Motive; https://docs.optitrack.com/motive/data-export/data-export-csv."""
+    heads, names, rows = _with_heads(text, "Frame,Time")
+    facts = dict(zip(heads[0], heads[0][1:], strict=False))
+    if facts["Rotation Type"] != "Quaternion":
+        raise InputError(f"{path}: holds Euler angles; export it with Rotation Type: Quaternion")
+    unit = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}[facts["Length Units"]]
+    columns = list(zip(names, heads[-2], heads[-1], strict=True))[2:]
+    body, headings = next(name for name, kind, _ in columns if kind == "Rotation"), ["frame,t (s)"]
+    for name, kind, axis in columns:
+        eqt = {"Rotation": f"q{axis}", "Position": f"{axis} ({unit})"}.get(kind, "")
+        headings.append(eqt.lower() if eqt and name == body else f"{name} {kind} {axis}".strip())
+    turn, bodies = "{rotvec: [90 deg, 0, 0]}", ", ".join(dict.fromkeys(names[2:]))
+    words = f"a take of Motive of {bodies}; body {body} is read. If y was up in Motive, "
+    _remark(path, f"{words}`{{origin: {turn}, sensor: {turn}}}` in the mapping turns it to z")
+    return "\n".join([CONVERTED, *[""] * (len(heads) - 2), ",".join(headings), *rows, ""])
+
+
+def _vicon(text: str, path: Path) -> str:
+    """Read objects of Vicon; https://docs.vicon.com/display/Nexus26/ASCII+files, "Global Angle"."""
+    heads, names, (units, *rows) = _with_heads(text, "Frame,Sub Frame")
+    first = heads[-1].index("TX")
+    body, unit = names[first], units.split(",")[first].strip()
+    rows = rows[: next((k for k, row in enumerate(rows) if not row.strip(" ,")), len(rows))]
+    columns = enumerate(zip(heads[-1], names, strict=True))
+    place = {heading: k for k, (heading, name) in columns if name == body}
+    numbers = _numbers(rows, [0, *(place[f"{kind}{axis}"] for kind in "RT" for axis in "XYZ")])
+    if "RW" in place:
+        q = np.c_[numbers[:, 1:4], _numbers(rows, [place["RW"]])]
+    else:
+        to_rad = np.pi / 180 if units.split(",")[place["RX"]].strip() == "deg" else 1.0
+        q = _quaternions("euler", to_rad * numbers[:, 1:4], "XYZ")
+        words = "are read as Euler angles XYZ; export quaternions if they are helical angles"
+        _remark(path, f"RX, RY, RZ of {body} {words}")
+    names_of = f"t (s),x ({unit}),y ({unit}),z ({unit}),qx,qy,qz,qw"
+    return _table(names_of, numbers[:, 0] / float(heads[1][0]), *numbers[:, 4:].T, *q.T)
+
+
+def _kitti(text: str, path: Path) -> str:
+    """Read poses of KITTI: 3 x 4 matrices by row, times apart, 10 Hz; cvlibs.net/datasets/kitti."""
+    T = np.loadtxt(io.StringIO(text), ndmin=2).reshape(-1, 3, 4)
+    R, times = T[:, :, :3], 0.1 * np.arange(len(T))
+    try:
+        times = np.loadtxt(path.with_name("times.txt")).reshape(len(T))
+    except (OSError, ValueError):
+        _remark(path, f"rows are 0.1 s apart, as no times.txt of {len(T)} rows is in its folder")
+    for k in np.flatnonzero(abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > 1e-3)[:1]:
+        raise InputError(f"{path}:{k + 1}: expected a rotation in columns 1-3, 5-7 and 9-11")
+    q = _quaternions("matrix", R)
+    return _table("t (s),x,y,z,qx,qy,qz,qw", times, *T[:, :, 3].T, *q.T)
+
+
+def _sophus(text: str, path: Path) -> str:
+    """Put the position first, where a quaternion of norm 1 stands before it."""
+    numbers = np.loadtxt(io.StringIO(text), ndmin=2)
+    before, after = (abs(np.linalg.norm(numbers[:, k : k + 4], axis=1) - 1) for k in (1, 4))
+    if before.max() > 1e-3 or after.max() < 1e-2:
+        return text
+    _remark(path, "read as t qx qy qz qw x y z, the order of Sophus: columns 2 to 5 have norm 1")
+    rows = (" ".join(map("{:.16g}".format, row)) for row in numbers[:, [0, 5, 6, 7, 1, 2, 3, 4]])
+    return "\n".join([*rows, ""])
+
+
+def _nanoseconds(stamp: str) -> int:
+    """Return an ISO time since 1970, ns; UTC without an offset."""
+    time = datetime.fromisoformat(stamp.strip(' "'))
+    time = time.replace(tzinfo=time.tzinfo or UTC)
+    return (time - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+
+
+def _iso(text: str, path: Path) -> str:
+    head, *rows = (line.split(",") for line in text.splitlines())
+    k = next(k for k, cell in enumerate(rows[0]) if re.match(r'"? *\d{4}-\d\d-', cell))
+    head[k] = re.sub(r"\W.*", "", head[k].strip()) + " (ns)"
+    for number, cells in enumerate(rows, 2):
+        try:
+            cells[k:] = [f"{_nanoseconds(cells[k])}", *cells[k + 1 :]] if any(cells) else []
+        except (ValueError, IndexError):
+            raise InputError(
+                f"{path}:{number}: expected a time as 2024-03-05T10:11:12.5Z"
+            ) from None
+    return "\n".join([*map(",".join, [head, *rows]), ""])
+
+
+def _aem(text: str, path: Path) -> str:
+    """Read an attitude ephemeris; CCSDS 504.0-B-1 and B-2."""
+    keys = dict(re.findall(r"(?m)^\s*(\w+)\s*=\s*(.+?)\s*$", text))
+    if not keys["ATTITUDE_TYPE"].startswith("QUATERNION") or text.count("META_START") > 1:
+        raise InputError(f"{path}: expected one segment, of ATTITUDE_TYPE QUATERNION")
+    rows = [line.split() for line in text.partition("DATA_START")[2].splitlines()]
+    rows = [row for row in rows if row and row[0][0].isdigit()]
+    q = np.array([row[1:5] for row in rows], float)
+    q = np.roll(q, -(keys.get("QUATERNION_TYPE") == "FIRST"), axis=1)
+    if (keys.get("ATTITUDE_DIR") == "B2A") != ("BODY" in keys["REF_FRAME_A"].upper()):
+        q = q * [-1, -1, -1, 1]
+    return _table("t (ns),qx,qy,qz,qw", [_nanoseconds(row[0]) for row in rows], *q.T)
+
+
+def _stk(text: str, path: Path) -> str:
+    """Read an attitude file of STK; help.agi.com, Attitude File Format (*.a)."""
+    [(kind, data)] = re.findall(r"(?si)AttitudeTime(\w+)\s+(.*?)END", text)
+    orders = {"quaternions": "qx,qy,qz,qw", "quatscalarfirst": "qw,qx,qy,qz"}
+    if kind.lower() not in orders:
+        raise InputError(f"{path}: expected AttitudeTimeQuaternions; export it with quaternions")
+    return _table(f"t (s),{orders[kind.lower()]}", *np.loadtxt(io.StringIO(data), ndmin=2).T[:5])
+
+
+def _polynomials(text: str, path: Path) -> str:
+    """Sample x, y, z and yaw of pieces of degree 7; github.com/whoenig/uav_trajectories."""
+    pieces = _numbers(text.splitlines()[1:], range(33))
+    ends = np.r_[0.0, np.cumsum(pieces[:, 0])]
+    t = np.unique(np.r_[ends, np.arange(0.0, ends[-1], SAMPLED)])
+    t = t[np.diff(t, prepend=-1.0) > SAMPLED / 100]
+    piece = np.clip(np.searchsorted(ends, t, side="right") - 1, 0, len(pieces) - 1)
+    a, u, k = pieces[piece, 1:].reshape(-1, 4, 8), (t - ends[piece])[:, None, None], np.arange(8)
+    place, speed = (a * u**k).sum(-1).T, (a * k * u ** np.maximum(k - 1, 0)).sum(-1).T
+    names = "t (s),x (m),y (m),z (m),yaw (rad),pitch (rad),roll (rad),vx (m/s),vy (m/s),vz (m/s)"
+    return _table(names, t, *place, 0 * t, 0 * t, *speed[:3])
+
+
+def _blackbox(text: str, path: Path) -> str:
+    """Add columns of eqt; github.com/betaflight/blackbox-tools has roll, pitch, heading in deg."""
+    head, rest = text.split("\n", 1)
+    names = [re.sub(r"\(.*", "", heading).strip() for heading in head.split(",")]
+    unit = "rad/s" if "gyroADC[0] (rad/s)" in head else "deg/s"
+    added = {"time": "t (us)", "heading": "yaw (deg)"}
+    added |= {f"gyroADC[{k}]": f"w{axis} ({unit})" for k, axis in enumerate("xyz")}
+    head = re.sub(r"\b(roll|pitch)\b(?! *\()", r"\1 (deg)", head)
+    present = [name for name in added if name in names]
+    numbers = _numbers(rest.splitlines(), [names.index(name) for name in present])
+    return _with_columns(f"{head}\n{rest}", ",".join(added[name] for name in present), numbers)
+
+
+def _columns(text: str, pattern: str, count: int) -> Array:
+    """Return the columns whose headings fit a pattern, if there are so many."""
+    head, *rows = text.splitlines()
+    headings = [re.sub(r"[ (].*", "", entry.strip().lower()) for entry in head.split(",")]
+    places = [k for k, heading in enumerate(headings) if re.fullmatch(pattern, heading)]
+    return _numbers(rows, places) if len(places) == count else np.empty((0, count))
+
+
+def _mrp(text: str, path: Path) -> str:
+    numbers = _columns(text, r"(sigma|mrp)\w*?_?\[?[1-3xyz]\]?", 3)
+    _remark(path, "sigma_BN is read as the rotation from B to N, which has the same numbers")
+    return _with_columns(text, "qx,qy,qz,qw", _quaternions("mrp", numbers))
+
+
+def _matrix(text: str, path: Path) -> str:
+    numbers = _columns(text, r"(c|r|dcm|rot|bn)_?\[?[0-3]\]?_?\[?[0-3]\]?", 9)
+    R = numbers.reshape(-1, 3, 3)
+    if not re.match(r"(?i)(.*,)?\W*r", text.split("\n")[0]):  # direction cosines [BN]
+        R = np.swapaxes(R, 1, 2)
+        words = "direction cosines are read as [BN], from the world to the body"
+        _remark(path, f"{words}; add `attitude: world_to_body` if they are from the body")
+    return _with_columns(text, "qx,qy,qz,qw", _quaternions("matrix", R))
