@@ -8,6 +8,6 @@ COMMANDS = {
     "log": ("commands.log_app", "config", ""),
 }
 
-FORMATS_BY_SUFFIX = {".ulg": "ulog", ".bin": "dataflash", ".tlog": "tlog"}
+FORMATS_BY_SUFFIX = {".ulg": "ulog", ".bin": "dataflash"}
 FORMATS_BY_SUFFIX |= dict.fromkeys((".bag", ".mcap", ".db3"), "bag")
 RECORDINGS = "tables"

@@ -309,11 +309,8 @@ def flight_of(path: Path) -> Flight:
         raise InputError(f"{path}: {many}; {SMALLER}")
     if done.returncode:
         said = done.stderr.decode("utf-8", "replace").strip()[-300:]
-        advice = formats()[format].get("advice", {})
-        tool = next((f"; {tool}" for words, tool in advice.items() if re.search(words, said)), "")
-        raise InputError(
-            f"{path}: cannot be read as {title}: {printable(said) or 'too large'}{tool}"
-        )
+        why = f"{printable(said) or 'too large'}{formats()[format]['remedy']}"
+        raise InputError(f"{path}: cannot be read as {title}: {why}")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         topics = []
         for k, (name, kind, rows, note, names) in enumerate(json.loads(arrays["head"].tobytes())):
