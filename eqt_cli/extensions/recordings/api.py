@@ -16,9 +16,16 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
+from eqt_cli.base.units import factor
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.log_table import LogMapping, MappingError, TrajectoryFormat, recording_text
-from eqt_cli.components.recording import read_log
+from eqt_cli.components.log_table import (
+    LogMapping,
+    MappingError,
+    TrajectoryFormat,
+    open_sheet,
+    recording_text,
+)
+from eqt_cli.components.recording import pose_columns, read_log, recorded_names, used_columns
 from eqt_cli.components.recording_check import Recording, recording_of
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
@@ -28,7 +35,7 @@ from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, Trackin
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.recordings.prediction import Growth, Windows
-from eqt_cli.extensions.recordings.tables import format_of
+from eqt_cli.extensions.recordings.tables import format_of, with_columns
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
@@ -98,6 +105,26 @@ def read_measured(
     """Read a recording as a motion on a group; arguments and errors as for `check_log`."""
     with _read(path, mapping, format) as (text, name, kind, columns):
         return recording_of(read_log(text, name, kind, G, columns))
+
+
+def read_driven(
+    path: str | os.PathLike[str], G: MatrixLieGroup, mapping: _Mapping = None, format: str = "csv"
+) -> Recording:
+    """Read a recording as `read_measured` does; rates are enough for a rotation.
+
+    Its poses are then NaN.
+    """
+    rates, names = recorded_names(G, ["rates"]), pose_columns(G)
+    with _read(path, mapping, format) as (text, name, kind, columns):
+        sheet = open_sheet(text, name, kind, columns)
+        used, units = used_columns(sheet.names, G), sheet.units | columns.units
+        is_pose = used and (used.layout != "coordinates" or factor(units.get(rates[0], ""), "rad"))
+        if is_pose or len(rates) < G.dimension or not {*rates} <= {*sheet.names}:
+            return recording_of(read_log(text, name, kind, G, columns))
+        rest = [0.0] * (len(names) - 1) + [float(len(names) > 1)]
+        text = with_columns(text, ",".join(names), np.tile(rest, (len(sheet.lines), 1)))
+        recording = recording_of(read_log(text, name, kind, G, columns))
+        return replace(recording, poses=np.full_like(recording.poses, np.nan))
 
 
 def _flight(path: str | os.PathLike[str], mapping: _Mapping = None) -> Flight | None:
@@ -490,7 +517,7 @@ def _opened(
     else:
         document = document_from(config, {}, trust_plugins=trust_plugins)
     base = build(replace(document, data=without_search(document.data)))
-    recording = prediction.by_rotors(base, read_measured(measured, base.group, mapping, format))
+    recording = prediction.by_rotors(base, read_driven(measured, base.group, mapping, format))
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])
     if not abs(delay) < length:

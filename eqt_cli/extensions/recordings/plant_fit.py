@@ -224,8 +224,11 @@ class _FitProblem:
             delay = float(numbers[-1]) if self.finds_delay else self.delay
             later = self.windows.later if by_delay or self.finds_delay else 0.0
             loops, engine = [self.first, *plants], self.base.engine
+            before = [prediction.commanded(loop) for loop in loops]
             for window in self.cut:
-                predicted = prediction.errors(loops, steps, engine, recording, window, delay, later)
+                predicted = prediction.errors(
+                    loops, before, steps, engine, recording, window, delay, later
+                )
                 if predicted is None:
                     return None
                 fits.append(prediction.linear(predicted, self.windows.noise))

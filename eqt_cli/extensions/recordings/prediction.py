@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
@@ -23,7 +23,7 @@ from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Engine, Problem
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.closed_loop import VEHICLE, ClosedLoop
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.runs.batches import differing
 
@@ -165,16 +165,67 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
     rotors = [_has_rotors(actuator) for actuator in vehicle.actuators]
     # Speeds are measured behind the rotors, and what is before them.
     first = rotors.index(True) + 1 if law.recording(loop.group).speeds.size else 0
-    actuators = vehicle.actuators[first:]
-    for index, actuator in enumerate(actuators, start=first):
-        if actuator.sampled or actuator.states(loop.group):
+    flying = replace(vehicle, actuators=vehicle.actuators[first:]).of_run(loop.group)
+    for index, actuator in enumerate(flying.actuators, start=first):
+        if actuator.sampled or not _follows_linearly(actuator, loop.group):
             raise EqtError(
                 f"{ACTUATORS}[{index}]: has a state that the recording does not hold; remove the "
                 "actuator, and record the wrench that it applies"
             )
-    flying = replace(vehicle, actuators=actuators).of_run(loop.group)
     alone = replace(loop, known_forces=(), reference=ConstantReference())  # no law adds to it
     return replace(alone, controller=law, vehicle=flying)
+
+
+def _follows_linearly(actuator: Actuator, G: MatrixLieGroup) -> bool:
+    """Whether the states of an actuator, if any, follow its commands alone, and linearly."""
+    n, m = actuator.states(G), G.dimension
+    if not n:
+        return True
+    x, command = np.random.default_rng(0).normal(size=(4, n)), np.ones((4, m))
+    x[2:] = x[0] + x[1], 0.0 * x[0]
+    if actuator.changes or actuator.reaction(G, command, x) is not None:
+        return False
+    return np.allclose(np.array([1, 1, -1, -1]) @ actuator.state_rate(G, command, x), 0.0)
+
+
+def commanded(loop: ClosedLoop) -> Callable[[float], Array]:
+    """Return a function of time: the states of the actuators, ẋ = A x + b(command), ``(n,)``.
+
+    They start in equilibrium with the first command. A gap holds the command before it.
+    """
+    from scipy.linalg import expm  # slow to import
+
+    G, law, vehicle = loop.group, loop.controller, loop.vehicle
+    assert isinstance(law, Replay)
+    recording, ends = law.recording(G), np.cumsum([*vehicle.states(G).values()])
+    if not len(ends):
+        return lambda t: np.empty(0)
+    n, u, times = int(ends[-1]), recording.wrenches, recording.times
+
+    def rates(command: Array, x: Array) -> Array:
+        states = dict(zip(vehicle.states(G), np.split(x, ends[:-1], axis=-1), strict=True))
+        moved = vehicle.passed(G, command, states)[1]
+        return np.concatenate([moved[name] for name in states], axis=-1)
+
+    b, eye = rates(u, np.zeros((len(u), n))), np.eye(n)
+    A = (rates(np.tile(u[0], (n, 1)), eye) - b[0]).T
+    slopes = np.zeros_like(b)
+    if law.hold == "linear":
+        slopes[:-1] = np.diff(b, axis=0) / np.diff(times)[:, None]
+    # With x, b and the slope as one state, a step is one exponential.
+    whole = np.kron(np.eye(3, k=1), eye)
+    whole[:n, :n] = A
+    steps, which = np.unique(np.diff(times).round(9), return_inverse=True)
+    E = expm(whole * steps[:, None, None])[:, :n]
+    x = np.linalg.solve(-A, b.T).T
+    for k in range(len(times) - 1):
+        x[k + 1] = E[which[k]] @ np.concatenate([x[k], b[k], slopes[k]])
+
+    def at(t: float) -> Array:
+        k = max(int(np.searchsorted(times, t, side="right")) - 1, 0)
+        return expm(whole * (t - times[k]))[:n] @ np.concatenate([x[k], b[k], slopes[k]])
+
+    return at
 
 
 def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
@@ -299,7 +350,9 @@ class Windows:
             powers = np.stack([np.ones_like(t), t - t[0], (t - t[0]) ** 2], axis=1)
             fitted = np.linalg.lstsq(powers, G.log(G.inverse(poses[0]) @ poses))[0]
             velocity = np.where(np.isnan(velocity), fitted[1], velocity)
-        return ReplayWindow(rows, self.recording.poses[row], velocity)
+        pose = self.recording.poses[row]
+        pose = self.recording.group.identity if np.isnan(pose).any() else pose
+        return ReplayWindow(rows, pose, velocity)
 
     @property
     def later(self) -> float:
@@ -308,14 +361,13 @@ class Windows:
 
     @property
     def parts(self) -> list[tuple[str, str, slice]]:
-        """Name, unit and axes of each part of the pose, and of the velocity where recorded."""
+        """Name, unit and axes of each part of the pose and of the velocity that was recorded."""
         G = self.recording.group
         parts, m = [(part.name, part.error_unit, part.axes) for part in G.parts], G.dimension
         for part in G.parts:
             axes = slice(m + part.axes.start, m + part.axes.stop)
-            if np.isfinite(self.noise[axes]).all():
-                parts.append((f"{part.name} rate", part.velocity_unit, axes))
-        return parts
+            parts.append((f"{part.name} rate", part.velocity_unit, axes))
+        return [one for one in parts if np.isfinite(self.noise[one[2]]).all()]
 
     @cached_property
     def noise(self) -> Array:
@@ -354,6 +406,7 @@ class PredictionErrors:
 
 def errors(
     loops: Sequence[ClosedLoop],
+    before: Sequence[Callable[[float], Array]],
     steps: Array,
     engine: Engine,
     recording: Recording,
@@ -369,6 +422,8 @@ def errors(
         First a plant of the same structure, then the plant, then the plant with each of its
         numbers increased by a step. Pass the same first plant to every call, because an engine
         compiles it.
+    before
+        The states of the actuators of these plants as functions of time, by `commanded`.
     steps
         The increases of the numbers.
     delay
@@ -388,6 +443,9 @@ def errors(
         problem = Problem(loops[0], Q0, times, differing(list(loops), which))
         loop = problem.batched_loop()
         states = loop.initial_state(Q0, V0, G.identity[None], np.zeros((1, m)), float(times[0]))
+        stretches = [loop.layout.slices[VEHICLE + name] for name in loop.vehicle.states(G)]
+        places = np.r_[*stretches, :0]
+        states[:, places] = np.array([each(float(times[0])) for each in before])[which]
         problem = replace(problem, states=states)
         solution = engine.solve(problem)
         if solution.status.any():
@@ -451,11 +509,12 @@ def linear(errors: PredictionErrors, noise: Array) -> Linear:
 
     parts = errors.values[..., None], errors.by_state, errors.by_number
     r, by_state, by_number = map(weighted, parts)
-    basis, R = np.linalg.qr(by_state)
+    m, state = len(noise) // 2, np.zeros(len(noise))
+    free = measured | (np.arange(2 * m) >= m)  # a pose that was not measured stays
+    basis, R = np.linalg.qr(by_state[:, free])
+    state[free] = -np.linalg.lstsq(R, basis.T @ r)[0][:, 0]
     return Linear(
-        (r - basis @ (basis.T @ r))[:, 0],
-        by_number - basis @ (basis.T @ by_number),
-        -np.linalg.lstsq(R, basis.T @ r)[0][:, 0],
+        (r - basis @ (basis.T @ r))[:, 0], by_number - basis @ (basis.T @ by_number), state
     )
 
 
@@ -622,10 +681,12 @@ def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int, delay
     first = recording.times[chosen[0].rows]
     sampled = np.unique(np.linspace(0, len(first) - 1, HORIZONS + 1).round().astype(int)[1:])
     horizons = first[sampled] - first[0]
+    pair, before = [loop, loop], [commanded(loop)] * 2
     with step(WINDOWS, len(chosen)):
         for window in chosen:
-            pair = [loop, loop]
-            prediction = errors(pair, np.empty(0), engine, recording, window, delay, windows.later)
+            prediction = errors(
+                pair, before, np.empty(0), engine, recording, window, delay, windows.later
+            )
             if prediction is None:
                 continue
             left.append(linear(prediction, windows.noise))

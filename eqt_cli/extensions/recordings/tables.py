@@ -108,9 +108,9 @@ def _quaternions(form: str, numbers: Array, *order: str) -> Array:
     return q
 
 
-def _with_columns(text: str, names: str, columns: Array) -> str:
+def with_columns(text: str, names: str, columns: Array) -> str:
     """Return a table with further columns; its lines keep their numbers."""
-    (head, *lines), cells = text.splitlines(), iter(columns.tolist())
+    (head, *lines), cells = text.removeprefix(f"{CONVERTED}\n").splitlines(), iter(columns.tolist())
     rows = [",".join([x, *map("{:.12g}".format, next(cells))]) if x.strip() else x for x in lines]
     return "\n".join([f"{head},{names}", *rows, ""])
 
@@ -257,7 +257,7 @@ def _blackbox(text: str, path: Path) -> str:
     head = re.sub(r"\b(roll|pitch)\b(?! *\()", r"\1 (deg)", head)
     present = [name for name in added if name in names]
     numbers = _numbers(rest.splitlines(), [names.index(name) for name in present])
-    return _with_columns(f"{head}\n{rest}", ",".join(added[name] for name in present), numbers)
+    return with_columns(f"{head}\n{rest}", ",".join(added[name] for name in present), numbers)
 
 
 def _columns(text: str, pattern: str, count: int) -> Array:
@@ -271,7 +271,7 @@ def _columns(text: str, pattern: str, count: int) -> Array:
 def _mrp(text: str, path: Path) -> str:
     numbers = _columns(text, r"(sigma|mrp)\w*?_?\[?[1-3xyz]\]?", 3)
     _remark(path, "sigma_BN is read as the rotation from B to N, which has the same numbers")
-    return _with_columns(text, "qx,qy,qz,qw", _quaternions("mrp", numbers))
+    return with_columns(text, "qx,qy,qz,qw", _quaternions("mrp", numbers))
 
 
 def _matrix(text: str, path: Path) -> str:
@@ -281,4 +281,4 @@ def _matrix(text: str, path: Path) -> str:
         R = np.swapaxes(R, 1, 2)
         words = "direction cosines are read as [BN], from the world to the body"
         _remark(path, f"{words}; add `attitude: world_to_body` if they are from the body")
-    return _with_columns(text, "qx,qy,qz,qw", _quaternions("matrix", R))
+    return with_columns(text, "qx,qy,qz,qw", _quaternions("matrix", R))

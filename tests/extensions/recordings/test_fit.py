@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import plain_current as plain
@@ -552,12 +553,44 @@ def test_what_is_refused(recorded, message):
     assert refusal(EqtError, eqt_cli.replay, model("SO3"), "flight.csv", **options) == message
 
 
+@pytest.mark.parametrize(
+    ("columns", "hold"), [("t,angle,wz,tz", "zero"), ("t,wz,tz", "zero"), ("t,wz,tz", "linear")]
+)
+def test_a_lag_starts_from_the_commands_before_a_window(tmp_path, monkeypatch, columns, hold):
+    """J ω̇ = 0.8 x, T ẋ = u − x, with commands that are held or ramps, in closed form."""
+    monkeypatch.chdir(tmp_path)
+    J, s, T, h = 2.0, 0.8, 0.06, 0.02
+    x, w, angle, rows = 0.0, 0.0, 0.0, []
+    commands = np.r_[0.0, np.random.default_rng(0).normal(size=120)].tolist()
+    for k, (u, then) in enumerate(pairwise(commands)):
+        rows.append([h * k, angle, w, u] if "angle" in columns else [h * k, w, u])
+        ramp, decay = (then - u) / h * (hold == "linear"), np.exp(-h / T)
+        gap = x - u + ramp * T
+        once = u * h + ramp * (h**2 / 2 - T * h) + gap * T * (1 - decay)
+        twice = u * h**2 / 2 + ramp * (h**3 / 6 - T * h**2 / 2) + gap * T * (h - T * (1 - decay))
+        angle, w = angle + h * w + s / J * twice, w + s / J * once
+        x = u + ramp * (h - T) + gap * decay
+    np.savetxt("a.csv", rows, delimiter=",", header=columns, comments="", fmt="%.12g")
+    actuators = [{"kind": "lag", "time_constant": 0.04}, {"kind": "scale", "factor": 1.0}]
+    config = model("SO3", inertia=J, plant={}, actuators=actuators) | {"group": "SO2"}
+    over = ["actuators[0].time_constant", "actuators[1].factor"]
+    found = eqt_cli.fit(
+        config, "a.csv", over, {"units": {"tz": "normalised"}}, horizon=0.4, hold=hold
+    )
+    assert [n.value for n in found.numbers] == pytest.approx([T, s], rel=1e-4)
+    parts = ["rotation", "rotation rate"] if "angle" in columns else ["rotation rate"]
+    assert [one.part for one in found.residuals] == parts
+
+
 UNKNOWN = {
     "plant.forces[0]: is drawn for each run; give a number to replay a recording": {
         "plant": {"forces": [{"kind": "drag", "linear": {"uniform": [0, 1]}}]}
     },
     "actuators[0]: has a state that the recording does not hold; remove the actuator, and record "
-    "the wrench that it applies": {"actuators": [{"kind": "lag", "time_constant": 0.1}]},
+    "the wrench that it applies": {
+        "actuators": [{"kind": "rate_limit", "rate": 0.1}],
+        "control": {"period": 0.04},
+    },
 }
 
 
