@@ -26,6 +26,7 @@ from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
 
 HEAD = 20_000  # characters that show the format of a text
 SAMPLED = 0.02  # s between rows that are taken of polynomials
+ORTHOGONAL = 1e-3  # largest error of RRᵀ of a rotation
 
 
 @cache
@@ -75,7 +76,9 @@ def text_of_recording(
             try:
                 text = globals()[f"_{name}"](text, path)
             except (ValueError, LookupError, AttributeError, StopIteration, csv.Error) as error:
-                place = "".join(re.findall(r" at row \d+, column \d+", f"{error}"))
+                place = "".join(
+                    re.findall(r"(?: with no rotation)? at row \d+, column \d+", f"{error}")
+                )
                 raise InputError(
                     f"{path}: begins as {title}, but goes on otherwise{place}"
                 ) from None
@@ -98,13 +101,22 @@ def _numbers(rows: Sequence[str], places: Sequence[int]) -> Array:
     return np.loadtxt(rows, delimiter=",", usecols=places, ndmin=2, converters=read, quotechar='"')
 
 
-def _quaternions(form: str, numbers: Array, *order: str) -> Array:
-    """Return the quaternions x, y, z, w of rotations in a form that SciPy names."""
+def _quaternions(form: str, numbers: Array) -> Array:
+    """Return the quaternions x, y, z, w of rotations in another form; NaN where one is missing."""
     from scipy.spatial.transform import Rotation  # slow to import
 
-    q, whole = np.full((len(numbers), 4), np.nan), np.isfinite(numbers).reshape(len(numbers), -1)
-    read, rows = getattr(Rotation, f"from_{form}"), whole.all(axis=1)
-    q[rows] = read(*order, numbers[rows]).as_quat()
+    q, whole = np.full((len(numbers), 4), np.nan), np.isfinite(numbers).all(axis=1)
+    known = numbers[whole]
+    if form == "euler":
+        q[whole] = Rotation.from_euler("XYZ", known).as_quat()
+    elif form == "mrp":
+        q[whole] = Rotation.from_mrp(known).as_quat()
+    else:
+        R = known.reshape(-1, 3, 3)
+        off = abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ORTHOGONAL
+        for k in np.flatnonzero(whole)[off | (np.linalg.det(R) < 0)][:1]:
+            raise ValueError(f" with no rotation at row {k}, column 0")
+        q[whole] = Rotation.from_matrix(R).as_quat() * [*[1 - 2 * (form == "cosines")] * 3, 1]
     return q
 
 
@@ -158,7 +170,7 @@ def _vicon(text: str, path: Path) -> str:
         q = np.c_[numbers[:, 1:4], _numbers(rows, [place["RW"]])]
     else:
         to_rad = np.pi / 180 if units.split(",")[place["RX"]].strip() == "deg" else 1.0
-        q = _quaternions("euler", to_rad * numbers[:, 1:4], "XYZ")
+        q = _quaternions("euler", to_rad * numbers[:, 1:4])
         words = "are read as Euler angles XYZ; export quaternions if they are helical angles"
         _remark(path, f"RX, RY, RZ of {body} {words}")
     names_of = f"t (s),x ({unit}),y ({unit}),z ({unit}),qx,qy,qz,qw"
@@ -168,14 +180,12 @@ def _vicon(text: str, path: Path) -> str:
 def _kitti(text: str, path: Path) -> str:
     """Read poses of KITTI: 3 x 4 matrices by row, times apart, 10 Hz; cvlibs.net/datasets/kitti."""
     T = np.loadtxt(io.StringIO(text), ndmin=2).reshape(-1, 3, 4)
-    R, times = T[:, :, :3], 0.1 * np.arange(len(T))
+    times = 0.1 * np.arange(len(T))
     try:
         times = np.loadtxt(path.with_name("times.txt")).reshape(len(T))
     except (OSError, ValueError):
         _remark(path, f"rows are 0.1 s apart, as no times.txt of {len(T)} rows is in its folder")
-    for k in np.flatnonzero(abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > 1e-3)[:1]:
-        raise InputError(f"{path}:{k + 1}: expected a rotation in columns 1-3, 5-7 and 9-11")
-    q = _quaternions("matrix", R)
+    q = _quaternions("matrix", T[:, :, :3].reshape(-1, 9))
     return _table("t (s),x,y,z,qx,qy,qz,qw", times, *T[:, :, 3].T, *q.T)
 
 
@@ -192,14 +202,17 @@ def _sophus(text: str, path: Path) -> str:
 
 def _nanoseconds(stamp: str) -> int:
     """Return an ISO time since 1970, ns; UTC without an offset."""
-    time = datetime.fromisoformat(stamp.strip(' "'))
+    day, clock = re.split("[T ]", stamp.strip(' "'), maxsplit=1)
+    if day.count("-") == 1:  # the day of the year, as CCSDS allows
+        day = f"{datetime.strptime(day, '%Y-%j').replace(tzinfo=UTC):%Y-%m-%d}"
+    time = datetime.fromisoformat(f"{day}T{clock}")
     time = time.replace(tzinfo=time.tzinfo or UTC)
     return (time - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
 def _iso(text: str, path: Path) -> str:
     head, *rows = (line.split(",") for line in text.splitlines())
-    k = next(k for k, cell in enumerate(rows[0]) if re.match(r'"? *\d{4}-\d\d-', cell))
+    k = next(k for k, cell in enumerate(rows[0]) if re.match(r'"? *\d{4}-\d\d', cell))
     head[k] = re.sub(r"\W.*", "", head[k].strip()) + " (ns)"
     for number, cells in enumerate(rows, 2):
         try:
@@ -228,7 +241,8 @@ def _aem(text: str, path: Path) -> str:
 def _stk(text: str, path: Path) -> str:
     """Read an attitude file of STK; help.agi.com, Attitude File Format (*.a)."""
     [(kind, data)] = re.findall(r"(?si)AttitudeTime(\w+)\s+(.*?)END", text)
-    orders = {"quaternions": "qx,qy,qz,qw", "quatscalarfirst": "qw,qx,qy,qz"}
+    orders = dict.fromkeys(("quaternions", "quatangvels"), "qx,qy,qz,qw")
+    orders["quatscalarfirst"] = "qw,qx,qy,qz"
     if kind.lower() not in orders:
         raise InputError(f"{path}: expected AttitudeTimeQuaternions; export it with quaternions")
     return _table(f"t (s),{orders[kind.lower()]}", *np.loadtxt(io.StringIO(data), ndmin=2).T[:5])
@@ -260,25 +274,13 @@ def _blackbox(text: str, path: Path) -> str:
     return with_columns(f"{head}\n{rest}", ",".join(added[name] for name in present), numbers)
 
 
-def _columns(text: str, pattern: str, count: int) -> Array:
-    """Return the columns whose headings fit a pattern, if there are so many."""
+def _rotations(text: str, path: Path) -> str:
+    """Add the quaternions of rotations in another form."""
     head, *rows = text.splitlines()
-    headings = [re.sub(r"[ (].*", "", entry.strip().lower()) for entry in head.split(",")]
-    places = [k for k, heading in enumerate(headings) if re.fullmatch(pattern, heading)]
-    return _numbers(rows, places) if len(places) == count else np.empty((0, count))
-
-
-def _mrp(text: str, path: Path) -> str:
-    numbers = _columns(text, r"(sigma|mrp)\w*?_?\[?[1-3xyz]\]?", 3)
-    _remark(path, "sigma_BN is read as the rotation from B to N, which has the same numbers")
-    return with_columns(text, "qx,qy,qz,qw", _quaternions("mrp", numbers))
-
-
-def _matrix(text: str, path: Path) -> str:
-    numbers = _columns(text, r"(c|r|dcm|rot|bn)_?\[?[0-3]\]?_?\[?[0-3]\]?", 9)
-    R = numbers.reshape(-1, 3, 3)
-    if not re.match(r"(?i)(.*,)?\W*r", text.split("\n")[0]):  # direction cosines [BN]
-        R = np.swapaxes(R, 1, 2)
-        words = "direction cosines are read as [BN], from the world to the body"
-        _remark(path, f"{words}; add `attitude: world_to_body` if they are from the body")
-    return with_columns(text, "qx,qy,qz,qw", _quaternions("matrix", R))
+    names = [re.sub(r"[ (].*", "", entry.strip()) for entry in head.split(",")]
+    for form, pattern, count, words in _beginnings()["rotations"]:
+        places = [k for k, name in enumerate(names) if re.fullmatch(pattern, name)]
+        if len(places) == count:
+            _remark(path, words)
+            return with_columns(text, "qx,qy,qz,qw", _quaternions(form, _numbers(rows, places)))
+    return text

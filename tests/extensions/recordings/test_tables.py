@@ -1,5 +1,6 @@
 """Texts and bags that other programs write, against the motion that they were written from."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -109,22 +110,30 @@ COSINES = "time,C11,C12,C13,C21,C22,C23,C31,C32,C33\n" + rows(T, R.swapaxes(1, 2
 MRP = "t,sigma_BN_1,sigma_BN_2,sigma_BN_3\n" + rows(T, np.outer(np.tan(ANGLE / 4), AXIS))
 ABOUT_Z, QUATERNIONS = rotations(np.eye(3)[2], T), "t,qw,qx,qy,qz\n"
 
+KITTI = rows(np.dstack([R, PLACES]).reshape(-1, 12), separator=" ")
+AEM_2 = AEM.format("A2B", "", stamped(Q))
+
 # A text, the times, the rotations and the places in it
 TEXTS = {
     "motive": (motive(), T, R, PLACES),
     "motive in mm": (motive("Millimeters"), T, R, PLACES),
     "vicon": (vicon()[0], T, vicon()[1], PLACES),
-    "kitti": (rows(np.dstack([R, PLACES]).reshape(-1, 12), separator=" "), T, R, PLACES),
+    "kitti": (KITTI, T, R, PLACES),
+    "kitti with spaces": (KITTI.replace("\n", " \n "), T, R, PLACES),
     "aem": (AEM.format("A2B", "QUATERNION_TYPE = FIRST", stamped(first)), since + T, R, None),
-    "aem, scalar last": (AEM.format("A2B", "", stamped(Q)), since + T, R, None),
+    "aem, scalar last": (AEM_2, since + T, R, None),
     "aem, to A": (AEM.format("B2A", "", stamped(Q * [-1, -1, -1, 1])), since + T, R, None),
     "stk": (STK.format("Quaternions", rows(T, Q, separator=" ")), T, R, None),
+    "stk with rates": (STK.format("QuatAngVels", rows(T, Q, Q, separator=" ")), T, R, None),
     "stk, scalar first": (STK.format("QuatScalarFirst", rows(T, first, separator=" ")), T, R, None),
     "iso": (QUATERNIONS + stamped(first, ","), since + T, R, None),
     "iso, zone": (QUATERNIONS + stamped(first, ",", "-01:00"), 3600 + since + T, R, None),
+    "day of the year": (AEM_2.replace("2024-02-29", "2024-060"), since + T, R, None),
     "mrp": (MRP, T, R, None),
+    "mrp in brackets": (MRP.replace("BN_1", "BN[0]").replace("BN_2", "BN[1]"), T, R, None),
     "cosines": (COSINES.replace("time", "t"), T, R, None),
     "matrix": (MATRIX, T, R, None),
+    "matrix in brackets": (re.sub(r"r(\d)(\d)", r"R[\1][\2]", MATRIX), T, R, None),
     "blackbox": (BLACKBOX + SPINS, T, ABOUT_Z, None),
     "nanoseconds": ("t (ns)," + HEAD[2:] + NANOSECONDS, 1403715000 + T, R, PLACES),
 }
@@ -149,7 +158,7 @@ REFUSED = [
         ":11: expected a finite number in column x, got nan or an empty cell; add `dr",
     ),
     (vicon()[0].replace("\n11.0", "\nsecret", 1), "begins as objects of Vicon, but goes on otherw"),
-    ("1 0 0 0 0 2 0 0 0 0 1 0\n", ":1: expected a rotation in columns 1-3, 5-7 and 9-11"),
+    ("1 0 0 0 0 2 0 0 0 0 1 0\n", "begins as poses of KITTI, but goes on otherwise with no r"),
     ("1 0 0 0 0 1 0 0 0 0 1 0\n1 0\n", "begins as poses of KITTI, but goes on otherwise"),
     (AEM.format("A2B", "", "").replace("QUATERNION", "SPIN"), "expected one segment, of ATTITUDE"),
     (STK.format("YPRAngles", "0 1 2 3"), "expected AttitudeTimeQuaternions; export it with quat"),
@@ -166,6 +175,12 @@ def test_a_text_that_cannot_be_read_is_named_with_what_to_do(text, words):
     assert "secret" not in said
 
 
+def test_deviations_and_parts_of_matrices_are_no_rotations():
+    for head in ("t,x,y,z,sigma_x,sigma_y,sigma_z", "t,x,y,z,c11,c12,c13", "t,x,y,z,r11,a,b"):
+        Path("a.csv").write_text(f"{head}\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n")
+        assert eqt_cli.check_log("a.csv").group == "R3"
+
+
 def test_what_a_file_leaves_open_is_told():
     Path("a.csv").write_text(motive(lost=[3]))
     with pytest.warns(EqtWarning, match=r"a\.csv: a take of Motive of Drone, Wand; body Drone is"):
@@ -175,7 +190,7 @@ def test_what_a_file_leaves_open_is_told():
     with pytest.warns(EqtWarning):
         wand = read_measured("a.csv", group_named("SO3"), {"columns": chosen, "drop": ["invalid"]})
     np.testing.assert_allclose(wand.poses, np.delete(R[::-1], 3, axis=0), atol=1e-9)
-    Path("a.txt").write_text(TEXTS["kitti"][0])
+    Path("a.txt").write_text(KITTI)
     with pytest.warns(EqtWarning, match=r"rows are 0.1 s apart, as no times.txt of 30 rows is"):
         assert "its content gives the format" in refusal(
             InputError, eqt_cli.check_log, "a.txt", format="tum"
