@@ -107,13 +107,10 @@ def read_measured(
         return recording_of(read_log(text, name, kind, G, columns))
 
 
-def read_driven(
-    path: str | os.PathLike[str], G: MatrixLieGroup, mapping: _Mapping = None, format: str = "csv"
+def _driving(
+    path: str | os.PathLike[str], G: MatrixLieGroup, mapping: _Mapping, format: str
 ) -> Recording:
-    """Read a recording as `read_measured` does; rates are enough for a rotation.
-
-    Its poses are then NaN.
-    """
+    """Read a recording of a wrench; rates are enough for a rotation, and its poses then NaN."""
     rates, names = recorded_names(G, ["rates"]), pose_columns(G)
     with _read(path, mapping, format) as (text, name, kind, columns):
         sheet = open_sheet(text, name, kind, columns)
@@ -381,7 +378,7 @@ def replay(
         A configuration as for `load_experiment`. Its group, inertia, plant, actuators and solver
         are used.
     measured
-        The recording, with poses, wrenches and possibly velocities.
+        The recording, with poses (of a rotation, rates are enough) and wrenches.
     mapping, format
         As for `check_log`.
     hold
@@ -517,7 +514,7 @@ def _opened(
     else:
         document = document_from(config, {}, trust_plugins=trust_plugins)
     base = build(replace(document, data=without_search(document.data)))
-    recording = prediction.by_rotors(base, read_driven(measured, base.group, mapping, format))
+    recording = prediction.by_rotors(base, _driving(measured, base.group, mapping, format))
     recording.require_wrenches()
     length = float(recording.times[-1] - recording.times[0])
     if not abs(delay) < length:

@@ -143,11 +143,12 @@ def _motive(text: str, path: Path) -> str:
     """Read a take of Motive; https://docs.optitrack.com/motive/data-export/data-export-csv."""
     heads, names, rows = _with_heads(text, "Frame,Time")
     facts = dict(zip(heads[0], heads[0][1:], strict=False))
-    if facts["Rotation Type"] != "Quaternion":
+    if facts.get("Rotation Type", "Quaternion") != "Quaternion":
         raise InputError(f"{path}: holds Euler angles; export it with Rotation Type: Quaternion")
     unit = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}[facts["Length Units"]]
     columns = list(zip(names, heads[-2], heads[-1], strict=True))[2:]
-    body, headings = next(name for name, kind, _ in columns if kind == "Rotation"), ["frame,t (s)"]
+    turned = (name for name, kind, _ in columns if kind == "Rotation")
+    body, headings = next(turned, columns[0][0]), ["frame,t (s)"]  # without one, a marker
     for name, kind, axis in columns:
         eqt = {"Rotation": f"q{axis}", "Position": f"{axis} ({unit})"}.get(kind, "")
         headings.append(eqt.lower() if eqt and name == body else f"{name} {kind} {axis}".strip())
@@ -182,7 +183,8 @@ def _kitti(text: str, path: Path) -> str:
     T = np.loadtxt(io.StringIO(text), ndmin=2).reshape(-1, 3, 4)
     times = 0.1 * np.arange(len(T))
     try:
-        times = np.loadtxt(path.with_name("times.txt")).reshape(len(T))
+        with open_regular(path.with_name("times.txt")) as stream:
+            times = np.loadtxt(stream, max_rows=len(T) + 1).reshape(len(T))
     except (OSError, ValueError):
         _remark(path, f"rows are 0.1 s apart, as no times.txt of {len(T)} rows is in its folder")
     q = _quaternions("matrix", T[:, :, :3].reshape(-1, 9))
