@@ -17,9 +17,9 @@ import numpy as np
 
 from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
-from eqt_cli.base.errors import EqtError, InputError, printable
+from eqt_cli.base.errors import EqtError, EqtWarning, InputError, printable
 from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
-from eqt_cli.base.reporting import Block, TextTable, significant
+from eqt_cli.base.reporting import Block, TextTable, reporter, significant
 from eqt_cli.components import log_table, matrix_groups, recording
 from eqt_cli.components.groups import MatrixLieGroup, groups
 from eqt_cli.components.log_table import (
@@ -599,7 +599,13 @@ def largest_group(
             "rotation and x, y, z for a position; name them in a mapping, "
             "`columns: {qx: …}`, or give the group, as SO3 for entries Q11 … Q33 of a matrix"
         )
-    return max(fitting, key=lambda group: len(recording.pose_columns(group)))
+    largest = max(fitting, key=lambda group: len(recording.pose_columns(group)))
+    rates = {*"xyz", "wx", "wy", "wz"} <= names and not [*incomplete_columns(names)]
+    if rates and not largest.rotations:
+        words = "x, y, z are read as positions, and wx, wy, wz have no rotation; if the rows are "
+        words += "log(T) = (rho, theta) of poses T, rho is no position: write T = exp(rho, theta)"
+        reporter().remark(EqtWarning(f"{name}: {words}"))
+    return largest
 
 
 def _uses(log: Log) -> Iterator[ColumnUse]:

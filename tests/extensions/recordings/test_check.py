@@ -8,7 +8,7 @@ from case_tables import from_yaml, refusal
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.base.errors import ConfigError, EqtError, InputError
+from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning, InputError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.log_table import LogMapping, MappingError, TimeMapping
 from eqt_cli.components.recording import read_log
@@ -76,6 +76,16 @@ MISTAKES = {
     "clock that is a little fast": ({"t": 1.2 * T}, {}, None),
     "a part of a rotation": ({"head": HEAD.replace("qw", "foo")}, {}, None),
     "none that is known": ({"w": MADE["w"][::-1]}, {}, None),
+    "attitude and frame of rates": (
+        {"q": R.inv().as_quat(), "w": R.apply(MADE["w"])},
+        {},
+        {"attitude": "world_to_body", "rates": "spatial"},
+    ),
+    "order and frame of rates": (
+        {"head": NUMBERED, "w": R.apply(MADE["w"])},
+        {"quaternion": "wxyz"},
+        {"quaternion": "xyzw", "rates": "spatial"},
+    ),
 }
 """What is recorded, how it is read, and the mapping by which all of it fits, if there is one."""
 
@@ -141,6 +151,11 @@ def test_a_level_start_tells_the_order_and_the_axes():
         "mapping if the body was level then"
     )
     assert check(text, "tum", world="NED to ENU", body="FRD to FLU").notes == []
+
+
+def test_logarithms_of_poses_are_no_positions():
+    with pytest.warns(EqtWarning, match=r"log\.csv: x, y, z are read as positions, and wx, wy, wz"):
+        check("t,x,y,z,wx,wy,wz\n0,1,0,0,0,0,1\n1,1,0,0,0,0,1\n")
 
 
 def test_gaps_columns_that_are_not_used_and_turns_without_a_unit_are_named():
