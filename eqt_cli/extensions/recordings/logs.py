@@ -601,7 +601,7 @@ def largest_group(
         )
     largest = max(fitting, key=lambda group: len(recording.pose_columns(group)))
     rates = {*"xyz", "wx", "wy", "wz"} <= names and not [*incomplete_columns(names)]
-    if rates and not largest.rotations:
+    if rates and not largest.rotations and not text.startswith(log_table.CONVERTED):
         words = "x, y, z are read as positions, and wx, wy, wz have no rotation; if the rows are "
         words += "log(T) = (rho, theta) of poses T, rho is no position: write T = exp(rho, theta)"
         reporter().remark(EqtWarning(f"{name}: {words}"))
