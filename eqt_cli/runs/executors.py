@@ -220,8 +220,8 @@ class _Work:
         finally:
             if self.pool.stop is not None:
                 self.pool.stop[:] = 1
-                futures.wait(self.running, STOP_WITHIN)
-                self.pool.stop[:] = 0
+                if not futures.wait(self.running, STOP_WITHIN).not_done:
+                    self.pool.stop[:] = 0
 
     def _outcomes(self, waiting: Iterator[int]) -> Iterator[Outcome]:
         last, longest = time.monotonic(), 0.0
