@@ -31,11 +31,12 @@ from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.extensions.recordings import frames, logs, plant_fit, prediction
+from eqt_cli.extensions.recordings.first_bytes import format_of
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.recordings.prediction import Growth, Windows
-from eqt_cli.extensions.recordings.tables import format_of, with_columns
+from eqt_cli.extensions.recordings.tables import with_columns
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None

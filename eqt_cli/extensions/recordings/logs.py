@@ -36,8 +36,8 @@ from eqt_cli.components.recording_check import gaps_of, incomplete_columns, note
 from eqt_cli.engines.compiler import Limits, run_contained
 from eqt_cli.extensions.recordings import frames, readers
 from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
+from eqt_cli.extensions.recordings.first_bytes import format_of
 from eqt_cli.extensions.recordings.readers import Topic
-from eqt_cli.extensions.recordings.tables import format_of
 
 # Reads a file of another program, in a process with limits ----------------------------------------
 

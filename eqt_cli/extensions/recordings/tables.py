@@ -8,46 +8,22 @@ import csv
 import io
 import re
 from collections.abc import Sequence
-from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError
 from eqt_cli.base.files import open_regular, text_of
 from eqt_cli.base.reporting import reporter
 from eqt_cli.components.log_table import CONVERTED
-from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
+from eqt_cli.extensions.recordings.first_bytes import beginnings, begins, format_of
 
 HEAD = 20_000  # characters that show the format of a text
 SAMPLED = 0.02  # s between rows that are taken of polynomials
 ORTHOGONAL = 1e-3  # largest error of RRᵀ of a rotation
-
-
-@cache
-def _beginnings() -> dict[str, Any]:
-    path = Path(__file__).with_name("tables.yaml")
-    return dict(yaml_source.load(path.read_text(encoding="utf-8"), path.name).data)
-
-
-def _begins(path: Path, pattern: str) -> bool:
-    """Whether a file can be read and begins so; a character stands for a byte."""
-    with suppress(OSError, ValueError), open_regular(path) as stream:
-        return bool(re.match(pattern, stream.read(512).decode("latin-1"), re.DOTALL))
-    return False
-
-
-def format_of(path: Path) -> str:
-    """Return the format of a log by its first bytes or its suffix; empty for a table."""
-    if path.is_dir():
-        return "bag" * any(re.search(r"\.(db3|mcap)", each.name) for each in path.iterdir())
-    by_bytes = (form for form, start in _beginnings()["logs"].items() if _begins(path, start))
-    return next(by_bytes, "") or FORMATS_BY_SUFFIX.get(path.suffix.lower(), "")
 
 
 def text_of_recording(
@@ -65,13 +41,13 @@ def text_of_recording(
         from eqt_cli.extensions.recordings import logs  # slow to import
 
         return logs.text_of_recording(path, missing, kind, limit)
-    for start, title, tool in _beginnings()["foreign"]:
-        if _begins(path, start):
+    for start, title, tool in beginnings()["foreign"]:
+        if begins(path, start):
             raise InputError(
                 f"{path}: is {title}, not a table that eqt reads; convert it to a table with {tool}"
             )
     text = text_of(path, missing, kind, limit=limit, smaller=smaller)
-    for name, (title, start) in _beginnings()["tables"].items():
+    for name, (title, start) in beginnings()["tables"].items():
         if re.match(start, text[:HEAD]):
             try:
                 text = globals()[f"_{name}"](text, path)
@@ -280,7 +256,7 @@ def _rotations(text: str, path: Path) -> str:
     """Add the quaternions of rotations in another form."""
     head, *rows = text.splitlines()
     names = [re.sub(r"[ (].*", "", entry.strip()) for entry in head.split(",")]
-    for form, pattern, count, words in _beginnings()["rotations"]:
+    for form, pattern, count, words in beginnings()["rotations"]:
         places = [k for k, name in enumerate(names) if re.fullmatch(pattern, name)]
         if len(places) == count:
             _remark(path, words)
