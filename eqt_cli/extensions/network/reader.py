@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-import yaml
 
+from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtWarning, InputError, Remedy
 from eqt_cli.base.files import open_regular, refusals
@@ -35,9 +35,7 @@ Operand = str | list[float]
 
 def table(name: str) -> Any:
     """Return a table of this folder, written in YAML."""
-    text = Path(__file__).with_name(name).read_text(encoding="utf-8")
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    return yaml.load(text, loader)  # noqa: S506  # both loaders are safe
+    return yaml_source.load(Path(__file__).with_name(name).read_text(encoding="utf-8"), name).data
 
 
 OPERATIONS: dict[str, Any] = table("operations.yaml")
@@ -455,7 +453,9 @@ class _OfGraph:
     def _read_beside(self, tensor: Any) -> None:
         """Read the weights of a tensor from a file in the same folder."""
         where = {entry.key: entry.value for entry in tensor.external_data}
-        place, offset = where.get("location", ""), int(where.get("offset", 0))
+        place, span = where.get("location", ""), [where.get(x, "0") for x in ("offset", "length")]
+        if not all(re.fullmatch(r"[0-9]{1,15}", number) for number in span):
+            self.built.refuse(f"weights {tensor.name} from byte {span[0]}, {span[1]} bytes long")
         inline = f"onnx.save(onnx.load('{self.name}'), 'whole.onnx') writes one file"
         if not place or Path(place).name != place or self.path.with_name(place).is_symlink():
             raise InputError(
@@ -471,7 +471,8 @@ class _OfGraph:
                 f"{self.name}: the weights {tensor.name} are in {place}, which must stand beside "
                 f"it ({error.args[0]}); or {inline}"
             ) from error
-        tensor.raw_data = content[offset:][: int(where.get("length", len(content)))]
+        end = int(where.get("length", len(content)))
+        tensor.raw_data = content[int(span[0]) :][:end]
         tensor.data_location = self.onnx.TensorProto.DEFAULT
         del tensor.external_data[:]
 

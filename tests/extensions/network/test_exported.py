@@ -245,6 +245,19 @@ def test_weights_elsewhere_are_refused_with_what_writes_one_file(tmp_path, locat
     assert "onnx.save(onnx.load('policy.onnx'), 'whole.onnx')" in message
 
 
+@pytest.mark.parametrize("offset", ["-4", "first"])
+def test_weights_at_no_whole_number_are_refused(tmp_path, offset):
+    path = tmp_path / "policy.onnx"
+    saved_beside(path)
+    made = onnx.load(path, load_external_data=False)
+    for entry in made.graph.initializer[0].external_data:
+        if entry.key == "offset":
+            entry.value = offset
+    path.write_bytes(made.SerializeToString())
+    said = error_of(network_text, path, kind=InputError)
+    assert f"has weights W from byte {offset}, " in said
+
+
 # Memory -------------------------------------------------------------------------------------------
 
 

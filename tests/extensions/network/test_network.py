@@ -1,5 +1,6 @@
 """Laws that are networks: their files, their numbers, and loops with them."""
 
+import itertools
 import json
 
 import h5py
@@ -149,6 +150,9 @@ def test_every_operation_is_that_of_onnxruntime(read):
 def test_no_activation_makes_a_number_of_nan(read):
     for op in ("Relu", "Tanh", "Sigmoid", "Elu", "LeakyRelu"):
         made = graph([node(op, "x")], {}, {"x": [1, 1]}, {"y": [1, 1]})
+        assert np.isnan(outputs_of(network_of(read(made), "policy.onnx"), [[np.nan]])).all()
+    for op, of in itertools.product(("Max", "Min"), (("x", "b"), ("b", "x"))):
+        made = graph([node(op, *of)], {"b": np.float32([[0.0]])}, {"x": [1, 1]}, {"y": [1, 1]})
         assert np.isnan(outputs_of(network_of(read(made), "policy.onnx"), [[np.nan]])).all()
 
 
