@@ -89,12 +89,12 @@ def cluster(tmp_path):
     return path
 
 
-def processes(*words):
-    """The processes whose command lines hold all words."""
+def processes(*words, of="cmdline"):
+    """The processes whose command lines, or variables at their start, hold all words."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
-            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            line = (entry / of).read_bytes().replace(b"\0", b" ").decode()
         except OSError:
             continue
         if entry.name.isdecimal() and all(word in line for word in words):
@@ -127,7 +127,7 @@ def test_parsl_outlives_all_that_is_killed_but_its_head(task, cluster, tmp_path)
         outcomes = opened.outcomes(task, [1000, 1001, 1002])
         before = [next(outcomes)]
         manager = processes("process_worker_pool", str(folder))[-1]
-        os.kill(manager, signal.SIGKILL)  # as a job that is cancelled
+        os.killpg(os.getpgid(manager), signal.SIGKILL)  # as a job that is cancelled
         assert len([*before, *outcomes]) == 3
         outcomes, begun = opened.outcomes(task, [2000, 2001]), time.monotonic()
         [head] = [p for p in processes("interchange") if parent(p) == os.getpid()]
@@ -136,7 +136,7 @@ def test_parsl_outlives_all_that_is_killed_but_its_head(task, cluster, tmp_path)
             list(outcomes)
         assert time.monotonic() < begun + 5
     assert not list(folder.iterdir())
-    wait_for(lambda: not processes(str(folder)), 20)
+    wait_for(lambda: not processes(str(folder)) + processes(str(tmp_path), of="environ"), 20)
 
 
 def parent(process):
