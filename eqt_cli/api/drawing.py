@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at, require_list
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, Remedy, suggestion
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FIGURES, REPORT, YAML, check_targets, write_all
-from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.base.yaml_source import load
@@ -290,7 +290,7 @@ def _recording(
         raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
     if shown.group is None:
         raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")
-    recording = of_extension("recordings.api.read_measured")(measured, shown.group, mapping, kind)
+    recording = function_for("plot --measured")(measured, shown.group, mapping, kind)
     for note in recording.notes:
         reporter().remark(EqtWarning(f"{recording.name}: {note}"))
     return recording

@@ -6,10 +6,8 @@ Components (groups, controllers, figures, …) are found by scanning modules; no
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import linecache
-import pkgutil
 import re
 import sys
 import traceback
@@ -22,6 +20,7 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
 
+from eqt_cli.base import extensions
 from eqt_cli.base.errors import ComponentError, EqtError, alike, suggestion
 from eqt_cli.base.files import refusals, text_in
 
@@ -69,56 +68,51 @@ class Registry(Generic[T]):
         The class that every component derives from; plugins find it in `eqt_cli.extend`.
     modules
         The modules of eqt's own components, in the order in which a name is looked for. Extensions
-        name theirs in `COMPONENTS`.
-    entry_point_group
-        The entry-point group of other distributions, by default ``eqt.`` and the plural.
+        register theirs by `base.extensions`.
     """
 
-    def __init__(
-        self,
-        kind: str,
-        plural: str,
-        base: type[T],
-        modules: tuple[str, ...],
-        entry_point_group: str = "",
-    ) -> None:
-        self.kind, self.plural, self.base, self.modules = kind, plural, base, modules
-        self.entry_point_group = entry_point_group or f"eqt.{plural}"
+    def __init__(self, kind: str, plural: str, base: type[T], modules: tuple[str, ...]) -> None:
+        self.kind, self.plural, self.base = kind, plural, base
+        self.modules = tuple(f"eqt_cli.{module}" for module in modules)
         self._plugins: dict[str, type[T]] = {}
         _registries.append(self)
 
     @lru_cache  # noqa: B019  # registries live as long as the process
     def _in_module(self, module: str) -> dict[str, type[T]]:
-        components = self._components(importlib.import_module(f"eqt_cli.{module}"))
+        components = self._components(importlib.import_module(module))
         return {_name(component): component for component in components}
 
     @cached_property
     def _of_extensions(self) -> dict[str, str]:
         """The modules of the components in extensions, which are imported when they are used."""
         return {
-            name: f"extensions.{extension}.{module}"
-            for extension, manifest in extensions().items()
-            for name, module in getattr(manifest, "COMPONENTS", {}).get(self.plural, {}).items()
+            name: module
+            for extension in extensions.shipped()
+            for name, module in extension.components.get(self.plural, {}).items()
         }
 
     @cached_property
     def _installed(self) -> dict[str, type[T]]:
+        """The components of other distributions."""
         components: dict[str, type[T]] = {}
-        for point in _entry_points().select(group=self.entry_point_group):
-            try:
-                component = point.load()
-            except Exception as error:
-                raise ComponentError(
-                    f"{self.kind} '{point.name}' of the entry point '{point.value}' cannot be "
-                    f"loaded: {error}; fix or uninstall the distribution that declares it"
-                ) from error
-            if not (inspect.isclass(component) and issubclass(component, self.base)):
-                raise ComponentError(
-                    f"{self.kind} '{point.name}' of the entry point '{point.value}' is not a "
-                    f"{self.base.__name__}; derive it from eqt_cli.extend.{self.base.__name__}"
-                )
-            self._check_complete(component)
-            components.setdefault(_name(component), component)
+        for extension in extensions.installed():
+            for name, module in extension.components.get(self.plural, {}).items():
+                where = f"{self.kind} '{name}' of the extension '{extension.name}'"
+                try:
+                    inside = self._in_module(module)
+                except EqtError:
+                    raise
+                except Exception as error:
+                    raise ComponentError(
+                        f"{where} cannot be loaded: {error}; fix or uninstall the distribution "
+                        "that declares it"
+                    ) from error
+                if name not in inside:
+                    raise ComponentError(
+                        f"{where} is not in {module}; define a class of this `name` there, derived "
+                        f"from eqt_cli.extend.{self.base.__name__}"
+                    )
+                components.setdefault(name, inside[name])
         return components
 
     def _shipped(self, name: str) -> type[T] | None:
@@ -203,29 +197,6 @@ class Registry(Generic[T]):
         return added
 
 
-@lru_cache(maxsize=1)
-def extensions() -> dict[str, Any]:
-    """Return the extensions by name; each names its components and commands, without their code."""
-    package = importlib.import_module("eqt_cli.extensions")
-    names = sorted(module.name for module in pkgutil.iter_modules(package.__path__))
-    return {name: importlib.import_module(f"eqt_cli.extensions.{name}") for name in names}
-
-
-def of_extension(place: str) -> Any:
-    """Import an object of an extension, ``recordings.measured.findings``, where a command needs it.
-
-    Raises
-    ------
-    ComponentError
-        If the extension was removed.
-    """
-    module, _, name = place.rpartition(".")
-    extension = place.partition(".")[0]
-    if importlib.util.find_spec(f"eqt_cli.extensions.{extension}") is None:
-        raise ComponentError(f"the extension '{extension}' is not installed; install eqt again")
-    return getattr(importlib.import_module(f"eqt_cli.extensions.{module}"), name)
-
-
 def load_plugin(path: Path, source: str | None = None) -> list[str]:
     """Execute a plugin file and register every component in it.
 
@@ -282,17 +253,8 @@ def is_foreign(module: str) -> bool:
 
 @lru_cache(maxsize=1)
 def _foreign_packages() -> frozenset[str]:
-    groups = {registry.entry_point_group for registry in _registries}
-    values = (point.value for group in groups for point in _entry_points().select(group=group))
-    return frozenset(value.partition(":")[0].partition(".")[0] for value in values)
-
-
-@lru_cache(maxsize=1)
-def _entry_points() -> Any:
-    """All entry points; cached, because finding them takes 10 ms and many registries need them."""
-    from importlib.metadata import entry_points  # which takes 20 ms
-
-    return entry_points()
+    packages = (extension.package for extension in extensions.installed())
+    return frozenset(package.partition(".")[0] for package in packages)
 
 
 def _name(component: type) -> str:
@@ -377,27 +339,29 @@ def blamed() -> Iterator[None]:
 # Every kind of component by its name in `eqt list` ------------------------------------------------
 
 KINDS = {
-    "groups": "components.groups",
-    "controllers": "components.laws",
-    "references": "components.references",
-    "forces": "components.forces",
-    "actuators": "components.actuators",
-    "sensors": "components.sensors",
-    "estimators": "components.estimators",
-    "engines": "engines.engine",
-    "poses": "components.initial_states",
-    "velocities": "components.initial_states",
-    "metrics": "loop.signals",
-    "designs": "config.designs",
-    "executors": "runs.executors",
-    "figures": "figures.figure",
-    "certificates": "analysis.certificates",
-    "claims": "analysis.compare",
+    "groups": "eqt_cli.components.groups",
+    "controllers": "eqt_cli.components.laws",
+    "references": "eqt_cli.components.references",
+    "forces": "eqt_cli.components.forces",
+    "actuators": "eqt_cli.components.actuators",
+    "sensors": "eqt_cli.components.sensors",
+    "estimators": "eqt_cli.components.estimators",
+    "engines": "eqt_cli.engines.engine",
+    "poses": "eqt_cli.components.initial_states",
+    "velocities": "eqt_cli.components.initial_states",
+    "metrics": "eqt_cli.loop.signals",
+    "designs": "eqt_cli.config.designs",
+    "executors": "eqt_cli.runs.executors",
+    "figures": "eqt_cli.figures.figure",
+    "certificates": "eqt_cli.analysis.certificates",
+    "claims": "eqt_cli.analysis.compare",
 }
+for _extension in extensions.shipped():
+    KINDS |= _extension.kinds
 """The modules of the registries, in the order of `eqt list`."""
 
 
 def registry(kind: str) -> Registry[Any]:
     """Return the registry of a kind, by its plural."""
-    importlib.import_module(f"eqt_cli.{KINDS[kind]}")
+    importlib.import_module(KINDS[kind])
     return next(registry for registry in _registries if registry.plural == kind)

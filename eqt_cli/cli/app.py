@@ -5,19 +5,28 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 from typer.main import get_group
 
-from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.errors import ComponentError, EqtError, suggestion
+from eqt_cli.base.extensions import (
+    COMPUTE,
+    LOOK_UP,
+    READ,
+    START,
+    CommandPlace,
+    Extension,
+    imported,
+    installed,
+    shipped,
+)
 from eqt_cli.base.process import drop_stdout
-from eqt_cli.base.registry import extensions
 from eqt_cli.base.version import __version__
-from eqt_cli.cli.options import COMPUTE, LOOK_UP, READ, START, Command, Group, example, spread
+from eqt_cli.cli.options import Command, Group, example, spread
 
 _UsageError: Any = typer.BadParameter.__base__
 """Usage error of the parser; typer's own or click's, depending on the version of typer."""
@@ -97,41 +106,52 @@ MOST_COLUMNS = 1000
 
 
 _CORE = {
-    "run": ("cli.run.run", START, "configs/paper.yaml --set gains.kp=2"),
-    "sweep": ("cli.run.sweep", START, "configs/paper.yaml --grid gains.kp=1,2"),
-    "plot": ("cli.plot.plot", START, "results/paper --figure torque --format pdf"),
-    "compare": ("cli.compare.compare", START, "results/paper --metric mean_torque"),
-    "tune": ("cli.run.tune", COMPUTE, "configs/tune_paper.yaml"),
-    "worst": ("cli.run.worst", COMPUTE, "late.yaml --fail-above 0.2"),
-    "pack": ("cli.run.pack", COMPUTE, "results/sweep_gains"),
-    "show": ("cli.show.show", READ, "results/paper --failed"),
-    "results": ("cli.show.results", READ, "results"),
-    "diff": ("cli.compare.diff", READ, "results/paper results/again"),
-    "verify": ("cli.verify.verify", READ, "configs/paper.yaml"),
-    "margins": ("cli.verify.margins", READ, "paper --set 'reference={kind: constant}'"),
-    "animate": ("cli.plot.animate", READ, "results/paper --run 1 --format gif"),
-    "report": ("cli.plot.report", READ, "results/paper --out report.html"),
-    "cite": ("cli.plot.cite", READ, "results/paper > refs.bib"),
-    "list": ("cli.lookup.list_components", LOOK_UP, "controllers"),
-    "config": ("cli.lookup.app", LOOK_UP, ""),
+    "run": ("eqt_cli.cli.run.run", START, "configs/paper.yaml --set gains.kp=2"),
+    "sweep": ("eqt_cli.cli.run.sweep", START, "configs/paper.yaml --grid gains.kp=1,2"),
+    "plot": ("eqt_cli.cli.plot.plot", START, "results/paper --figure torque --format pdf"),
+    "compare": ("eqt_cli.cli.compare.compare", START, "results/paper --metric mean_torque"),
+    "tune": ("eqt_cli.cli.run.tune", COMPUTE, "configs/tune_paper.yaml"),
+    "worst": ("eqt_cli.cli.run.worst", COMPUTE, "late.yaml --fail-above 0.2"),
+    "pack": ("eqt_cli.cli.run.pack", COMPUTE, "results/sweep_gains"),
+    "show": ("eqt_cli.cli.show.show", READ, "results/paper --failed"),
+    "results": ("eqt_cli.cli.show.results", READ, "results"),
+    "diff": ("eqt_cli.cli.compare.diff", READ, "results/paper results/again"),
+    "verify": ("eqt_cli.cli.verify.verify", READ, "configs/paper.yaml"),
+    "margins": ("eqt_cli.cli.verify.margins", READ, "paper --set 'reference={kind: constant}'"),
+    "animate": ("eqt_cli.cli.plot.animate", READ, "results/paper --run 1 --format gif"),
+    "report": ("eqt_cli.cli.plot.report", READ, "results/paper --out report.html"),
+    "cite": ("eqt_cli.cli.plot.cite", READ, "results/paper > refs.bib"),
+    "list": ("eqt_cli.cli.lookup.list_components", LOOK_UP, "controllers"),
+    "config": ("eqt_cli.cli.lookup.app", LOOK_UP, ""),
 }
 
 
-def _with_extensions() -> dict[str, tuple[str, str, str]]:
-    """Return all commands: each of an extension follows the one that the extension names."""
-    listed = [*_CORE.items()]
-    for extension, manifest in extensions().items():
-        for name, (place, before, arguments) in getattr(manifest, "COMMANDS", {}).items():
-            at = next(i for i, (other, _) in enumerate(listed) if other == before)
-            panel = listed[at][1][1]
-            row = (f"extensions.{extension}.{place}", panel, arguments)
-            listed.insert(at + 1, (name, row))
+def with_commands(extensions: Iterable[Extension]) -> dict[str, CommandPlace]:
+    """Return the commands of eqt and of extensions, in the order of the help.
+
+    Raises
+    ------
+    ComponentError
+        If two commands have one name.
+    """
+    listed = [(name, CommandPlace(*row)) for name, row in _CORE.items()]
+    for extension in extensions:
+        for name, place in extension.commands.items():
+            names = [other for other, _ in listed]
+            if name in names:
+                raise ComponentError(
+                    f"extension '{extension.name}': the command '{name}' already exists in eqt; "
+                    "give yours another name"
+                )
+            panels = [other.panel for _, other in listed]
+            last = len(panels) - panels[::-1].index(place.panel)
+            at = names.index(place.after) + 1 if place.after in names else last
+            listed.insert(at, (name, place))
     return dict(listed)
 
 
-COMMANDS = _with_extensions()
-"""The commands, in the order of the help: the place of the function, or of the app of a group of
-commands; the group of commands that it is in; the arguments of its example."""
+COMMANDS = with_commands(shipped())
+"""The commands of eqt, in the order of the help."""
 
 
 class _Commands(Group):
@@ -142,8 +162,9 @@ class _Commands(Group):
 
     @property
     def commands(self) -> Any:
-        """All commands by name."""
-        return {name: self.get_command(None, name) for name in COMMANDS}
+        """All commands by name, also those of other distributions."""
+        names = with_commands((*shipped(), *installed()))
+        return {name: self.get_command(None, name) for name in names}
 
     @commands.setter
     def commands(self, none: Any) -> None:
@@ -151,8 +172,13 @@ class _Commands(Group):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command; None if there is none of this name."""
-        if cmd_name in COMMANDS and cmd_name not in self._built:
-            self._built[cmd_name] = _command(cmd_name)
+        if cmd_name not in self._built:
+            # Other distributions are looked for last, since that takes 30 ms.
+            commands = COMMANDS
+            if cmd_name not in commands:
+                commands = with_commands((*shipped(), *installed()))
+            if cmd_name in commands:
+                self._built[cmd_name] = _command(cmd_name, commands[cmd_name])
         return self._built.get(cmd_name)
 
     def main(self, *args: Any, **extra: Any) -> Any:
@@ -212,16 +238,13 @@ def main(
     """Experiments with equivariant tracking control on matrix Lie groups: from YAML to figure."""
 
 
-def _command(name: str) -> Any:
+def _command(name: str, place: CommandPlace) -> Any:
     """Return a command, or a group of commands."""
-    place, panel, arguments = COMMANDS[name]
-    module, _, attribute = place.rpartition(".")
-    function = getattr(import_module(f"eqt_cli.{module}"), attribute)
-    alone = typer.Typer()
+    function, alone = imported(place.function), typer.Typer()
     if isinstance(function, typer.Typer):
-        alone.add_typer(function, name=name, rich_help_panel=panel, context_settings=_HELP)
+        alone.add_typer(function, name=name, rich_help_panel=place.panel, context_settings=_HELP)
     else:
-        epilog = example(f"eqt {name}", arguments)
-        texts: Any = {"rich_help_panel": panel, "epilog": epilog, "context_settings": _HELP}
+        epilog = example(f"eqt {name}", place.example)
+        texts: Any = {"rich_help_panel": place.panel, "epilog": epilog, "context_settings": _HELP}
         alone.command(name, cls=Command, **texts)(spread(function))
     return get_group(alone).commands[name]

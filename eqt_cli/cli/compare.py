@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from eqt_cli.base.errors import EqtError, suggestion
-from eqt_cli.base.registry import of_extension
+from eqt_cli.base.extensions import function_for
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.tables import as_csv, as_latex
 
@@ -133,7 +133,7 @@ def compare(
             "--measured compares with a recording; leave --metric, --window and other tables out"
         )
     else:
-        explained = of_extension("recordings.api.compare_measured")(
+        explained = function_for("compare --measured")(
             result,
             measured,
             mapping,
@@ -144,7 +144,7 @@ def compare(
             units=unit or (),
         )
         shown = _Findings(
-            *of_extension("recordings.measured.findings")(
+            *function_for("findings on a recording")(
                 explained, measured, write, table is TableName.ALL
             )
         )

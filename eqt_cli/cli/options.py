@@ -58,12 +58,6 @@ if TYPE_CHECKING:
     from eqt_cli.config.document import Document
     from eqt_cli.config.study import Study
 
-START = "Start here"
-COMPUTE = "Compute"
-READ = "Look at results"
-LOOK_UP = "Configurations, recordings and components"
-"""Groups of commands."""
-
 
 def example(command: str, arguments: str) -> str:
     """Return the last line of a help page: a command that can be typed."""

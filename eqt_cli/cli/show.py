@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FILE_NAME
-from eqt_cli.base.registry import of_extension
 from eqt_cli.cli import options, output
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def show(
     with open_at(result, point) as opened:
         results = opened.in_units(unit or ())
         if export:
-            of_extension("recordings.export_run.export_run")(opened, export, controller or [], run)
+            function_for("show --export")(opened, export, controller or [], run)
             output.say(f"run {run} is in {export}")
         elif table:
             print_table(results, table, format_ or FORMATS[0])

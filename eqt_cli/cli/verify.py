@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import is_intact_file
-from eqt_cli.base.registry import of_extension
 from eqt_cli.base.reporting import Block, TextTable, listed
 from eqt_cli.cli import options
 from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
@@ -89,7 +89,7 @@ def verify(
     else:
         document = options.document_of(target, None, trust_plugins=trust_plugins)
         if code:
-            document = of_extension("firmware.controllers.with_code")(document, code, as_, adapter)
+            document = function_for("verify --code")(document, code, as_, adapter)
         document = overridden(document, options.overrides(set_, engine))
         subject = options.study_at(document, point, "verified without")
         point = None  # the configuration is already that of the point
@@ -102,7 +102,7 @@ def verify(
         exact=exact,
     )
     judged = any(row.kind == "code" for row in result.rows)
-    answers = of_extension("firmware.code_rows.answers") if judged else lambda *_: ()
+    answers = function_for("answers on code") if judged else lambda *_: ()
     code_answers = [*answers(result.rows, result.experiment)]
     findings = {
         "verified": str(target),
@@ -153,7 +153,7 @@ def _check_options(
     for name, value in others.items():
         if value and not code:
             raise EqtError(f"{name} is about a law in code; give its file with --code")
-    if code and not of_extension("firmware.controllers.file_and_function")(code)[0].is_file():
+    if code and not function_for("file of --code")(code)[0].is_file():
         raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
 
 

@@ -16,9 +16,9 @@ from pydantic import Tag
 
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, suggestion
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Positive, Real, Unit, one_of
-from eqt_cli.base.registry import extensions, of_extension
 from eqt_cli.base.units import factor, offered
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
 
@@ -526,10 +526,7 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, s
         Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot be
         converted.
     """
-    read = text_of
-    for extension, manifest in extensions().items():
-        if module := getattr(manifest, "RECORDINGS", ""):
-            read = of_extension(f"{extension}.{module}.text_of_recording")
+    read = next(functions_for("text of a recording"), text_of)
     return read(path, missing, kind, limit=limit, smaller=smaller)
 
 

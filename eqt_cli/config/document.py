@@ -25,9 +25,10 @@ from eqt_cli.base.errors import (
     parse_key,
     suggestion,
 )
+from eqt_cli.base.extensions import imported
 from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
 from eqt_cli.base.option_types import shown
-from eqt_cli.base.registry import load_plugin, of_extension
+from eqt_cli.base.registry import load_plugin
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.yaml_source import Source
 from eqt_cli.components.groups import MatrixLieGroup
@@ -385,7 +386,7 @@ def data_file(home: Place, name: str, reader: str = "") -> str:
                 raise InputError(f"{path}: is outside the result folder {home.folder}")
             is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
         if reader:
-            text = of_extension(reader)(path)
+            text = imported(reader)(path)
         elif is_result:
             text = _starts_of(path)
         else:

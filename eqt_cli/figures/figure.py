@@ -666,5 +666,4 @@ figures = Registry(
     "figures",
     Figure,
     tuple(f"figures.{x}_figures" for x in "path time run comparison sweep search".split()),
-    "eqt.plots",
 )

@@ -8,13 +8,14 @@ from pathlib import Path
 import eqt_cli
 
 SESSION = """
-from eqt_cli.base.registry import extensions, of_extension, registry
+from eqt_cli.base.extensions import function_for, shipped
+from eqt_cli.base.registry import registry
 from eqt_cli.cli.app import COMMANDS
-print(sorted(extensions()), {"fit", "log", "export"} & COMMANDS.keys())
+print(shipped(), {"fit", "log", "export"} & COMMANDS.keys())
 print({"code", "replay"} & {*registry("controllers").names()}, registry("controllers").get("eqt"))
 from eqt_cli import api
 print("fit" in api.__all__, "compare" in api.__all__)
-of_extension("recordings.measured.findings")
+function_for("compare --measured")
 """
 
 
@@ -27,8 +28,10 @@ def test_eqt_works_without_them(tmp_path):
         [sys.executable, "-c", SESSION], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.stdout.splitlines() == [
-        "[] set()",
+        "() set()",
         "set() <class 'eqt_cli.components.laws.EqT'>",
         "False True",
     ]
-    assert done.stderr.endswith("the extension 'recordings' is not installed; install eqt again\n")
+    assert done.stderr.endswith(
+        "compare --measured: its extension is not installed; install eqt again\n"
+    )

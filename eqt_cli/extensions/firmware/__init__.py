@@ -1,5 +1,13 @@
 """Laws as C for firmware, and C of others as laws that are judged."""
 
-COMPONENTS = {"controllers": {"code": "controllers"}}
+from eqt_cli.base.extensions import COMPUTE, Extension
 
-COMMANDS = {"export": ("commands.export", "pack", "configs/paper.yaml --controller eqt --out law")}
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("controllers", "code", "controllers")
+    example = "configs/paper.yaml --controller eqt --out law"
+    extension.add_command("export", "commands.export", COMPUTE, example, after="pack")
+    extension.add_function("verify --code", "controllers.with_code")
+    extension.add_function("file of --code", "controllers.file_and_function")
+    extension.add_function("answers on code", "code_rows.answers")

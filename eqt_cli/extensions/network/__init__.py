@@ -1,3 +1,8 @@
 """Laws that are neural networks, from the files that trainers write."""
 
-COMPONENTS = {"controllers": {"network": "network"}}
+from eqt_cli.base.extensions import Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("controllers", "network", "network")

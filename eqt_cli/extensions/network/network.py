@@ -473,7 +473,7 @@ class Network(Controller):
     title: ClassVar[str] = "network"
     tasks: ClassVar[tuple[str, ...]] = ()
     reads_gains: ClassVar[bool] = False
-    reader: ClassVar[str] = "network.reader.network_text"
+    reader: ClassVar[str] = "eqt_cli.extensions.network.reader.network_text"
 
     file: str
     observes: Annotated[list[Observed], BeforeValidator(_with_terms)] = field(metadata=STRUCTURE)

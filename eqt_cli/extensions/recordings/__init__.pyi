@@ -5,4 +5,3 @@ from eqt_cli.extensions.recordings.api import log_errors as log_errors
 from eqt_cli.extensions.recordings.api import replay as replay
 
 FORMATS_BY_SUFFIX: dict[str, str]
-RECORDINGS: dict[str, str]

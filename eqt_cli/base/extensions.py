@@ -1,0 +1,153 @@
+"""Extensions: packages in `eqt_cli/extensions`, and distributions that extend eqt in the same way.
+
+Each has a function ``register(extension)``, which names what the package adds and where that is;
+its code is imported where a command uses it. Those of eqt are found in the folder, others by an
+entry point of the group ``eqt.extensions``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from eqt_cli.base.errors import ComponentError
+
+GROUP = "eqt.extensions"
+"""Group of the entry points of other distributions."""
+
+START = "Start here"
+COMPUTE = "Compute"
+READ = "Look at results"
+LOOK_UP = "Configurations, recordings and components"
+"""Panels of the help, in which commands stand."""
+
+
+class CommandPlace(NamedTuple):
+    """Where a command is.
+
+    Attributes
+    ----------
+    function
+        Its function, or the app of a group of commands, as ``package.module.name``.
+    panel
+        The panel of the help in which it stands.
+    example
+        The arguments of its example.
+    after
+        The command that it follows in its panel; "" for the last one.
+    """
+
+    function: str
+    panel: str
+    example: str
+    after: str = ""
+
+
+class Extension:
+    """What one package adds to eqt; places are relative to it, ``module.name``.
+
+    Parameters
+    ----------
+    name
+        Its name in messages.
+    package
+        The package of its modules.
+    """
+
+    def __init__(self, name: str, package: str) -> None:
+        self.name, self.package = name, package
+        self.kinds: dict[str, str] = {}
+        self.components: dict[str, dict[str, str]] = {}
+        self.commands: dict[str, CommandPlace] = {}
+        self.functions: dict[str, str] = {}
+
+    def add_kind(self, kind: str, module: str) -> None:
+        """Name the module of the registry of a kind of components, by its plural."""
+        self.kinds[kind] = f"{self.package}.{module}"
+
+    def add_component(self, kind: str, name: str, module: str = "") -> None:
+        """Name a component by the plural of its kind, ``controllers``, and its module.
+
+        Without a module, it is in the package itself.
+        """
+        self.components.setdefault(kind, {})[name] = f"{self.package}.{module}".rstrip(".")
+
+    def add_command(
+        self, name: str, function: str, panel: str = READ, example: str = "", after: str = ""
+    ) -> None:
+        """Name the function of a command, as `CommandPlace` describes."""
+        self.commands[name] = CommandPlace(f"{self.package}.{function}", panel, example, after)
+
+    def add_function(self, purpose: str, function: str) -> None:
+        """Name a function for a purpose of other code, such as a section of `eqt show`."""
+        self.functions[purpose] = f"{self.package}.{function}"
+
+
+@lru_cache(maxsize=1)
+def shipped() -> tuple[Extension, ...]:
+    """Return the extensions in the folder, by name."""
+    folder = importlib.import_module("eqt_cli.extensions")
+    return tuple(
+        _registered(Extension(name, package), importlib.import_module(package).register)
+        for name in sorted(module.name for module in pkgutil.iter_modules(folder.__path__))
+        for package in [f"eqt_cli.extensions.{name}"]
+    )
+
+
+@lru_cache(maxsize=1)
+def installed() -> tuple[Extension, ...]:
+    """Return the extensions of other distributions.
+
+    Raises
+    ------
+    ComponentError
+        If one cannot be loaded.
+    """
+    from importlib.metadata import entry_points  # which takes 20 ms
+
+    extensions = []
+    for point in entry_points(group=GROUP):
+        extension = Extension(point.name, point.module)
+        try:
+            extensions.append(_registered(extension, point.load()))
+        except Exception as error:
+            raise ComponentError(
+                f"extension '{point.name}' of the entry point '{point.value}' cannot be loaded: "
+                f"{error}; fix or uninstall the distribution that declares it"
+            ) from error
+    return tuple(extensions)
+
+
+def _registered(extension: Extension, register: Callable[[Extension], None]) -> Extension:
+    register(extension)
+    return extension
+
+
+def imported(place: str) -> Any:
+    """Import an object by its place, ``package.module.name``."""
+    module, _, name = place.rpartition(".")
+    return getattr(importlib.import_module(module), name)
+
+
+def functions_for(purpose: str) -> Iterator[Callable[..., Any]]:
+    """Import the functions that extensions have for a purpose, those of eqt first."""
+    for extension in (*shipped(), *installed()):
+        if purpose in extension.functions:
+            yield imported(extension.functions[purpose])
+
+
+def function_for(purpose: str) -> Callable[..., Any]:
+    """Import the function for what one extension of eqt does, such as ``compare --measured``.
+
+    Raises
+    ------
+    ComponentError
+        If the extension was removed.
+    """
+    for extension in shipped():
+        if purpose in extension.functions:
+            return imported(extension.functions[purpose])
+    raise ComponentError(f"{purpose}: its extension is not installed; install eqt again")
