@@ -126,6 +126,7 @@ wheel: $(VENV)/.stamp-base ## build dist/ and run the commands from the wheel al
 	rm -rf dist
 	$(BIN)/python -m build --quiet $(if $(LOCKED),--no-isolation) --outdir dist
 	$(BIN)/python -m twine check --strict dist/*
+	$(BIN)/python -m build --quiet --wheel $(if $(LOCKED),--no-isolation) --outdir dist/example examples/package
 	PYTHON=$(BIN)/python tests/from_the_wheel.sh dist/*.whl $(ARGS)
 
 clean: ## remove caches and builds; .venv and results stay

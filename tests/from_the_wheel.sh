@@ -4,6 +4,7 @@
 # Usage: from_the_wheel.sh WHEEL [OPTION OF PIP...]
 set -euo pipefail
 wheel=$(realpath "$1")
+repository=$(realpath "$(dirname "${BASH_SOURCE[0]}")/..")
 shift
 here=$(mktemp -d)
 trap 'rm -rf "$here"' EXIT
@@ -48,6 +49,14 @@ try report result
 try verify mine.yaml --runs 2
 try export mine.yaml --controller eqt --out code
 ls result/figures result/report.html code >/dev/null
+
+# A package of somebody else: its law, its command and its figure.
+"$here/venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps "$(dirname "$wheel")"/example/*.whl
+try run "$repository/examples/package/experiment.yaml" --out sizing
+try plot sizing --figure actuator
+try actuator sizing
+grep -q "^bounded_feedback: .* N m suffice for 95% of the runs" out
+eqt --help | grep -q "actuator"
 
 printf 'ULog' >flight.ulg
 refused "(extra logs)" eqt log check flight.ulg

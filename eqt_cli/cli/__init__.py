@@ -61,7 +61,10 @@ def _app(stop: process.Requests) -> None:
     except Exception as error:
         # Python and HDF5 may make an error of their own of an interruption.
         if stop.number is None or isinstance(error, InterruptedRun):
-            raise
+            from eqt_cli.base.registry import blamed
+
+            with blamed():  # a command of another distribution may fail
+                raise
         raise process.Interrupted(stop.number) from error
     finally:
         sys.stdout.flush()

@@ -63,7 +63,7 @@ def _usage_message(error: Any, context: Any) -> str:
     parameter, name = getattr(error, "param", None), ""
     if parameter is not None:  # as it is typed, or an argument as the help names it
         is_option = parameter.param_type_name == "option"
-        name = str(parameter.opts[0] if is_option else parameter.metavar)
+        name = str(parameter.opts[0] if is_option else parameter.metavar or parameter.name)
     if type(error).__name__ == "MissingParameter":
         create = "; try `eqt config new --vehicle satellite --inertia 2,3,4 --bandwidth 1`"
         return f"{name}: missing{create if 'CONFIG' in name else ''}"

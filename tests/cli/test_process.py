@@ -215,3 +215,32 @@ def test_a_broken_entry_point(process, folder, module, said):
     environment = install(folder, {"controllers": "my_law"}, module)
     done = process("list", "controllers", **environment)
     assert (done.code, done.out, done.err) == (2, "", f"eqt: {said}\n")
+
+
+COMMANDS = """\
+import typer
+
+def greet(): typer.echo("hello")
+
+def fail(): raise KeyError("nothing")
+"""
+
+
+@pytest.mark.ci("starts interpreters")
+@pytest.mark.parametrize(
+    ("name", "function", "arguments", "code", "printed"),
+    [
+        ("greet", "greet", "greet", 0, "hello"),
+        ("greet", "greet", "--help", 0, "greet"),
+        ("greet", "fail", "greet", 2, "KeyError: 'nothing' at mine.py:5"),
+        ("greet", "greet", "greed", 2, "unknown command 'greed'; did you mean 'greet'?"),
+        ("run", "greet", "--help", 2, "extension 'x': the command 'run' already exists in eqt"),
+    ],
+)
+def test_commands_of_other_distributions(process, folder, name, function, arguments, code, printed):
+    register = f"\n\ndef register(extension):\n    extension.add_command({name!r}, {function!r})\n"
+    environment = install(folder, {}, COMMANDS)
+    (folder / "site/mine.py").write_text(COMMANDS + register, encoding="utf-8")
+    done = process(arguments, **environment)
+    assert done.code == code
+    assert printed in (done.err if code else done.out)
