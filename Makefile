@@ -16,7 +16,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check sheets test test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check sheets test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -43,11 +43,18 @@ sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colo
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
 
 # As the commands: threads of BLAS only wait for each other where matrices are small.
-test test-all test-lowest tiers faults fuzz: export OPENBLAS_NUM_THREADS = 1
+test test-core test-all test-lowest tiers faults fuzz: export OPENBLAS_NUM_THREADS = 1
 
 test: $(VENV)/.stamp-test ## run the quick tests, which call every function that is tested quickly: 2 minutes
 	@$(if $(ARGS),,echo "Running the quick tests: 2 minutes of two cores")
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
+
+# In a copy without the folder, so that nothing of it can be found.
+test-core: $(VENV)/.stamp-test ## run the quick tests of the core without extensions/: 2 minutes
+	rm -rf build/core
+	mkdir -p build/core
+	git ls-files -z | grep -zv '^eqt_cli/extensions/' | xargs -0 cp --parents --target-directory=build/core
+	cd build/core && PYTHONPATH=$(CURDIR)/build/core $(CURDIR)/$(BIN)/python -m pytest -n auto --dist worksteal -m 'not ci' $(ARGS)
 
 SHARE ?= full
 test-all: $(VENV)/.stamp-test ## run all tests; SHARE=3/8: of cases like quick ones a share; ARGS='-m ci': only others

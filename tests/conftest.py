@@ -34,6 +34,7 @@ from small_experiment import configuration
 
 from eqt_cli.base.arrays import Array, transpose
 from eqt_cli.base.errors import EqtWarning, Problems
+from eqt_cli.base.extensions import shipped
 from eqt_cli.base.process import STOP_SIGNALS
 from eqt_cli.base.reporting import Reporter, reporting
 from eqt_cli.base.store_writer import Table, Variable, write
@@ -83,8 +84,18 @@ def pytest_report_header() -> str:
     return share and f"a share of cases, which `make test-all SHARE={share}` repeats"
 
 
+EXTENSIONS = {extension.name for extension in shipped()}
+"""None where `make test-core` tries the core alone."""
+
+collect_ignore = [] if EXTENSIONS else ["extensions"]
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m reads the marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    for item in items:
+        for mark in item.iter_markers("needs"):
+            if lacking := sorted({*mark.args} - EXTENSIONS):
+                item.add_marker(pytest.mark.skip(reason=f"needs {', '.join(lacking)}"))
     silent = [
         item.nodeid
         for item in items

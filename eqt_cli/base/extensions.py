@@ -11,6 +11,7 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterator
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from eqt_cli.base.errors import ComponentError
@@ -88,13 +89,14 @@ class Extension:
 
 @lru_cache(maxsize=1)
 def shipped() -> tuple[Extension, ...]:
-    """Return the extensions in the folder, by name."""
-    folder = importlib.import_module("eqt_cli.extensions")
-    return tuple(
-        _registered(Extension(name, package), importlib.import_module(package).register)
-        for name in sorted(module.name for module in pkgutil.iter_modules(folder.__path__))
-        for package in [f"eqt_cli.extensions.{name}"]
-    )
+    """Return the extensions in the folder, by name; none without the folder."""
+    folder = Path(__file__).parents[1] / "extensions"
+    extensions = []
+    for name in sorted(module.name for module in pkgutil.iter_modules([str(folder)])):
+        package = f"eqt_cli.extensions.{name}"
+        register = importlib.import_module(package).register
+        extensions.append(_registered(Extension(name, package), register))
+    return tuple(extensions)
 
 
 @lru_cache(maxsize=1)
