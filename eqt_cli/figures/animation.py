@@ -27,6 +27,7 @@ from eqt_cli.figures.shown import (
     BodyPath,
     Chosen,
     Ensemble,
+    camera,
     course,
     discs,
     rotors,
@@ -174,18 +175,8 @@ _BELOW = 1.5
 _SIGHTS = 3.0
 """Extent of the grid, in reaches of the camera."""
 
-ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
-
 _NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
 _LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
-
-
-def camera(elevation: float = ELEVATION, azimuth: float = AZIMUTH) -> Array:
-    """Return the camera's axes as rows: right, up, and towards the eye, ``(3, 3)``."""
-    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    towards = np.cos(elevation) * level + [0.0, 0.0, np.sin(elevation)]
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    return np.stack([right, np.cross(towards, right), towards])
 
 
 def tips(rotation: Array, position: Array, length: float) -> Array:

@@ -720,6 +720,18 @@ def course(
     return BodyPath(frame @ rotation, position @ frame.T)
 
 
+ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
+"""Where the eye is that sees bodies obliquely from above, rad."""
+
+
+def camera(elevation: float = ELEVATION, azimuth: float = AZIMUTH) -> Array:
+    """Return the camera's axes as rows: right, up, and towards the eye, ``(3, 3)``."""
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    towards = np.cos(elevation) * level + [0.0, 0.0, np.sin(elevation)]
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.stack([right, np.cross(towards, right), towards])
+
+
 HALF_SIZES = (0.62, 0.36, 0.13)
 """Half sizes of the box that stands for the body, in lengths of its axes."""
 

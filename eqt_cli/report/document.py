@@ -27,20 +27,10 @@ from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.figures.animation import (
-    AXES,
-    AZIMUTH,
-    ELEVATION,
-    INERTIAL,
-    TRAIL,
-    Motion,
-    Scene,
-    motion,
-    scene_of,
-)
+from eqt_cli.figures.animation import AXES, INERTIAL, TRAIL, Motion, Scene, motion, scene_of
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
-from eqt_cli.figures.shown import CORNERS, FACES, discs
+from eqt_cli.figures.shown import AZIMUTH, CORNERS, ELEVATION, FACES, discs
 from eqt_cli.report import summary
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result

@@ -17,7 +17,6 @@ from eqt_cli.figures.animation import (
     TRAIL,
     _Stage,
     box,
-    camera,
     flat,
     gif,
     motion,
@@ -25,7 +24,7 @@ from eqt_cli.figures.animation import (
     scene_of,
     tips,
 )
-from eqt_cli.figures.shown import CORNERS, FACES, discs
+from eqt_cli.figures.shown import CORNERS, FACES, camera, discs
 from eqt_cli.report.document import animation
 
 
