@@ -35,7 +35,10 @@ def wheel(tmp_path_factory):
 
 def test_wheel_holds_the_package_and_the_shipped_configs(wheel):
     code = {path.relative_to(ROOT).as_posix() for path in ROOT.glob("eqt_cli/**/*.py")}
-    code |= {path.relative_to(ROOT).as_posix() for path in ROOT.glob("eqt_cli/report/templates/*")}
+    code |= {
+        path.relative_to(ROOT).as_posix()
+        for path in ROOT.glob("eqt_cli/extensions/report/templates/*")
+    }
     code |= {path.relative_to(ROOT).as_posix() for path in ROOT.glob("eqt_cli/**/*.h")}
     assert "eqt_cli/engines/c/advance.h" in code
     configs = {f"eqt_cli/configs/{path.name}" for path in ROOT.glob("configs/*.yaml")}

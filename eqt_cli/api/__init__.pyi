@@ -7,11 +7,9 @@ from eqt_cli.api.comparing import diff as diff
 from eqt_cli.api.comparing import margins as margins
 from eqt_cli.api.comparing import verify as verify
 from eqt_cli.api.drawing import Shown as Shown
-from eqt_cli.api.drawing import animate as animate
 from eqt_cli.api.drawing import cite as cite
 from eqt_cli.api.drawing import figure as figure
 from eqt_cli.api.drawing import plot as plot
-from eqt_cli.api.drawing import write_report as write_report
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import ResultPath as ResultPath
 from eqt_cli.api.loading import StoredResult as StoredResult
@@ -25,3 +23,4 @@ from eqt_cli.api.running import worst as worst
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.recordings import *
+from eqt_cli.extensions.report import *

@@ -1,4 +1,4 @@
-"""Draws figures and animations, writes reports, cites sources."""
+"""Draws figures and cites sources."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from eqt_cli.analysis.certificates import Row
 from eqt_cli.api.loading import ResultPath, experiment_at, loops_of, open_at, require_list
-from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, Remedy, suggestion
+from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Problems, suggestion
 from eqt_cli.base.extensions import function_for
-from eqt_cli.base.files import FIGURES, REPORT, YAML, check_targets, write_all
+from eqt_cli.base.files import FIGURES, YAML, check_targets
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.base.yaml_source import load
 from eqt_cli.components.laws import controllers, published
 from eqt_cli.components.recording_check import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
@@ -28,83 +26,6 @@ if TYPE_CHECKING:
     from eqt_cli.config.experiment import Experiment
     from eqt_cli.config.study import Study
     from eqt_cli.figures.shown import DesiredMotion
-
-# Draws figures of results and experiments, animates runs, and writes reports ----------------------
-
-
-def animate(
-    result: ResultPath,
-    run: int = 0,
-    controllers: Sequence[str] = (),
-    out: str | os.PathLike[str] | None = None,
-    *,
-    formats: Sequence[str] = ("gif", "html"),
-    seconds: float = 8.0,
-    point: int | None = None,
-    trust_plugins: bool = False,
-) -> list[Path]:
-    """Animate a run: the bodies in the frame of the reference, the error and the torque.
-
-    Parameters
-    ----------
-    result
-        The result folder, or the file in it.
-    run
-        Number of the run, counted from 0.
-    controllers
-        Labels of the controllers to show; all if empty.
-    out
-        Output folder. Default: ``figures`` in the result folder.
-    formats
-        ``gif``, or ``html`` for a page.
-    seconds
-        Duration of the GIF, s.
-    point
-        Point of a sweep, counted from 0.
-    trust_plugins
-        Whether to execute plugin sources that are stored in the result.
-
-    Returns
-    -------
-    list of Path
-        The written files, one per format.
-
-    Raises
-    ------
-    EqtError
-        If the result, the run or a controller does not exist, or the group has no body to show.
-
-    Examples
-    --------
-    >>> [file.name for file in eqt_cli.animate("results/paper", run=1, formats=["html"])]
-    ['run1.html']
-    """
-    from eqt_cli.figures.animation import gif, motion
-    from eqt_cli.report.document import animation
-
-    contents = {}
-    with open_at(Path(result), point) as opened:
-        if trust_plugins:
-            _load_plugins(opened)
-        try:
-            motion(opened, run, controllers)  # checks first that the run can be shown
-        except ComponentError as error:
-            if trust_plugins or not load(str(opened.attributes["plugins"]), "plugins").data:
-                raise
-            text = f"{error}; the result holds plugins, which are executed only on request"
-            advice = "read them with `eqt show --plugins`, then add {}"
-            raise EqtError(text, Remedy(advice, "trust_plugins")) from error
-        home, folder = _folders(opened, out, point)
-        paths = {format: folder / f"run{run}.{format}" for format in formats}
-        check_targets(paths.values(), home)
-        for format, path in paths.items():
-            if format == "html":
-                contents[path] = animation(opened, run, controllers).encode()
-            else:
-                contents[path] = gif(opened, run, controllers, seconds=seconds)
-    write_all(contents, home)
-    return list(contents)
-
 
 Shown: TypeAlias = "ResultPath | Study"
 """A result to draw, or an experiment, loaded or as a YAML file."""
@@ -184,7 +105,7 @@ def plot(
         first = opened[0]
         figure = figure or ("measured" if measured else first_figure(first))
         wanted = {figure: options or {}} if isinstance(figure, str) else figure
-        home, folder = _folders(first, out, point)
+        home, folder = folders(first, out, point)
         require_list("formats", formats)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
         targets += [folder / f"{name}-caption.tex" for name in wanted]
@@ -318,7 +239,7 @@ def _opened(
             if isinstance(shown, str | os.PathLike) and Path(shown).suffix not in YAML:
                 file = stack.enter_context(open_at(Path(shown), number))
                 if trust_plugins:
-                    _load_plugins(file)
+                    load_plugins(file)
                 opened.append(file.in_units(units))
             else:
                 opened.append(desired_motion(experiment_at(shown, number)))
@@ -345,7 +266,7 @@ def desired_motion(experiment: Experiment) -> DesiredMotion:
     )
 
 
-def _folders(
+def folders(
     shown: Result | DesiredMotion,
     out: str | os.PathLike[str] | None,
     point: int | Sequence[int] | None,
@@ -359,7 +280,7 @@ def _folders(
     return shown.path.parent, shown.path.parent / within
 
 
-def _load_plugins(result: Result) -> None:
+def load_plugins(result: Result) -> None:
     """Execute the plugins in a trusted result."""
     from eqt_cli.config.document import load_stored_plugins
 
@@ -369,104 +290,6 @@ def _load_plugins(result: Result) -> None:
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:
     return [point] if isinstance(point, int) else list(point or ())
-
-
-# Reports ------------------------------------------------------------------------------------------
-
-
-QUICK = "The certificates were left out (--quick); `eqt verify` computes them."
-"""What a quick page says in place of certificates."""
-
-
-def write_report(
-    result: ResultPath,
-    out: str | os.PathLike[str] | None = None,
-    *,
-    figures: Sequence[str] = (),
-    against: str = "",
-    author: str = "",
-    notes: str = "",
-    title: str = "",
-    date: str = "",
-    point: int | None = None,
-    trust_plugins: bool = False,
-    workers: int = 1,
-    quick: bool = False,
-    units: Sequence[str] = (),
-) -> Path:
-    """Write the report of a result: one HTML page with figures, comparison and certificates.
-
-    Parameters
-    ----------
-    result
-        The result folder, or the file in it.
-    out
-        The page. Default: ``report.html`` in the result folder.
-    figures
-        Names of the figures to show; a default selection if empty.
-    against
-        Label or title of the controller with which the others are compared; the first if empty.
-    author, notes
-        Texts at the top of the page. Blank lines separate paragraphs of the notes.
-    title, date
-        Title and date of the page. Default: the first sentence of the comment at the top of the
-        configuration, or the name of the experiment, and the day of its run.
-    point
-        Point of a sweep, counted from 0.
-    trust_plugins
-        Whether to execute plugin sources that are stored in the result. Otherwise the page of a
-        result with plugins has no certificates, and says why.
-    workers
-        Number of cores to use.
-    quick
-        Whether to leave out the certificates, for which some runs are integrated again.
-    units
-        Units of quantities, as for `compare`.
-
-    Returns
-    -------
-    Path
-        The written page, which needs no network.
-
-    Raises
-    ------
-    EqtError
-        If the result or a figure does not exist, or the page cannot be written.
-
-    Examples
-    --------
-    >>> eqt_cli.write_report("results/paper", author="Ada Lovelace").name
-    'report.html'
-    """
-    from eqt_cli.report.document import named, report
-
-    with open_at(Path(result), point) as opened:
-        within = Path() if point is None else point_folder(point)
-        home = opened.path.parent if out is None else Path(out).parent
-        path = home / within / REPORT if out is None else Path(out)
-        check_targets([path], home)  # fails before the work, not after it
-        if trust_plugins:
-            _load_plugins(opened)
-        shown = opened.in_units(units)
-        wanted = named(figures) if figures else None
-        rows: list[Row] = []
-        reason = QUICK if quick and not opened.is_sweep else ""
-        if not (quick or opened.is_sweep):
-            from eqt_cli.analysis.verification import verify_stored
-
-            try:
-                rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
-            except EqtError as error:
-                reason = f"The result could not be verified: {error}"
-                why = "the page has no certificates; the result could not be verified: "
-                why += str(error.args[0])
-                reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
-        if against and opened.is_sweep:
-            raise EqtError("--against: applies to one experiment; choose a point with --point")
-        base = shown.labels[shown.position_of(against)] if against else ""
-        page = report(shown, wanted, rows, reason, author, notes, title, date, base)
-    write_all({path: page.encode()}, home)
-    return path
 
 
 # Cites a result as BibTeX: the paper, eqt, and the publications of its laws -----------------------

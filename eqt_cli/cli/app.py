@@ -118,8 +118,6 @@ _CORE = {
     "diff": ("eqt_cli.cli.compare.diff", READ, "results/paper results/again"),
     "verify": ("eqt_cli.cli.verify.verify", READ, "configs/paper.yaml"),
     "margins": ("eqt_cli.cli.verify.margins", READ, "paper --set 'reference={kind: constant}'"),
-    "animate": ("eqt_cli.cli.plot.animate", READ, "results/paper --run 1 --format gif"),
-    "report": ("eqt_cli.cli.plot.report", READ, "results/paper --out report.html"),
     "cite": ("eqt_cli.cli.plot.cite", READ, "results/paper > refs.bib"),
     "list": ("eqt_cli.cli.lookup.list_components", LOOK_UP, "controllers"),
     "config": ("eqt_cli.cli.lookup.app", LOOK_UP, ""),

@@ -1,9 +1,8 @@
-"""`eqt plot`, `eqt animate`, `eqt report` and `eqt cite`: figures, pages, references."""
+"""`eqt plot` and `eqt cite`: figures, and references to cite."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,9 +16,6 @@ from eqt_cli.cli.output import print_findings, print_source, say
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
     from eqt_cli.results.result import Result
-
-# `eqt plot` and `eqt animate`: figures of a result, and one run of it as a moving picture ---------
-
 
 _WITHOUT = {
     "panels": "{} has no panels to choose from",
@@ -250,115 +246,6 @@ def _options(
         for name in takers or known:
             by_figure[name][key] = value
     return by_figure
-
-
-AnimationFormat = StrEnum("AnimationFormat", "GIF HTML")
-"""Formats of the files written."""
-
-
-def animate(
-    result: options.Result,
-    run: Annotated[int, options.option("--run")] = 0,
-    controller: options.Controllers = None,
-    format: Annotated[list[AnimationFormat] | None, options.option("--format")] = None,
-    seconds: Annotated[float, options.option("--seconds", min=0.2, max=120)] = 8.0,
-    out: options.Out = None,
-    point: options.Point = None,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
-) -> None:
-    """Animate one run: bodies, tracking error and torque over time.
-
-    Options
-    -------
-    What to show
-        --run K  Run, counted from 0.
-    Result
-        --format NAME  gif or html. Repeatable. Default: both.
-        --seconds S  Duration of the GIF in seconds.
-        --out DIR  Output folder. Default: RESULT/figures.
-    """
-    from eqt_cli import api
-
-    files = api.animate(
-        result,
-        run,
-        controller or (),
-        out,
-        formats=list(dict.fromkeys(format or AnimationFormat)),
-        seconds=seconds,
-        point=point,
-        trust_plugins=trust_plugins,
-    )
-    sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
-    text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())
-    print_findings({"files": list(map(str, files))}, text, json=json)
-
-
-# `eqt report` and `eqt cite`: a result as one HTML page, and references to cite with it -----------
-
-
-def report(
-    result: options.Result,
-    more: options.MoreResults = None,
-    out: Annotated[Path | None, options.option("--out")] = None,
-    figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
-    against: Annotated[str, options.option("--against", autocompletion=completion.laws)] = "",
-    title: Annotated[str, options.option("--title")] = "",
-    author: Annotated[str, options.option("--author")] = "",
-    date: Annotated[str, options.option("--date")] = "",
-    notes: Annotated[Path | None, options.option("--notes")] = None,
-    quick: Annotated[bool, options.option("--quick")] = False,
-    point: options.Point = None,
-    unit: options.Units = None,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-) -> None:
-    """Write one self-contained HTML page: figures, comparison, certificates, every run.
-
-    Options
-    -------
-    Result
-        --out FILE  File to write. Default: RESULT/report.html.
-        --title TEXT  Title. Default: the first sentence of the configuration's first comment.
-        --author NAME  Author, named at the top of the page.
-        --date TEXT  Date. Default: the day of the run.
-        --notes FILE  Text file shown at the top of the page.
-    What to show
-        --figure NAME  Figure to show. Repeatable.
-        --against LAW  Compare with this law instead of the first.
-        --quick  Leave out the certificates, for which some runs are integrated again.
-    """
-    from eqt_cli import api
-    from eqt_cli.base.files import text_of
-
-    if more:
-        both = " ".join(map(str, [result, *more]))
-        raise EqtError(
-            f"report takes one result; `eqt compare` compares two, and `eqt plot {both}` draws all "
-            "in one figure"
-        )
-
-    text = text_of(notes, "write the notes there first") if notes else ""
-    path = api.write_report(
-        result,
-        out,
-        figures=figure or (),
-        against=against,
-        title=title,
-        author=author,
-        date=date,
-        notes=text,
-        point=point,
-        trust_plugins=trust_plugins,
-        workers=options.cores(),
-        quick=quick,
-        units=unit or (),
-    )
-    size = path.stat().st_size
-    text = f"report   {path}  ({size / 1e6:.1f} MB)"
-    print_findings({"report": str(path), "bytes": size}, text, json=json)
 
 
 def cite(

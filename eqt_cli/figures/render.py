@@ -50,18 +50,17 @@ def encode(
     description: str = "",
     style: Style = HOUSE,
     *,
-    outlined: bool = False,
+    letters: Literal["none", "path"] = "none",
 ) -> bytes:
     """Return the content of a file of a drawing, in its style; its panels are frozen already.
 
-    The content holds no date and no random name. With `outlined`, letters of an SVG are curves, for
-    a reader who may lack the fonts.
+    The content holds no date and no random name. With the letters `path`, those of an SVG are
+    curves, for a reader who may lack the fonts.
     """
     buffer = BytesIO()
     times = ENLARGED[style.width]
     more: dict[str, Any] = {"metadata": _metadata(format, title, description)}
     # Without the layout of the style, for which Matplotlib draws everything twice.
-    letters = "path" if outlined else "none"
     arranged = rc_context({"figure.constrained_layout.use": False, "svg.fonttype": letters})
     with house_style(style), arranged, _without_date():
         drawing.set_layout_engine(None)

@@ -16,8 +16,8 @@ from eqt_cli.analysis.search_tables import tuning_answer, tuning_tables
 from eqt_cli.analysis.tune import Search
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.extensions.report.document import report
 from eqt_cli.figures.comparison_figures import Forest
-from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
 
 WHEEL = small_experiment.WHEEL | {

@@ -17,8 +17,8 @@ from eqt_cli.analysis.search_tables import worst_tables
 from eqt_cli.analysis.worst import WorstSearch, _agree, _worst_run, badness
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning
+from eqt_cli.extensions.report.document import report
 from eqt_cli.figures.search_figures import ShownWorst
-from eqt_cli.report.document import report
 from eqt_cli.results.result import open_result
 
 WHEEL = small_experiment.WHEEL | {

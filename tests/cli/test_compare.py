@@ -14,7 +14,7 @@ from case_tables import from_yaml
 from scipy.stats import ttest_rel
 
 from eqt_cli.engines.native import Native
-from eqt_cli.report.document import report
+from eqt_cli.extensions.report.document import report
 from eqt_cli.results.result import open_result
 
 BREAKS = Path(__file__).parents[2] / "configs" / "satellite_breaks.yaml"

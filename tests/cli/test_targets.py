@@ -15,9 +15,9 @@ def _no_work(monkeypatch):
         raise AssertionError("worked before the target was checked")
 
     monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", work)
-    monkeypatch.setattr("eqt_cli.report.document.report", work)
-    monkeypatch.setattr("eqt_cli.figures.animation.gif", work)
-    monkeypatch.setattr("eqt_cli.report.document.animation", work)
+    monkeypatch.setattr("eqt_cli.extensions.report.document.report", work)
+    monkeypatch.setattr("eqt_cli.extensions.report.scenes.gif", work)
+    monkeypatch.setattr("eqt_cli.extensions.report.document.animation", work)
     monkeypatch.setattr("eqt_cli.figures.render.render", work)
 
 

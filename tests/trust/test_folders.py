@@ -26,7 +26,7 @@ from typer.main import get_command
 
 import eqt_cli
 import eqt_cli.api.running
-import eqt_cli.report.document  # before anything that these import is replaced
+import eqt_cli.extensions.report.document  # before anything that these import is replaced
 from eqt_cli.analysis.law_search import GENERATIONS
 from eqt_cli.analysis.search_record import TUNE, WORST
 from eqt_cli.analysis.tune import Search
@@ -179,8 +179,8 @@ def _only_folders():
         patch.setattr("eqt_cli.figures.render.figure_from", lambda name, _: _Figure(name))
         patch.setattr("eqt_cli.figures.render.curves", lambda _: [])
         patch.setattr("eqt_cli.analysis.verification.verify_stored", lambda *_, **__: _Verified())
-        patch.setattr("eqt_cli.report.document.report", lambda *_: page)
-        patch.setattr("eqt_cli.report.document.animation", lambda *_: page)
+        patch.setattr("eqt_cli.extensions.report.document.report", lambda *_: page)
+        patch.setattr("eqt_cli.extensions.report.document.animation", lambda *_: page)
         yield
 
 

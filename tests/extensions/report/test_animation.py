@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.api.loading import open_at
-from eqt_cli.report.document import animation
+from eqt_cli.extensions.report.document import animation
 
 
 @pytest.fixture(scope="module")

@@ -121,8 +121,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
         )
     ends = [f"_{part.name}" for part in (turning, moving) if part is not None]
     ends = [end for end in ends if results.has(f"pose_error{end}")] or [""]
-    norms = [norm + end for norm in ("pose_error", "torque_norm") for end in ends]
-    norms = [source.in_space(norm) for norm in norms]
+    norms = [source.in_space(norm + end) for norm in ("pose_error", "torque_norm") for end in ends]
     turned, frame = rotors(results), upright(results)
     return Motion(
         run=run,
@@ -253,7 +252,8 @@ class Scene:
 def scene_of(motion: Motion) -> Scene:
     """Return the scene of a motion, the same for every file format."""
     body, target = motion.body.position, motion.reference.position
-    ends = np.array([_ends(np.concatenate([target, each]) @ camera().T) for each in body])
+    seen = [np.concatenate([target, places]) @ camera().T for places in body]
+    ends = np.stack([np.nanmin(seen, axis=1), np.nanmax(seen, axis=1)], axis=1)
     extents = np.ptp(ends[..., :2], axis=1).max(axis=-1) / 2
     extent = float(np.median(extents))
     stays = extents <= _FAR * extent
@@ -273,11 +273,6 @@ def scene_of(motion: Motion) -> Scene:
         ground=ground + np.array([centre[0], centre[1], lowest - _BELOW * length]),
         trails=body if motion.has_translation else body + motion.body.rotation[..., 0] * length,
     )
-
-
-def _ends(places: Array) -> Array:
-    """Return the least and the largest coordinates, ``(2, 3)``."""
-    return np.array([np.nanmin(places, axis=0), np.nanmax(places, axis=0)])
 
 
 # Animation of a run (GIF): bodies against the reference, and growing error and torque curves ------
@@ -474,13 +469,7 @@ class _BodyBlock:
     """Block with its three axes and their names."""
 
     def __init__(
-        self,
-        axes: Axes,
-        shape: Sequence[Array],
-        colour: str,
-        order: int,
-        colours: Sequence[str],
-        **look: Any,
+        self, axes: Axes, shape: list[Array], colour: str, order: int, hues: list[str], **look: Any
     ) -> None:
         self.colour, self.shape = colour, shape
         self.faces = PolyCollection([], edgecolor=colour, linewidth=0.6, zorder=order)
@@ -488,10 +477,10 @@ class _BodyBlock:
         line: dict[str, Any] = {"zorder": order + 0.5, "linewidth": 1.0} | look
         text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
         text |= {"clip_on": True, "zorder": order + 0.5}
-        self.lines = [axes.plot([], [], color=each, **line)[0] for each in colours]
+        self.lines = [axes.plot([], [], color=hue, **line)[0] for hue in hues]
         self.names = [
-            axes.text(0, 0, f"${name}$", color=each, **text)
-            for name, each in zip(AXES, colours, strict=True)
+            axes.text(0, 0, f"${name}$", color=hue, **text)
+            for name, hue in zip(AXES, hues, strict=True)
         ]
 
     def show(self, rotation: Array, place: Array, length: float) -> None:
@@ -499,7 +488,10 @@ class _BodyBlock:
         shape, at = self.shape, (rotation, place, length)
         seen = multirotor(shape, *at) if shape else box(*at)
         self.faces.set_verts([outline for outline, _ in seen])
-        self.faces.set_facecolor([(*_shaded(self.colour, light), 0.75) for _, light in seen])
+        # Near the colour of the body in the shade, nearly white in full light.
+        shade = np.array(to_rgb(self.colour))
+        shares = [0.35 + 0.5 * light for _, light in seen]
+        self.faces.set_facecolor([(*(shade + (1 - shade) * share), 0.75) for share in shares])
         start = flat(place)
         ends = tips(rotation, place, length)
         for line, name, end in zip(self.lines, self.names, ends, strict=True):
@@ -542,10 +534,3 @@ class _Curves:
         for line, curve in zip(self.lines, self.values, strict=True):
             line.set_data(self.times[: sample + 1], curve[: sample + 1])
         self.now.set_xdata([self.times[sample]] * 2)
-
-
-def _shaded(colour: str, light: float) -> tuple[float, float, float]:
-    """Return the colour of a face: near the body's in the shade, nearly white in full light."""
-    share = 0.35 + 0.5 * light
-    red, green, blue = (channel + (1 - channel) * share for channel in to_rgb(colour))
-    return red, green, blue

@@ -7,8 +7,8 @@ import pytest
 
 from eqt_cli import api
 from eqt_cli.api.loading import open_at
-from eqt_cli.report import summary
-from eqt_cli.report.summary import (
+from eqt_cli.extensions.report import summary
+from eqt_cli.extensions.report.summary import (
     LEVELS,
     POWER,
     _group,

@@ -12,7 +12,8 @@ from said import error_of
 import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
-from eqt_cli.figures.animation import (
+from eqt_cli.extensions.report.document import animation
+from eqt_cli.extensions.report.scenes import (
     MOST_CONTROLLERS,
     TRAIL,
     _Stage,
@@ -25,7 +26,6 @@ from eqt_cli.figures.animation import (
     tips,
 )
 from eqt_cli.figures.shown import CORNERS, FACES, camera, discs
-from eqt_cli.report.document import animation
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_run_that_is_not_stored(results):
 
 def test_group_without_a_body_to_show(results, monkeypatch):
     none = SimpleNamespace(moving_parts=(None, None))
-    monkeypatch.setattr("eqt_cli.figures.animation.group_named", lambda name: none)
+    monkeypatch.setattr("eqt_cli.extensions.report.scenes.group_named", lambda name: none)
     assert error_of(motion, results, 0) == (
         f"{results.path}: a pose of SO3 is neither a rotation nor a place in metres, so no body "
         "can be shown; `eqt plot --figure runs` draws its runs"

@@ -13,7 +13,7 @@ from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.comparison import ClaimVerdict
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli.tables import _STYLES
-from eqt_cli.report.document import Wanted, _typeset, report
+from eqt_cli.extensions.report.document import Wanted, _typeset, report
 from eqt_cli.results.metrics import QUANTITIES
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
@@ -283,7 +283,9 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
 
     pages = []
     monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", refuse)
-    monkeypatch.setattr("eqt_cli.report.document.report", lambda *of: pages.append(of) or "page")
+    monkeypatch.setattr(
+        "eqt_cli.extensions.report.document.report", lambda *of: pages.append(of) or "page"
+    )
     eqt_cli.write_report(paper_result, tmp_path / "page.html", quick=True)
     _, _, rows, reason, *_ = pages[0]
     assert (rows, reason) == (

@@ -27,11 +27,11 @@ from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import summary as summary_of
 from eqt_cli.base.reporting import WORD, reporter, step
 from eqt_cli.base.version import __version__
-from eqt_cli.figures.animation import AXES, INERTIAL, TRAIL, Motion, Scene, motion, scene_of
+from eqt_cli.extensions.report import summary
+from eqt_cli.extensions.report.scenes import AXES, INERTIAL, TRAIL, Motion, Scene, motion, scene_of
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.figures.shown import AZIMUTH, CORNERS, ELEVATION, FACES, discs
-from eqt_cli.report import summary
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 
@@ -333,7 +333,7 @@ def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:
     # The first one stands beside a table.
     drawing = figure.draw([result], "page" if number > 1 else "column", captions=notes)
     caption = " ".join([wanted.caption or summary_of(type(figure)), *notes])
-    svg = inlined(encode(drawing, "svg", outlined=True), f"figure{number}", caption)
+    svg = inlined(encode(drawing, "svg", letters="path"), f"figure{number}", caption)
     if len(svg) > LARGEST:
         raise TooLargeFigureError(
             f"figure '{wanted.name}' has too many curves for a page; "

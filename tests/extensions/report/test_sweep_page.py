@@ -8,8 +8,8 @@ from eqt_cli.analysis.maps import extreme_points
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import significant
-from eqt_cli.report.document import report
-from eqt_cli.report.summary import point_table
+from eqt_cli.extensions.report.document import report
+from eqt_cli.extensions.report.summary import point_table
 
 
 @pytest.fixture(scope="module")
