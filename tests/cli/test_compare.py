@@ -14,7 +14,6 @@ from case_tables import from_yaml
 from scipy.stats import ttest_rel
 
 from eqt_cli.engines.native import Native
-from eqt_cli.extensions.report.document import report
 from eqt_cli.results.result import open_result
 
 BREAKS = Path(__file__).parents[2] / "configs" / "satellite_breaks.yaml"
@@ -202,11 +201,6 @@ def test_two_results_refuse_what_is_of_one(invoke, changed):
     assert "Window 0:99 is cut to 0:20, since" in done.stderr
     document = json.loads(invoke("compare", *two, "--json", "--resamples", 9).stdout)
     assert document["between"][0] == "what differs: gains.kp 1.0 → 2.0"
-    done = invoke("report", "a", "b", "c", code=2)
-    assert done.stderr == (
-        "eqt: report takes one result; `eqt compare` compares two, and `eqt plot a b c` draws all "
-        "in one figure\n"
-    )
 
 
 def test_against_chooses_pairs(invoke, paper_result):
@@ -334,9 +328,6 @@ def test_claims_about_the_ideal_loop_are_not_judged_on_another(eqt, folder):
     assert "\nnot covered: beyond the theorems of these claims are sampled control.\n" in table
     rows = json.loads(eqt("compare", "results/c", "--json").out)["claims"]
     assert {row["verdict"] for row in rows} == {"not covered"}
-    with open_result("results/c") as result:
-        page = report(result, wanted=())
-    assert "claims of Hampsey" not in page and 'id="claims"' not in page
 
 
 def test_the_window_of_a_stored_metric_is_its_own(invoke, paper_result):

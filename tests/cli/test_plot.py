@@ -1,4 +1,4 @@
-"""`eqt plot` and `eqt animate`, within this process: styles, options, and plugins of results."""
+"""`eqt plot`, within this process: styles, options, and plugins of results."""
 
 import json
 import re
@@ -129,45 +129,6 @@ def test_a_figure_of_a_plugin_in_a_result(eqt, monkeypatch):
     )
 
 
-GROUP = """\
-from eqt_cli.components.matrix_groups import SO3
-
-class Twin(SO3):
-    name = "Twin"
-"""
-
-
-@pytest.fixture
-def twin(eqt, folder):
-    """A result on a group of a plugin, which is then forgotten."""
-    Path("twin.py").write_text(GROUP)
-    twin = ("--set", "plugins=[twin.py]", "--set", "group=Twin", "--set", "controllers=[eqt]")
-    assert eqt("run", "c.yaml", *twin).code == 0
-
-
-@pytest.mark.usefixtures("twin")
-def test_a_group_of_a_plugin_must_be_trusted(eqt, refused, forget_plugins):
-    forget_plugins()
-    said = refused("animate", "results/c", "--format", "html")
-    assert said.startswith("eqt: unknown group 'Twin'")
-    assert said.endswith(
-        "; the result holds plugins, which are executed only on request; read them with "
-        "`eqt show --plugins`, then add --trust-plugins\n"
-    )
-    assert eqt("animate", "results/c", "--format", "html", "--trust-plugins").code == 0
-
-
-@pytest.mark.ci("draws a report")
-@pytest.mark.usefixtures("twin")
-def test_a_report_without_certificates_says_so(eqt, forget_plugins):
-    forget_plugins()
-    done = eqt("report", "results/c", "--figure", "paper")
-    assert done.code == 0
-    said = "eqt: the page has no certificates; the result could not be verified: "
-    assert done.err.startswith(said)
-    assert said not in eqt("report", "results/c", "--figure", "paper", "--trust-plugins").err
-
-
 def test_every_figure_is_listed_with_a_sentence(eqt):
     from eqt_cli.figures.figure import figures
 
@@ -175,3 +136,14 @@ def test_every_figure_is_listed_with_a_sentence(eqt):
     assert done.code == 0
     names = re.findall(r"^(\w+)  +[A-Z]", done.out, re.M)
     assert sorted(names) == sorted(figures.names())
+
+
+def test_a_figure_replaces_no_file_of_others(refused, result, monkeypatch):
+    """It is refused before anything is drawn."""
+    monkeypatch.setattr("eqt_cli.figures.render.render", None)
+    path = Path("out/figures/torque.svg")
+    path.parent.mkdir()
+    path.write_text('<?xml version="1.0"?><svg/>', encoding="utf-8")
+    assert refused("plot", result, "--figure", "paper", "--figure", "torque") == (
+        f"eqt: {path}: exists, but eqt did not write it; choose another place with --out\n"
+    )

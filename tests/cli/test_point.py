@@ -122,23 +122,6 @@ def test_a_configuration_without_a_sweep_has_no_points(refused):
     )
 
 
-@pytest.mark.ci("draws a report")
-@pytest.mark.usefixtures("grid", "unarranged")
-def test_report_and_animate(eqt, refused):
-    folder = Path("out/figures/point_3")
-    done = eqt("report", "out", "--point", 3, "--figure", "paper")
-    assert done.out.startswith(f"report   {folder / 'report.html'}  (")
-    page = (folder / "report.html").read_text(encoding="utf-8")
-    assert re.search(LAST, page)
-    assert "could not be verified" not in page
-    done = eqt("animate", "out", "--point", 3, "--format", "html")
-    assert done.out.startswith(f"animation  {folder / 'run0.html'}  (")
-    assert refused("animate", "out", "--format", "html") == (
-        f"eqt: {Path('out/results.h5')}: figure 'animation' shows single experiments, and this is "
-        f"a sweep of 4 points; {HOW}\n"
-    )
-
-
 @pytest.mark.parametrize(
     "command",
     [

@@ -251,9 +251,6 @@ def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt):
         done = eqt("run", "c.yaml", *SOON, *BRIEF)
         assert (done.code, done.out.splitlines()[-1]) == (3, "next     eqt show results/c --failed")
     assert eqt("show", "results/c", "--failed").out.count("step limit") == 1
-    assert eqt("report", "results/c").code == 0
-    page = Path("results/c/report.html").read_text(encoding="utf-8")
-    assert "figure &#39;summary&#39; has nothing to show, since every run failed" in page
 
 
 @pytest.mark.ci("another run that fails is fast")

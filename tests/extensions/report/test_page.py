@@ -13,7 +13,7 @@ from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.comparison import ClaimVerdict
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli.tables import _STYLES
-from eqt_cli.extensions.report.document import Wanted, _typeset, report
+from eqt_cli.extensions.report.document import TEMPLATES, Wanted, _typeset, report
 from eqt_cli.results.metrics import QUANTITIES
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
@@ -121,7 +121,7 @@ def test_the_first_screen_has_the_comment_of_the_configuration_and_no_command(te
 
 def test_folders_of_the_author_are_nowhere(text, paper_result):
     assert "<dd>eqt run paper.yaml --set=ensemble.runs=60" in text
-    assert str(Path(__file__).parents[2]) not in text
+    assert str(Path(__file__).parents[3]) not in text
     assert str(paper_result.parent) not in text
 
 
@@ -258,7 +258,7 @@ def test_results_without_trajectories_have_a_page_which_says_why_they_are_not_ve
 @pytest.mark.ci("computes a result twice, and draws its page")
 @pytest.mark.usefixtures("unarranged")
 def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
-    config = Path(__file__).parents[2] / "configs" / "paper.yaml"
+    config = Path(__file__).parents[3] / "configs" / "paper.yaml"
     few = (
         "--set=ensemble.runs=2",
         "--set=time.duration=1",
@@ -295,9 +295,7 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
 
 
 def test_the_page_and_the_terminal_know_every_verdict_on_a_claim():
-    template = (
-        Path(eqt_cli.__file__).parent / "report" / "templates" / "report.html.j2"
-    ).read_text(encoding="utf-8")
+    template = (TEMPLATES / "report.html.j2").read_text(encoding="utf-8")
     coloured = {verdict for verdicts in _STYLES.values() for verdict in verdicts}
     for verdict in ClaimVerdict:
         assert f'"{verdict}": ' in template and str(verdict) in coloured

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from said import error_of
+from small_experiment import mapping
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
@@ -162,20 +163,49 @@ def test_gif_moves_and_is_the_same_again(results):
     assert (start[0, 0] == 255).all()  # the paper is white
 
 
-def test_a_body_that_fails_is_said_to(altered, paper_result, opened):
-    pose = opened(paper_result)["pose"].copy()
-    pose[0, 0, 5:] = np.nan
-    stage = _Stage(scene_of(motion(altered(paper_result, pose=pose), 0)), 1.0)
+def test_a_body_that_fails_is_said_to(results):
+    shown = motion(results, 0)
+    rotation = shown.body.rotation.copy()
+    rotation[0, 5:] = np.nan
+    stage = _Stage(scene_of(replace(shown, body=shown.body._replace(rotation=rotation))), 1.0)
     for sample, failed in ((0, False), (9, True)):
         stage.picture(sample)
         assert [body.gone.get_visible() for body in stage.bodies] == [failed, False, False, False]
 
 
+def on_se3(folder, **changes):
+    """The result of runs on SE3, open."""
+    config = mapping(group="SE3", inertia=1.0, solver={"rtol": 1e-3, "cross_check": 0}, **changes)
+    eqt_cli.run(config, folder)
+    return open_at(folder)
+
+
 @pytest.fixture(scope="module")
-def flight(se3):
+def flight(tmp_path_factory):
     """A run on SE3 as a scene."""
-    with open_at(se3) as opened:
+    changes = {
+        "controllers": ["eqt", "gt", "nog", "asym"],
+        "reference": {"torque": ["cos(t)", "sin(t)", "0", "1", "cos(t)", "0"]},
+        "initial": {"pose": "exp_normal", "velocity": "normal"},
+        "time": {"duration": 4.0, "samples": 41},
+    }
+    with on_se3(tmp_path_factory.mktemp("flight") / "out", **changes) as opened:
         yield scene_of(motion(opened, 2))
+
+
+@pytest.mark.parametrize("up", [1, -1])
+def test_a_last_axis_that_points_down_is_turned_upwards(tmp_path, up):
+    changes = {
+        "name": "turned",
+        "plant": {"forces": [{"kind": "restoring", "weight": 9.80665, "up": [0, 0, up]}]},
+        "reference": {"torque": ["0.1", "0", "0", "0", "0.2", "0"]},
+        "controllers": ["eqt"],
+        "time": {"duration": 0.5, "samples": 3},
+    }
+    with on_se3(tmp_path / "out", **changes) as result:
+        shown, height = motion(result, 0), result["pose"][0, 0, :, 2, 3] * up
+    np.testing.assert_allclose(shown.body.position[0, :, 2], height)
+    np.testing.assert_allclose(shown.frame @ [0, 0, up], [0, 0, 1])
 
 
 def test_rotation_and_translation_have_curves_of_their_own(flight):

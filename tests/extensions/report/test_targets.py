@@ -1,4 +1,4 @@
-"""Where reports, animations and figures may be written: never over what eqt did not write."""
+"""Where reports and animations may be written: never over what eqt did not write."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ FOREIGN = "exists, but eqt did not write it; choose another place with --out"
 
 @pytest.fixture
 def _no_work(monkeypatch):
-    """Targets are refused before any work: verifying, drawing or reading curves."""
+    """Targets are refused before any work: verifying and drawing."""
 
     def work(*_, **__):
         raise AssertionError("worked before the target was checked")
@@ -18,7 +18,6 @@ def _no_work(monkeypatch):
     monkeypatch.setattr("eqt_cli.extensions.report.document.report", work)
     monkeypatch.setattr("eqt_cli.extensions.report.scenes.gif", work)
     monkeypatch.setattr("eqt_cli.extensions.report.document.animation", work)
-    monkeypatch.setattr("eqt_cli.figures.render.render", work)
 
 
 @pytest.mark.usefixtures("_no_work")
@@ -39,23 +38,11 @@ def test_a_report_is_a_file_and_no_folder(refused, result, name):
 
 
 @pytest.mark.usefixtures("_no_work")
-@pytest.mark.parametrize(
-    ("command", "name", "mine"),
-    [
-        (["animate", "out"], "run0.gif", "GIF89a of mine"),
-        (
-            ["plot", "out", "--figure", "paper", "--figure", "torque"],
-            "torque.svg",
-            '<?xml version="1.0"?><svg/>',
-        ),
-    ],
-)
-@pytest.mark.usefixtures("result")
-def test_an_animation_or_a_figure_replaces_no_file_of_others(refused, command, name, mine):
-    path = Path("out/figures", name)
+def test_an_animation_replaces_no_file_of_others(refused, result):
+    path = Path("out/figures/run0.gif")
     path.parent.mkdir()
-    path.write_text(mine, encoding="utf-8")
-    assert refused(*command) == f"eqt: {path}: {FOREIGN}\n"
+    path.write_text("GIF89a of mine", encoding="utf-8")
+    assert refused("animate", result) == f"eqt: {path}: {FOREIGN}\n"
 
 
 @pytest.mark.ci("writes two reports and two animations")
