@@ -255,8 +255,6 @@ Config = Annotated[
 Result = Annotated[
     Path, typer.Argument(metavar="RESULT", help="Result folder, or the results.h5 in it.")
 ]
-MoreResults = Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)]
-"""Surplus results, accepted so that the command can say what to do instead."""
 Set = Annotated[list[str] | None, option("--set", autocompletion=completion.settings)]
 Out = Annotated[Path | None, option("--out", parser=folder)]
 Controllers = Annotated[list[str] | None, option("--controller", autocompletion=completion.laws)]

@@ -11,7 +11,7 @@ SESSION = """
 from eqt_cli.base.extensions import function_for, shipped
 from eqt_cli.base.registry import registry
 from eqt_cli.cli.app import COMMANDS
-print(shipped(), {"fit", "log", "export"} & COMMANDS.keys())
+print(shipped(), {"fit", "log", "export", "report"} & COMMANDS.keys())
 print({"code", "replay"} & {*registry("controllers").names()}, registry("controllers").get("eqt"))
 from eqt_cli import api
 print("fit" in api.__all__, "compare" in api.__all__)

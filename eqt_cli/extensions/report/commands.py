@@ -4,6 +4,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
+import typer
+
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import text_of
 from eqt_cli.cli import completion, options
@@ -55,7 +57,8 @@ def animate(
 
 def report(
     result: options.Result,
-    more: options.MoreResults = None,
+    # Surplus results, accepted so that the command can say what to do instead.
+    more: Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)] = None,
     out: Annotated[Path | None, options.option("--out")] = None,
     figure: Annotated[list[str] | None, options.option("--figure", known="figures")] = None,
     against: Annotated[str, options.option("--against", autocompletion=completion.laws)] = "",
