@@ -15,7 +15,6 @@ from eqt_cli.base.process import Interrupted
 from eqt_cli.base.reporting import brief
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.output import notes, print_findings, say
-from eqt_cli.runs.part_files import unfinished
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.search import Searched, Searches
@@ -360,6 +359,8 @@ def run_experiment(experiment: Study, setup: options.Setup, handling: options.Ha
             shard=shard,
         )
     except Interrupted as error:
+        from eqt_cli.runs.part_files import unfinished
+
         begun = unfinished(out)
         finished = begun.done if begun else 0
         whole = "" if finished else f" (whole parts of {plans.runs_of(0)} are)"
