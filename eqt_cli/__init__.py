@@ -9,7 +9,6 @@ In notebooks and scripts::
     result.metrics().groupby("controller").mean_torque.mean()
     data = result.to_xarray()
     eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:5"])
-    eqt_cli.verify(result).failures
     eqt_cli.plot(result, "summary", options={"log": True})
     eqt_cli.write_report(result)
 """
@@ -27,7 +26,7 @@ from typing import Any
 def places(module: str) -> dict[str, str]:
     """Return the module of each name that the stub beside a module imports.
 
-    ``*`` stands for the names in the stub of an extension, if it is there.
+    ``*`` stands for the names in a stub of an extension, if it is there.
     """
     return _listed(Path(str(sys.modules[module].__file__)).with_suffix(".pyi"))
 
@@ -38,7 +37,8 @@ def _listed(stub: Path) -> dict[str, str]:
         if isinstance(statement, ast.ImportFrom):
             module = str(statement.module)
             if statement.names[0].name == "*":
-                extension = Path(__file__).parents[1].joinpath(*module.split("."), "__init__.pyi")
+                place = Path(__file__).parents[1].joinpath(*module.split("."))
+                extension = place / "__init__.pyi" if place.is_dir() else place.with_suffix(".pyi")
                 modules |= _listed(extension) if extension.exists() else {}
             else:
                 modules |= dict.fromkeys((alias.name for alias in statement.names), module)

@@ -1,19 +1,9 @@
 """What `eqt_cli.extend` offers and where that is, for type checkers and for the module itself."""
 
-from eqt_cli.analysis.certificates import Certificate as Certificate
-from eqt_cli.analysis.certificates import Hypothesis as Hypothesis
-from eqt_cli.analysis.certificates import Identity as Identity
-from eqt_cli.analysis.certificates import LiteralForm as LiteralForm
-from eqt_cli.analysis.certificates import Row as Row
-from eqt_cli.analysis.certificates import Runs as Runs
-from eqt_cli.analysis.certificates import Setting as Setting
-from eqt_cli.analysis.certificates import TrajectoryCheck as TrajectoryCheck
-from eqt_cli.analysis.certificates import Verdict as Verdict
 from eqt_cli.analysis.compare import AtMost as AtMost
 from eqt_cli.analysis.compare import Claim as Claim
 from eqt_cli.analysis.compare import ClaimSet as ClaimSet
 from eqt_cli.analysis.compare import Less as Less
-from eqt_cli.analysis.sample import Sample as Sample
 from eqt_cli.base.arrays import Array as Array
 from eqt_cli.base.arrays import absolute as absolute
 from eqt_cli.base.arrays import apply_matrix as apply_matrix
@@ -162,6 +152,7 @@ from eqt_cli.engines.engine import SpanResult as SpanResult
 from eqt_cli.engines.engine import Status as Status
 from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
+from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions

@@ -37,7 +37,6 @@ TESTS = (
             "extensions",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
-            "analysis/test_margins.py",
             "analysis/test_shares.py",
             "trust/test_input.py",
         )

@@ -20,7 +20,7 @@ CORE = (
     "config/designs.py",
     "analysis/intervals.py",
     "analysis/compare.py",
-    "analysis/margins.py",
+    "extensions/proofs/margins.py",
     "results/metrics.py",
     "results/quantity.py",
     "extensions/firmware/c_headers.py",

@@ -16,10 +16,10 @@ from matplotlib.figure import Figure
 from said import error_of
 
 import eqt_cli
-from eqt_cli.analysis import verification
 from eqt_cli.api import loading
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import ConfigError, EqtError, ResultError
+from eqt_cli.extensions.proofs import verification
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 

@@ -595,11 +595,11 @@ def equations() -> Iterator[str]:
 @part
 def proofs() -> Iterator[str]:
     """What `eqt verify --exact` proves of every shipped configuration."""
-    from eqt_cli.analysis.certificates import Verdict
-    from eqt_cli.analysis.verification import identities_of
     from eqt_cli.config import shipped
     from eqt_cli.config.document import read_config
     from eqt_cli.config.study import study, without_sweep
+    from eqt_cli.extensions.proofs.certificates import Verdict
+    from eqt_cli.extensions.proofs.verification import identities_of
 
     lines: list[list[str]] = []
     known: dict[tuple[str, str], list[Any]] = {}

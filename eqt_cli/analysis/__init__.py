@@ -1,1 +1,1 @@
-"""What follows from experiments and results: comparisons, certificates, margins, searches."""
+"""What follows from experiments and results: comparisons and searches."""

@@ -1,11 +1,8 @@
 """The names of `eqt_cli.api` and the modules that define them."""
 
-from eqt_cli.api.comparing import certified as certified
 from eqt_cli.api.comparing import compare as compare
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.comparing import diff as diff
-from eqt_cli.api.comparing import margins as margins
-from eqt_cli.api.comparing import verify as verify
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import cite as cite
 from eqt_cli.api.drawing import figure as figure
@@ -22,5 +19,6 @@ from eqt_cli.api.running import tune as tune
 from eqt_cli.api.running import worst as worst
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.firmware import *
+from eqt_cli.extensions.proofs import *
 from eqt_cli.extensions.recordings import *
 from eqt_cli.extensions.report import *

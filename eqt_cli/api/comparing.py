@@ -1,36 +1,24 @@
-"""Compares laws and results, checks certificates, linearises loops."""
+"""Compares laws and results."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.analysis.search_record import TUNE, laws_of
-from eqt_cli.api.loading import (
-    Configuration,
-    ResultPath,
-    experiment_at,
-    open_at,
-    path_from,
-    require_list,
-)
+from eqt_cli.api.loading import ResultPath, open_at, path_from, require_list
 from eqt_cli.base.errors import EqtError
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.certified import LawRates
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.differences import Differences
     from eqt_cli.analysis.maps import Map
-    from eqt_cli.analysis.margins import Margins
-    from eqt_cli.analysis.verification import Verification
-    from eqt_cli.config.study import Study
 
 # Each function imports the analysis that it needs: together they take half a second.
 
@@ -265,179 +253,3 @@ def diff(first: ResultPath, second: ResultPath) -> Differences:
         open_result(path_from("second", second)) as other,
     ):
         return differences(one, other)
-
-
-# Checks the paper's statements on an experiment or on a result ------------------------------------
-
-
-def verify(
-    target: Study | Configuration,
-    *,
-    runs: int | None = None,
-    point: int | None = None,
-    trust_plugins: bool = False,
-    workers: int = 1,
-    exact: bool = False,
-) -> Verification:
-    """Check the paper's statements on an experiment or on the runs of a result.
-
-    Parameters
-    ----------
-    target
-        A result folder or file, whose stored runs are checked; or a `Study` or a configuration, of
-        which new runs are computed.
-    runs
-        Number of new runs per law, at most that of the experiment. Default: 20.
-    point
-        Point of a sweep, counted from 0. Default for an experiment: the first.
-    trust_plugins
-        Whether to execute plugin sources that are stored in a result file.
-    workers
-        Number of cores to use.
-    exact
-        Whether to prove identities with exact numbers. Proved rows have ``degree``, ``points`` and
-        ``probability``.
-
-    Returns
-    -------
-    Verification
-        Each of its ``rows`` has a verdict; ``failures`` are the rows that refute a statement.
-
-    Raises
-    ------
-    EqtError
-        If the target cannot be read, or is the result of a sweep and ``point`` is missing.
-
-    Examples
-    --------
-    >>> eqt_cli.verify("results/paper").failures
-    []
-    """
-    from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_stored
-    from eqt_cli.config.remarks import remark_on
-
-    if isinstance(target, str | os.PathLike):
-        path = Path(target)
-        if path.suffix == ".h5" or path.is_dir():
-            if runs is not None:
-                raise EqtError(f"{path}: a result is verified as it is; leave runs out")
-            with open_at(path, point) as opened:
-                return verify_stored(
-                    opened, trust_plugins=trust_plugins, workers=workers, exact=exact
-                )
-    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
-    remark_on(experiment)
-    count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, workers, exact)
-
-
-# Computes the stability margins of the loops of an experiment -------------------------------------
-
-
-def margins(
-    target: Study | Configuration, *, point: int | None = None, trust_plugins: bool = False
-) -> Margins:
-    """Compute eigenvalues, delay margin and gain margins of the loop of every law.
-
-    Loops are linearised about their reference, with the hold, the delay and the linear parts of the
-    actuators. Limits, quantisation and noise are left out. No run is simulated.
-
-    Parameters
-    ----------
-    target
-        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
-    point
-        Point of a sweep, counted from 0. Default: the first.
-    trust_plugins
-        Whether to execute plugin sources that are stored in a result file.
-
-    Returns
-    -------
-    Margins
-        Each of its ``laws`` has ``growth``, ``delay``, ``gains`` and ``is_indicative``: whether the
-        linearised loop depends on time, so that these numbers prove nothing.
-
-    Raises
-    ------
-    ConfigError
-        With all problems of the configuration and their places.
-    EqtError
-        If the file does not exist, or a loop cannot be differentiated.
-
-    Examples
-    --------
-    >>> [law] = eqt_cli.margins(
-    ...     {
-    ...         "group": "SO2",
-    ...         "inertia": 0.4,
-    ...         "gains": {"kp": 1.0, "kd": 0.8},
-    ...         "reference": {"kind": "constant"},
-    ...         "controllers": ["eqt"],
-    ...         "time": {"duration": 10},
-    ...     }
-    ... ).laws
-    >>> law.growth.is_stable, round(law.delay, 4)
-    (True, 0.3043)
-    """
-    from eqt_cli.analysis.margins import margins_of
-    from eqt_cli.config.remarks import remark_on
-
-    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
-    remark_on(experiment)
-    return margins_of(experiment)
-
-
-def certified(
-    target: Study | Configuration,
-    velocities: Sequence[float] = (),
-    *,
-    push: float = 0,
-    start: float = 0,
-    point: int | None = None,
-) -> list[LawRates]:
-    """Prove a rate at which small errors decay along every reference whose velocity is bounded.
-
-    About a reference, the errors of the loop obey ẋ = A(V_d) x to first order. One matrix P with
-    AᵀP + PA + 2λP ≺ 0 at the corners of a box proves the rate λ for every V_d(t) in the box. The
-    proof is in fractions. It needs the extra `certify`.
-
-    Parameters
-    ----------
-    target
-        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
-    velocities
-        Each v stands for the box |V_d,i| ≤ v. Default: the box around the reference's own velocity,
-        as sampled over the horizon.
-    push
-        Bound of a wrench, N m: also prove by how much it turns a law on SO(3), to first order.
-    start
-        Angle, deg: also prove a rate from every start on SO(3) with no more L than a turn by this
-        angle at rest. It takes up to a minute for each law and box.
-    point
-        Point of a sweep, counted from 0. Default: the first.
-
-    Returns
-    -------
-    list
-        For each law its ``label``, and ``rates``, one for each box in rising order, with ``rate``
-        (a fraction, 1/s, or None), ``P``, ``overshoot`` √cond P, ``velocity`` (the box),
-        ``slowest_constant`` and ``slowest_rate``; and ``gain`` and ``region`` if asked, with their
-        proofs. Of a law without, ``refused`` says why.
-
-    Raises
-    ------
-    ConfigError
-        With all problems of the configuration and their places.
-    EqtError
-        If the file does not exist, or Clarabel is not installed.
-
-    Examples
-    --------
-    >>> [eqt, *others] = eqt_cli.certified("configs/paper.yaml", [0.5])
-    >>> [one] = eqt.rates
-    >>> round(float(one.rate), 3), round(one.overshoot, 2)
-    (0.119, 1.65)
-    """
-    from eqt_cli.analysis.margins import certified_rates
-
-    return certified_rates(experiment_at(target, point), velocities, push, start)

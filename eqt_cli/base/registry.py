@@ -353,11 +353,10 @@ KINDS = {
     "designs": "eqt_cli.config.designs",
     "executors": "eqt_cli.runs.executors",
     "figures": "eqt_cli.figures.figure",
-    "certificates": "eqt_cli.analysis.certificates",
-    "claims": "eqt_cli.analysis.compare",
 }
 for _extension in extensions.shipped():
     KINDS |= _extension.kinds
+KINDS["claims"] = "eqt_cli.analysis.compare"
 """The modules of the registries, in the order of `eqt list`."""
 
 

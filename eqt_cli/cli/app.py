@@ -116,8 +116,6 @@ _CORE = {
     "show": ("eqt_cli.cli.show.show", READ, "results/paper --failed"),
     "results": ("eqt_cli.cli.show.results", READ, "results"),
     "diff": ("eqt_cli.cli.compare.diff", READ, "results/paper results/again"),
-    "verify": ("eqt_cli.cli.verify.verify", READ, "configs/paper.yaml"),
-    "margins": ("eqt_cli.cli.verify.margins", READ, "paper --set 'reference={kind: constant}'"),
     "cite": ("eqt_cli.cli.plot.cite", READ, "results/paper > refs.bib"),
     "list": ("eqt_cli.cli.lookup.list_components", LOOK_UP, "controllers"),
     "config": ("eqt_cli.cli.lookup.app", LOOK_UP, ""),

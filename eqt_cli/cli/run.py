@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import EqtError, InterruptedRun
+from eqt_cli.base.extensions import function_for
 from eqt_cli.base.process import Interrupted
 from eqt_cli.base.reporting import brief
 from eqt_cli.cli import completion, options, output
@@ -185,20 +186,16 @@ def worst(
         --certified ANGLE  Also print what is proved where the worst run of each law was found, as
             `eqt margins --from ANGLE` does for large errors on SO(3).
     """
-    from eqt_cli import api
-    from eqt_cli.analysis.certified import check_push_and_start
     from eqt_cli.analysis.search_tables import worst_tables
     from eqt_cli.analysis.worst import WorstSearch
 
-    if certified:  # before the search, which takes longer
-        check_push_and_start(0.0, certified)
+    # Before the search, which takes longer, for it refuses some angles.
+    proved: Any = certified and function_for("worst --certified")(certified)
     search = WorstSearch.read(setup.document(config, handling))
     done = _searched(search, setup, handling, dry_run=dry_run)
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
-    for law in done.record["laws"] if certified else ():
-        law_rates = api.certified(done.judged.folder.path / law["config"], start=certified)
-        [one] = (each for each in law_rates if each.label == law["label"])
-        law["certified"] = one.refused or str(one.rates[0].region)
+    for law in done.record["laws"] if proved else ():
+        law["certified"] = proved(done.judged.folder.path / law["config"], law["label"])
     _report(done, worst_tables, causes, done.record["laws"][0]["config"], json=handling.json)
     if causes:
         raise typer.Exit(4)

@@ -1,9 +1,8 @@
 """Figures of sweeps: curves and maps, winners, trade-offs."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -13,13 +12,11 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 from pydantic import Field
 
-from eqt_cli.analysis.certified import box_of, rates_of
 from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import shares
 from eqt_cli.analysis.maps import NOBODY, Map, compare_map
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.option_types import Count
-from eqt_cli.components.recording_check import Recording
+from eqt_cli.base.extensions import function_for
 from eqt_cli.figures.cells import (
     Cells,
     colours_of,
@@ -30,7 +27,7 @@ from eqt_cli.figures.cells import (
     short,
     spans_decade,
 )
-from eqt_cli.figures.figure import Figure, OfDifferences, OfOneMetric, OfSweep
+from eqt_cli.figures.figure import OfDifferences, OfOneMetric, OfSweep
 from eqt_cli.figures.labels import free_text, metric_label
 from eqt_cli.figures.layout import (
     BAND,
@@ -44,16 +41,15 @@ from eqt_cli.figures.layout import (
     one_panel,
     rows_of,
 )
-from eqt_cli.figures.shown import ShownControllers, ShownSweep
+from eqt_cli.figures.shown import ShownSweep
 from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, mixed
 from eqt_cli.results.quantity import SweptKey
-from eqt_cli.results.result import Result
 
 # Figure of a sweep: one metric over one key as curves, over two as a map per law ------------------
 
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
-_HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0, "slide": 2.4}
+HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0, "slide": 2.4}
 
 _LOWER: dict[Width, float] = {"column": 1.6, "page": 2.2, "slide": 1.6}
 """Heights of maps in several rows, in."""
@@ -115,7 +111,7 @@ class SweepFigure(OfOneMetric):
         count, cells = len(swept.titles), Cells(*axes)
         # Two maps fit side by side even in a column, since few cells hold numbers.
         columns = count if count == 2 else map_columns(count, width)
-        height = _HEIGHTS[width] if count <= columns else _LOWER[width]
+        height = HEIGHTS[width] if count <= columns else _LOWER[width]
         norm, better = self._colours(means), swept.results.quantity(self.metric_of(swept)).better
         # Runs that failed, and runs beyond the horizon: (points, laws, runs).
         failed = swept.results.status[:, swept.controllers] != 0
@@ -149,7 +145,7 @@ def _draw_curves(
     swept: ShownSweep, axis: SweptKey, means: Array, bands: Array, label: str, width: Width
 ) -> tuple[Drawing, Axes]:
     """Draw means ``(points, laws)`` and bands ``(2, points, laws)`` over a key."""
-    drawing, panel = one_panel(width, _HEIGHTS[width])
+    drawing, panel = one_panel(width, HEIGHTS[width])
     order = np.argsort(axis.values, kind="stable")
     lines, laws = [], len(swept.looks)
     if axis.is_number and laws > BANDS:
@@ -365,7 +361,8 @@ class Settled(OfSweep):
         label = f"share settled {when} (%)"
         percent = 100 * shares(swept.settled(self.by).astype(float))
         share, low, high = np.moveaxis(percent, -1, 0)
-        swept.remarks += self._proved(swept) if self.certified else ()
+        if self.certified:
+            swept.remarks += function_for("--option certified")(swept, self.certified)
         if len(axes) == 1:
             swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
             swept.note = f"95 % intervals, {swept.count}"
@@ -391,16 +388,6 @@ class Settled(OfSweep):
         ends = _intervals(percent, written)
         swept.remarks.append(f"A cell per tested value, of {swept.count}; {ends}.")
         return drawing
-
-    def _proved(self, swept: ShownSweep) -> Iterator[str]:
-        """Yield what is proved of each law, where the runs only find."""
-        first = swept.results.point(0)
-        box = box_of(first["desired_velocity"])
-        for k, title in zip(swept.controllers, swept.titles, strict=True):
-            label = swept.results.labels[k]
-            law_rates = rates_of(label, first.loops[label], [box], start=self.certified)
-            said = law_rates.refused or law_rates.rates[0].region
-            yield f"{title}, proved for the loop and the reference of the first point: {said}."
 
 
 def _intervals(percent: Array, written: list[bool]) -> str:
@@ -481,62 +468,4 @@ class Pareto(OfSweep):
         add_legend(drawing, lines, swept.titles)
         points = f"Each point: mean over {swept.count}."
         swept.remarks.append(f"{points} Pale: another is better in both.")
-        return drawing
-
-
-# Figure of certified rates: what is proved for bounded references, over the bound -----------------
-
-
-@dataclass(frozen=True)
-class Rates(Figure[ShownControllers]):
-    """Certified rates of small errors over the bound v of the desired velocity.
-
-    Thick: proved along every reference with |V_d,i| ≤ v. Thin: the slowest constant V_d of these.
-    Laws without a certificate are named.
-
-    Attributes
-    ----------
-    velocity
-        Largest v. 0: the largest |V_d,i| of the reference.
-    bounds
-        Number of values of v, from 0.
-    """
-
-    name: ClassVar[str] = "rates"
-
-    velocity: float = 0.0
-    bounds: Count = 13
-
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownControllers:
-        """Return the controllers of one result."""
-        return ShownControllers([self._only(results, "result")], self.name, self.chosen)
-
-    def compose(self, shown: ShownControllers, width: Width) -> Drawing:
-        """Draw two curves per law, computed here from the loops of the result."""
-        [result] = shown.results
-        fastest = self.velocity or float(np.nanmax(np.abs(result["desired_velocity"])))
-        grid = np.linspace(0, fastest, self.bounds)
-        axes = len(result.coordinate("axis"))
-        boxes = [[(-Fraction(v), Fraction(v))] * axes for v in grid.tolist()]
-        laws = [(e, rates_of(e.label, result.loops[e.law], boxes)) for e in shown.shown]
-        (drawing, panel), known = one_panel(width, _HEIGHTS[width]), []
-        for law, law_rates in laws:
-            if law_rates.refused:
-                shown.remarks.append(f"{law.title} {law_rates.refused}.")
-            else:
-                known.append(law.title)
-                rates = [float(one.rate or np.nan) for one in law_rates.rates]
-                panel.plot(grid, rates, label=f"{law.title}, proved", **line_style(law.look))
-        for law, law_rates in laws:
-            rates, look = [one.slowest_rate for one in law_rates.rates], line_style(law.look)
-            panel.plot(grid[: len(rates)], rates, label=f"{law.title}, constant", lw=0.5, **look)
-        if not known:
-            raise shown.error(f"has nothing to show: {' '.join(shown.remarks)}")
-        unit = result.units("desired_velocity")
-        bound = f"bound of each component of the desired velocity ({unit})"
-        panel.set(xlabel=bound.removesuffix(" (mixed)"), xlim=(0, fastest or 1))
-        panel.set(ylabel="rate of small errors (1/s)", ylim=(0, None))
-        add_legend(drawing, panel.lines[: len(known)], known)
-        shown.note = "thick: proved for all references; thin: slowest constant velocity"
-        shown.remarks.append(f"{shown.note.capitalize()}.")
         return drawing

@@ -9,14 +9,14 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from small_experiment import configuration, study_of
 
-from eqt_cli.analysis.certificates import Verdict
-from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.errors import EqtError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import critical_sets
 from eqt_cli.config.schema import PointSection
 from eqt_cli.engines.engine import Status
 from eqt_cli.engines.native import Native
+from eqt_cli.extensions.proofs.certificates import Verdict
+from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.linearised import growth, linearised
 from eqt_cli.results.result import open_result
 

@@ -11,10 +11,12 @@ SESSION = """
 from eqt_cli.base.extensions import function_for, shipped
 from eqt_cli.base.registry import registry
 from eqt_cli.cli.app import COMMANDS
-print(shipped(), {"fit", "log", "export", "report"} & COMMANDS.keys())
+print(shipped(), {"fit", "log", "export", "report", "verify", "margins"} & COMMANDS.keys())
 print({"code", "replay"} & {*registry("controllers").names()}, registry("controllers").get("eqt"))
 from eqt_cli import api
-print("fit" in api.__all__, "compare" in api.__all__)
+print({"fit", "verify"} & {*api.__all__}, "compare" in api.__all__)
+from eqt_cli import extend
+print("Certificate" in extend.__all__, "Claim" in extend.__all__)
 function_for("compare --measured")
 """
 
@@ -30,6 +32,7 @@ def test_eqt_works_without_them(tmp_path):
     assert done.stdout.splitlines() == [
         "() set()",
         "set() <class 'eqt_cli.components.laws.EqT'>",
+        "set() True",
         "False True",
     ]
     assert done.stderr.endswith(

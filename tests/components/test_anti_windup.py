@@ -8,11 +8,11 @@ import yaml
 from plain import hat
 from scipy.integrate import solve_ivp
 
-from eqt_cli.analysis.certificates import Verdict
-from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.components.groups import group_named
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.extensions.proofs.certificates import Verdict
+from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.linearised import off_limits
 
 KINDS = {"none": "none", "clamp": "clamp", "back": {"back_calculation": 0.5}}

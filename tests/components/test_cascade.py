@@ -12,10 +12,6 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.analysis.identities import CommandedRates
-from eqt_cli.analysis.margins import margins_of
-from eqt_cli.analysis.sample import sampled
-from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.arrays import cos, cross, dot, sin, sqrt, stack, transpose
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components import cascade
@@ -24,6 +20,10 @@ from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.remarks import remarks
 from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.extensions.proofs.identities import CommandedRates
+from eqt_cli.extensions.proofs.margins import margins_of
+from eqt_cli.extensions.proofs.sample import sampled
+from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.linearised import linearised
 from eqt_cli.numbers.program import traced

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 from ci_cases import mostly_ci
 
-from eqt_cli.analysis.certificates import Verdict
-from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.engines.engine import engines
+from eqt_cli.extensions.proofs.certificates import Verdict
+from eqt_cli.extensions.proofs.verification import verify_experiment
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2", "solver.rtol=1.0e-8"]

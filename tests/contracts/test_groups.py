@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.exact import Exact, free
 from eqt_cli.components.groups import MatrixLieGroup, group_named
+from eqt_cli.extensions.proofs.exact import Exact, free
 
 # Tens of last places, where SciPy's rigid motions leave their series; as in tests/components.
 ROUNDING = 5e-13

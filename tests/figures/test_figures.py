@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from said import error_of
 
 from eqt_cli.api.loading import open_at
+from eqt_cli.extensions.proofs.figures import Rates
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
 from eqt_cli.figures.figure import OfReference, OfSweep, OverTime, figures
 from eqt_cli.figures.layout import freeze
@@ -26,7 +27,6 @@ from eqt_cli.figures.render import encode, render
 from eqt_cli.figures.run_figures import EstimateFigure
 from eqt_cli.figures.search_figures import Fronts, WorstFigure
 from eqt_cli.figures.style import house_style
-from eqt_cli.figures.sweep_figures import Rates
 from eqt_cli.figures.time_figures import Commands
 
 FORMATS = ("pdf", "svg", "png")

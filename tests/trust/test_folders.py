@@ -178,7 +178,9 @@ def _only_folders():
         patch.setattr(Search, "read", _once(Search.read))
         patch.setattr("eqt_cli.figures.render.figure_from", lambda name, _: _Figure(name))
         patch.setattr("eqt_cli.figures.render.curves", lambda _: [])
-        patch.setattr("eqt_cli.analysis.verification.verify_stored", lambda *_, **__: _Verified())
+        patch.setattr(
+            "eqt_cli.extensions.proofs.verification.verify_stored", lambda *_, **__: _Verified()
+        )
         patch.setattr("eqt_cli.extensions.report.document.report", lambda *_: page)
         patch.setattr("eqt_cli.extensions.report.document.animation", lambda *_: page)
         yield

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.analysis.exact import UNIT, lifted, value_of
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.components.laws import controllers
@@ -32,6 +30,8 @@ from eqt_cli.extensions.firmware.code_evidence import (
     limits,
 )
 from eqt_cli.extensions.firmware.user_code import described
+from eqt_cli.extensions.proofs.certificates import Row, Verdict
+from eqt_cli.extensions.proofs.exact import UNIT, lifted, value_of
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 

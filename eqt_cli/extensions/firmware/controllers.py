@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from eqt_cli.analysis.certificates import Row
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
 from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
@@ -499,7 +498,7 @@ class Code(_Numbers):
 
     def judged(
         self, label: str, loop: Any, horizon: float, random: Any, flown: Any
-    ) -> Iterator[Row]:
+    ) -> Iterator[Any]:
         """Compare the code with the law that it claims to be."""
         from eqt_cli.extensions.firmware.code_rows import code_rows  # which only `eqt verify` needs
 

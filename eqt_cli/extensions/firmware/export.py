@@ -13,8 +13,6 @@ from typing import Literal
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from eqt_cli.analysis.certificates import tally
-from eqt_cli.analysis.verification import identities_of
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
@@ -402,6 +400,9 @@ NAME = "README.md"
 
 def readme(laws: Sequence[ExportedLaw]) -> str:
     """Return the text of the README of the laws of an experiment."""
+    from eqt_cli.extensions.proofs.certificates import tally
+    from eqt_cli.extensions.proofs.verification import identities_of
+
     experiment = laws[0].experiment
     rows = identities_of(experiment)
     return filled(

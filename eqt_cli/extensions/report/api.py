@@ -3,11 +3,12 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from eqt_cli.analysis.certificates import Row
 from eqt_cli.api.drawing import folders, load_plugins
 from eqt_cli.api.loading import ResultPath, open_at
 from eqt_cli.base.errors import ComponentError, EqtError, EqtWarning, Remedy
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.files import REPORT, check_targets, write_all
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.yaml_source import load
@@ -163,13 +164,12 @@ def write_report(
             load_plugins(opened)
         shown = opened.in_units(units)
         wanted = named(figures) if figures else None
-        rows: list[Row] = []
+        certificates: dict[str, Any] = {}
         reason = QUICK if quick and not opened.is_sweep else ""
         if not (quick or opened.is_sweep):
-            from eqt_cli.analysis.verification import verify_stored
-
-            try:
-                rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
+            try:  # their tables by their names in the template: `certificates` and `doubts`
+                for certificates_of in functions_for("certificates of a report"):
+                    certificates |= certificates_of(opened, trust_plugins, workers)
             except EqtError as error:
                 reason = f"The result could not be verified: {error}"
                 why = "the page has no certificates; the result could not be verified: "
@@ -178,6 +178,6 @@ def write_report(
         if against and opened.is_sweep:
             raise EqtError("--against: applies to one experiment; choose a point with --point")
         base = shown.labels[shown.position_of(against)] if against else ""
-        page = report(shown, wanted, rows, reason, author, notes, title, date, base)
+        page = report(shown, wanted, certificates, reason, author, notes, title, date, base)
     write_all({path: page.encode()}, home)
     return path

@@ -15,7 +15,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eqt_cli.analysis import verdict
-from eqt_cli.analysis.certificates import Row, certificate_table, with_titles
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.analysis.fronts import side_by_side
@@ -384,9 +383,10 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 
 OPTIONAL = (
-    "best premises answer findings claims levels pairs others missing picker animation".split()
-)
-"""Parts of a page that only sweeps or only single experiments have."""
+    "best premises answer findings claims levels pairs others missing picker animation "
+    "certificates doubts"
+).split()
+"""Parts of a page that only sweeps or only single experiments have, or that are left out."""
 
 
 SEARCHED = (
@@ -399,7 +399,7 @@ SEARCHED = (
 def report(
     result: Result,
     wanted: Sequence[Wanted] | None = None,
-    certificates: Sequence[Row] = (),
+    certificates: Mapping[str, Any] | None = None,
     unverified: str = "",
     author: str = "",
     notes: str = "",
@@ -419,7 +419,7 @@ def report(
         Figures, by default those of its kind; those that cannot be drawn are omitted, with a
         remark.
     certificates
-        Rows found by the verification of the result.
+        Tables of the certificates of the result: all `certificates`, and the `doubts`.
     unverified
         Reason why there are no certificates, if there are none.
     author, notes
@@ -450,12 +450,10 @@ def report(
         config=str(result.attributes.get("config", "")).rstrip(),
         figures=drawn,
         remarks=remarks,
-        certificates=certificate_table(rows := with_titles(certificates, result.title_of)),
-        doubts=certificate_table(rows, brief=True),
         unverified=unverified.replace(f"{result.path.parent}/", ""),
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
         search=_searched(result),
-        **dict.fromkeys(OPTIONAL) | of_kind,
+        **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}),
     )
 
 

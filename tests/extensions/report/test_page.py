@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.comparison import ClaimVerdict
 from eqt_cli.api.loading import open_at
 from eqt_cli.cli.tables import _STYLES
+from eqt_cli.extensions.proofs.certificates import Row, Verdict, certificate_table
 from eqt_cli.extensions.report.document import TEMPLATES, Wanted, _typeset, report
 from eqt_cli.results.metrics import QUANTITIES
 
@@ -231,7 +231,9 @@ def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
         Row("𝕀_t is bounded", "Theorem 3.2", "hypothesis", "", 0.0, None, Verdict.HOLDS),
     ]
     with open_at(paper_result) as results:
-        text = report(results, [], rows)
+        tables = {"certificates": certificate_table(rows)}
+        tables["doubts"] = certificate_table(rows, brief=True)
+        text = report(results, [], tables)
     assert "checked on this experiment: 1 hold, 1 fail" in text
     doubts, every, *_ = text[text.index('id="certificates-table"') :].split('class="folded"')
     assert "Trajectories, over the runs" in doubts and "Identities" not in doubts
@@ -282,14 +284,14 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
         raise AssertionError("verified")
 
     pages = []
-    monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", refuse)
+    monkeypatch.setattr("eqt_cli.extensions.proofs.verification.verify_stored", refuse)
     monkeypatch.setattr(
         "eqt_cli.extensions.report.document.report", lambda *of: pages.append(of) or "page"
     )
     eqt_cli.write_report(paper_result, tmp_path / "page.html", quick=True)
-    _, _, rows, reason, *_ = pages[0]
-    assert (rows, reason) == (
-        [],
+    _, _, tables, reason, *_ = pages[0]
+    assert (tables, reason) == (
+        {},
         "The certificates were left out (--quick); `eqt verify` computes them.",
     )
 

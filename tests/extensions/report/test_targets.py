@@ -14,7 +14,7 @@ def _no_work(monkeypatch):
     def work(*_, **__):
         raise AssertionError("worked before the target was checked")
 
-    monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", work)
+    monkeypatch.setattr("eqt_cli.extensions.proofs.verification.verify_stored", work)
     monkeypatch.setattr("eqt_cli.extensions.report.document.report", work)
     monkeypatch.setattr("eqt_cli.extensions.report.scenes.gif", work)
     monkeypatch.setattr("eqt_cli.extensions.report.document.animation", work)

@@ -53,7 +53,7 @@ def table(out):
     return [line.split() for line in (lines[0], *lines[2:])]
 
 
-@pytest.mark.ci("tests/analysis/test_margins.py has fast ones")
+@pytest.mark.ci("test_margins.py has fast ones")
 def test_margins_of_a_sampled_loop(eqt, folder):
     (folder / "late.yaml").write_text(LATE)
     done = eqt("margins", "late.yaml")

@@ -12,14 +12,20 @@ import pytest
 import yaml
 
 import eqt_cli
-from eqt_cli.analysis import margins as searched
-from eqt_cli.analysis.margins import LARGEST_FACTOR, CutLoop, LawMargins, delay_margin, delayed
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.extensions.proofs import margins as searched
+from eqt_cli.extensions.proofs.margins import (
+    LARGEST_FACTOR,
+    CutLoop,
+    LawMargins,
+    delay_margin,
+    delayed,
+)
 from eqt_cli.loop.linearised import Linearised, linearised
 
 WHEEL = {

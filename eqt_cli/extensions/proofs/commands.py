@@ -19,10 +19,10 @@ from eqt_cli.cli.output import complain, count_of, laid_out, print_findings
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from eqt_cli.analysis.certified import Certified, LawRates
-    from eqt_cli.analysis.margins import GainMargin, LawMargins, Margins
-    from eqt_cli.analysis.verification import Verification
     from eqt_cli.config.study import Study
+    from eqt_cli.extensions.proofs.certified import Certified, LawRates
+    from eqt_cli.extensions.proofs.margins import GainMargin, LawMargins, Margins
+    from eqt_cli.extensions.proofs.verification import Verification
 
 
 RECORDS = ("manifest.json", "tuning.json", "worst.json")
@@ -76,7 +76,7 @@ def verify(
     from eqt_cli import api
     from eqt_cli.config.document import overridden
 
-    subject: Path | Study
+    subject: Path | Study = target
     is_result = target.suffix == ".h5" or target.is_dir()
     if fail_on not in (None, *FINDINGS):
         raise EqtError(f"--fail-on: expected lacks or differs, got '{fail_on}'")
@@ -84,22 +84,16 @@ def verify(
     _check_options(target, is_result, set_ or engine or runs, code, of_code)
     if file and is_result:
         return _verify_files(target, json=json)
-    if is_result:
-        subject = target
-    else:
+    if not is_result:
         document = options.document_of(target, None, trust_plugins=trust_plugins)
         if code:
             document = function_for("verify --code")(document, code, as_, adapter)
         document = overridden(document, options.overrides(set_, engine))
         subject = options.study_at(document, point, "verified without")
         point = None  # the configuration is already that of the point
+    workers = workers or options.cores()
     result = api.verify(
-        subject,
-        runs=runs,
-        point=point,
-        trust_plugins=trust_plugins,
-        workers=workers or options.cores(),
-        exact=exact,
+        subject, runs=runs, point=point, trust_plugins=trust_plugins, workers=workers, exact=exact
     )
     judged = any(row.kind == "code" for row in result.rows)
     answers = function_for("answers on code") if judged else lambda *_: ()
@@ -159,7 +153,7 @@ def _check_options(
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
     """Yield the printed text: the answer, then the rows that fail, or all."""
-    from eqt_cli.analysis.certificates import certificate_table, with_titles
+    from eqt_cli.extensions.proofs.certificates import certificate_table, with_titles
 
     yield from result.answer()
     rows = result.titled
@@ -268,7 +262,7 @@ def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
 
 def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     """Say what the columns mean, and what is left out."""
-    from eqt_cli.analysis.margins import LARGEST_FACTOR
+    from eqt_cli.extensions.proofs.margins import LARGEST_FACTOR
 
     titles = result.experiment.titles
     yield "delay margin: further delay of the command with which the loop is still stable"
@@ -306,7 +300,7 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
 
 def _gains(result: Margins) -> list[str]:
     """Return the names of the gain margins: that of the position where a law has it."""
-    from eqt_cli.analysis.margins import GAINS
+    from eqt_cli.extensions.proofs.margins import GAINS
 
     cascades = any(loop.controller.reads_flat_output for loop in result.experiment.loops.values())
     return [name for name in GAINS if cascades or name != "position"]

@@ -8,7 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.certificates import (
+from eqt_cli.base.arrays import Array, frobenius, norm
+from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
+from eqt_cli.components.laws import Controller
+from eqt_cli.components.mechanics import hessian_at_identity
+from eqt_cli.extensions.proofs.certificates import (
     ENERGY_PER_RTOL,
     STATES_PER_RTOL,
     Hypothesis,
@@ -21,11 +25,7 @@ from eqt_cli.analysis.certificates import (
     joined,
     largest,
 )
-from eqt_cli.analysis.certified import LawRates, box_of, rates_of
-from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
-from eqt_cli.components.laws import Controller
-from eqt_cli.components.mechanics import hessian_at_identity
+from eqt_cli.extensions.proofs.certified import LawRates, box_of, rates_of
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.results.metrics import ENERGY_SCALE
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 from plugin_sources import component
 
-from eqt_cli.analysis.sample import written
+from eqt_cli.extensions.proofs.sample import written
 
 HEAD = component("""
 import numpy as np

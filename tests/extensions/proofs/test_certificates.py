@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from small_loops import any_matrix, closed_loop, constant, expressions
 
-from eqt_cli.analysis.certificates import (
+from eqt_cli.base.arrays import dot, tanh
+from eqt_cli.components.classic_laws import Goodarzi2013
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.inertia import FactoredInertia, PrescribedInertia
+from eqt_cli.components.laws import Controller, EqT, Family, controllers
+from eqt_cli.components.mechanics import Gains
+from eqt_cli.components.references import ConstantReference, TorqueReference
+from eqt_cli.extensions.proofs.certificates import (
     STATES_PER_RTOL,
     Runs,
     Setting,
@@ -19,15 +26,8 @@ from eqt_cli.analysis.certificates import (
     identity_rows,
     trajectory_rows,
 )
-from eqt_cli.analysis.exact import value_of
-from eqt_cli.analysis.sample import sampled
-from eqt_cli.base.arrays import dot, tanh
-from eqt_cli.components.classic_laws import Goodarzi2013
-from eqt_cli.components.groups import group_named
-from eqt_cli.components.inertia import FactoredInertia, PrescribedInertia
-from eqt_cli.components.laws import Controller, EqT, Family, controllers
-from eqt_cli.components.mechanics import Gains
-from eqt_cli.components.references import ConstantReference, TorqueReference
+from eqt_cli.extensions.proofs.exact import value_of
+from eqt_cli.extensions.proofs.sample import sampled
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 
 LAWS = [kind.name for kind in controllers.all() if kind.tasks]

@@ -6,20 +6,20 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates import Runs, VehicleRuns, Verdict
-from eqt_cli.analysis.run_checks import (
-    MomentumBalance,
-    NoiseCovariance,
-    _off_identity,
-    window_times,
-)
-from eqt_cli.analysis.verification import TIGHTER
 from eqt_cli.components.sensors import Noise
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import RelativeInertia
 from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
+from eqt_cli.extensions.proofs.certificates import Runs, VehicleRuns, Verdict
+from eqt_cli.extensions.proofs.run_checks import (
+    MomentumBalance,
+    NoiseCovariance,
+    _off_identity,
+    window_times,
+)
+from eqt_cli.extensions.proofs.verification import TIGHTER
 from eqt_cli.runs.batches import batches
 
 ROWS = "[[2 + sin(t), 0, 0.1], [0, 3, 0], [0.1, 0, 4 + 0.5*t]]"

@@ -11,7 +11,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.exact import (
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.expressions import Expression, Node
+from eqt_cli.components.forces import Force
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.mechanics import Gains, Input, Semidirect, State, Tracking
+from eqt_cli.components.references import Reference, TorqueReference
+from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.extensions.proofs.exact import (
     UNIT,
     Exact,
     Ledger,
@@ -24,13 +31,6 @@ from eqt_cli.analysis.exact import (
     noting,
     with_rate,
 )
-from eqt_cli.base.arrays import Array
-from eqt_cli.base.expressions import Expression, Node
-from eqt_cli.components.forces import Force
-from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.mechanics import Gains, Input, Semidirect, State, Tracking
-from eqt_cli.components.references import Reference, TorqueReference
-from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.jets import Jet
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_leaves

@@ -17,10 +17,10 @@ from scipy.linalg import expm
 from threadpoolctl import threadpool_limits
 
 import eqt_cli
-from eqt_cli.analysis import certified, identities
-from eqt_cli.analysis.identities import forms_of_W, weights_of
-from eqt_cli.analysis.sample import ExactStates, Proof, Refutation, prove
 from eqt_cli.base.errors import InputError
+from eqt_cli.extensions.proofs import certified, identities
+from eqt_cli.extensions.proofs.identities import forms_of_W, weights_of
+from eqt_cli.extensions.proofs.sample import ExactStates, Proof, Refutation, prove
 
 pytest.importorskip("clarabel", reason="the extra certify is not installed")
 

@@ -15,9 +15,6 @@ import numpy as np
 import pytest
 from case_tables import in_ci
 
-from eqt_cli.analysis import identities
-from eqt_cli.analysis.certificates import Verdict
-from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.base.arrays import apply_matrix, transpose
 from eqt_cli.components import inertia as critical_points
 from eqt_cli.components import mechanics, motions
@@ -31,6 +28,9 @@ from eqt_cli.components.references import MovingReference
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.extensions.proofs import identities
+from eqt_cli.extensions.proofs.certificates import Verdict
+from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 SHORT = ["time.duration=0.5", "time.samples=6", "ensemble.runs=2"]
@@ -503,7 +503,7 @@ def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeyp
 
 # The table of all of them -------------------------------------------------------------------------
 
-PAGE = Path(__file__).parents[1] / "README.md"
+PAGE = Path(__file__).parents[2] / "README.md"
 
 
 def table():

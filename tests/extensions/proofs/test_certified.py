@@ -17,8 +17,8 @@ from scipy.linalg import expm
 from threadpoolctl import threadpool_limits
 
 import eqt_cli
-from eqt_cli.analysis.certified import affine
 from eqt_cli.base.errors import EqtError
+from eqt_cli.extensions.proofs.certified import affine
 from eqt_cli.loop.linearised import linearised
 
 pytest.importorskip("clarabel", reason="the extra certify is not installed")

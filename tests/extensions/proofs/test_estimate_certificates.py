@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates import Verdict
-from eqt_cli.analysis.run_checks import Consistent, WhiteInnovations
+from eqt_cli.extensions.proofs.certificates import Verdict
+from eqt_cli.extensions.proofs.run_checks import Consistent, WhiteInnovations
 from eqt_cli.runs.description import loop_in_words
 
 RUNS, SAMPLES, FREEDOM, COUNT = 20, 11, 6, 60

@@ -19,14 +19,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis import exact
-from eqt_cli.analysis.exact import entrywise
-from eqt_cli.analysis.identities import claimed_point, forms_of_W, sides_of_W, weights_of
-from eqt_cli.analysis.sample import INVERSE, MATRIX, ExactStates, Proof, prove
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, InputError, TraceError
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import Tracking
+from eqt_cli.extensions.proofs import exact
+from eqt_cli.extensions.proofs.exact import entrywise
+from eqt_cli.extensions.proofs.identities import claimed_point, forms_of_W, sides_of_W, weights_of
+from eqt_cli.extensions.proofs.sample import INVERSE, MATRIX, ExactStates, Proof, prove
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import off_limits
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves

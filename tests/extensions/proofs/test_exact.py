@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.exact import (
+from eqt_cli.base import arrays
+from eqt_cli.base.arrays import FUNCTIONS, inverse_spd
+from eqt_cli.extensions.proofs.exact import (
     Exact,
     Ledger,
     NotRationalError,
@@ -18,8 +20,6 @@ from eqt_cli.analysis.exact import (
     rate_of,
     with_rate,
 )
-from eqt_cli.base import arrays
-from eqt_cli.base.arrays import FUNCTIONS, inverse_spd
 from eqt_cli.numbers.jets import slope
 
 integers = st.integers(-50, 50)

@@ -7,13 +7,13 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates import Runs, Verdict
-from eqt_cli.analysis.run_checks import Fifths, Tracks
-from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.components.laws import EqT, Lee2010
 from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
+from eqt_cli.extensions.proofs.certificates import Runs, Verdict
+from eqt_cli.extensions.proofs.run_checks import Fifths, Tracks
+from eqt_cli.extensions.proofs.verification import verify_experiment
 
 TIMES = np.linspace(0.0, 10.0, 101)
 ONE = np.ones((3, 101))

@@ -10,31 +10,6 @@ import numpy as np
 import pytest
 from small_loops import closed_loop, expressions
 
-from eqt_cli.analysis import sample as proof
-from eqt_cli.analysis.certificates import Identity, LiteralForm, Verdict, certificates
-from eqt_cli.analysis.exact import Ledger, difference, free, noting
-from eqt_cli.analysis.identities import (
-    CriticalPoints,
-    Drift,
-    DualBracket,
-    Exponential,
-    FamilyForm,
-    FeedforwardPower,
-    LeftInvariance,
-    LyapunovRate,
-    SmallErrors,
-    bracket,
-)
-from eqt_cli.analysis.sample import (
-    ExactStates,
-    Parameters,
-    Proof,
-    Refutation,
-    UnprovableError,
-    prove,
-    sampled,
-    written,
-)
 from eqt_cli.base.arrays import dot, norm, sqrt
 from eqt_cli.base.expressions import parse
 from eqt_cli.components.classic_laws import Goodarzi2013, Sliding
@@ -46,6 +21,31 @@ from eqt_cli.components.matrix_groups import VectorGroup
 from eqt_cli.components.mechanics import Gains, Semidirect, Tracking
 from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.extensions.proofs import sample as proof
+from eqt_cli.extensions.proofs.certificates import Identity, LiteralForm, Verdict, certificates
+from eqt_cli.extensions.proofs.exact import Ledger, difference, free, noting
+from eqt_cli.extensions.proofs.identities import (
+    CriticalPoints,
+    Drift,
+    DualBracket,
+    Exponential,
+    FamilyForm,
+    FeedforwardPower,
+    LeftInvariance,
+    LyapunovRate,
+    SmallErrors,
+    bracket,
+)
+from eqt_cli.extensions.proofs.sample import (
+    ExactStates,
+    Parameters,
+    Proof,
+    Refutation,
+    UnprovableError,
+    prove,
+    sampled,
+    written,
+)
 
 LAWS = [kind.name for kind in controllers.all() if kind.tasks]
 """Formulas; code of a user's own is none."""

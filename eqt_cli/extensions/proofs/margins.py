@@ -1,21 +1,24 @@
 """Stability margins of linearised loops: eigenvalues, delay margins and gain margins."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.certified import LawRates, box_of, check_push_and_start, rates_of
+from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import InNotebook, reporter, step
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.remarks import along_reference
+from eqt_cli.config.remarks import along_reference, remark_on
+from eqt_cli.config.study import Study
 from eqt_cli.engines.horizon import check_reference
+from eqt_cli.extensions.proofs.certified import LawRates, box_of, check_push_and_start, rates_of
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     DERIVATIVE,
@@ -321,15 +324,109 @@ class Margins(InNotebook):
         return list(dict.fromkeys(words for law in self.laws for words in law.left_out))
 
 
-@blamed()
-def certified_rates(
-    experiment: Experiment, velocities: Sequence[float] = (), push: float = 0, start: float = 0
-) -> list[LawRates]:
-    """Prove rates of every law for all references with |V_d,i| ≤ v, for each v in rising order.
+def margins(
+    target: Study | Configuration, *, point: int | None = None, trust_plugins: bool = False
+) -> Margins:
+    """Compute eigenvalues, delay margin and gain margins of the loop of every law.
 
-    Without velocities, the box is that of the experiment's own reference, as sampled. A push in N m
-    and the angle of a start in deg are asked if they are not 0.
+    Loops are linearised about their reference, with the hold, the delay and the linear parts of the
+    actuators. Limits, quantisation and noise are left out. No run is simulated.
+
+    Parameters
+    ----------
+    target
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
+    point
+        Point of a sweep, counted from 0. Default: the first.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result file.
+
+    Returns
+    -------
+    Margins
+        Each of its ``laws`` has ``growth``, ``delay``, ``gains`` and ``is_indicative``: whether the
+        linearised loop depends on time, so that these numbers prove nothing.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration and their places.
+    EqtError
+        If the file does not exist, or a loop cannot be differentiated.
+
+    Examples
+    --------
+    >>> [law] = eqt_cli.margins(
+    ...     {
+    ...         "group": "SO2",
+    ...         "inertia": 0.4,
+    ...         "gains": {"kp": 1.0, "kd": 0.8},
+    ...         "reference": {"kind": "constant"},
+    ...         "controllers": ["eqt"],
+    ...         "time": {"duration": 10},
+    ...     }
+    ... ).laws
+    >>> law.growth.is_stable, round(law.delay, 4)
+    (True, 0.3043)
     """
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    remark_on(experiment)
+    return margins_of(experiment)
+
+
+@blamed()
+def certified(
+    target: Study | Configuration,
+    velocities: Sequence[float] = (),
+    *,
+    push: float = 0,
+    start: float = 0,
+    point: int | None = None,
+) -> list[LawRates]:
+    """Prove a rate at which small errors decay along every reference whose velocity is bounded.
+
+    About a reference, the errors of the loop obey ẋ = A(V_d) x to first order. One matrix P with
+    AᵀP + PA + 2λP ≺ 0 at the corners of a box proves the rate λ for every V_d(t) in the box. The
+    proof is in fractions. It needs the extra `certify`.
+
+    Parameters
+    ----------
+    target
+        A `Study` from `load_experiment`, or a configuration as `load_experiment` takes it.
+    velocities
+        Each v stands for the box |V_d,i| ≤ v. Default: the box around the reference's own velocity,
+        as sampled over the horizon.
+    push
+        Bound of a wrench, N m: also prove by how much it turns a law on SO(3), to first order.
+    start
+        Angle, deg: also prove a rate from every start on SO(3) with no more L than a turn by this
+        angle at rest. It takes up to a minute for each law and box.
+    point
+        Point of a sweep, counted from 0. Default: the first.
+
+    Returns
+    -------
+    list
+        For each law its ``label``, and ``rates``, one for each box in rising order, with ``rate``
+        (a fraction, 1/s, or None), ``P``, ``overshoot`` √cond P, ``velocity`` (the box),
+        ``slowest_constant`` and ``slowest_rate``; and ``gain`` and ``region`` if asked, with their
+        proofs. Of a law without, ``refused`` says why.
+
+    Raises
+    ------
+    ConfigError
+        With all problems of the configuration and their places.
+    EqtError
+        If the file does not exist, or Clarabel is not installed.
+
+    Examples
+    --------
+    >>> [eqt, *others] = eqt_cli.certified("configs/paper.yaml", [0.5])
+    >>> [one] = eqt.rates
+    >>> round(float(one.rate), 3), round(one.overshoot, 2)
+    (0.119, 1.65)
+    """
+    experiment = experiment_at(target, point)
     check_push_and_start(push, start)
     bounds = sorted(Fraction(str(v)) for v in set(velocities))
     boxes = [[(-v, v)] * experiment.group.dimension for v in bounds]
@@ -337,6 +434,23 @@ def certified_rates(
     with step("laws", len(experiment.loops)):
         loops = experiment.loops.items()
         return [rates_of(label, loop, boxes, push, start) for label, loop in loops]
+
+
+def proved_from(angle: float) -> Callable[[Path, str], str]:
+    """Return what says of a law of a configuration what is proved for its starts within an angle.
+
+    Raises
+    ------
+    EqtError
+        If nothing can be proved for this angle, deg, or Clarabel is not installed.
+    """
+    check_push_and_start(0.0, angle)
+
+    def proved(config: Path, label: str) -> str:
+        [law] = (law for law in certified(config, start=angle) if law.label == label)
+        return law.refused or str(law.rates[0].region)
+
+    return proved
 
 
 def _known_reference(experiment: Experiment) -> Any:
@@ -385,7 +499,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
             "moves; give a reference that rests, or leave this law out"
         )
     largest, omitted = growth(linear.at_rest or linear), list(left_out(loop, linear))
-    delay, is_least, gains = None, False, dict[str, GainMargin]()
+    delay, is_least = None, False
     # The command turns in coordinates at rest; a delay margin is that of its own coordinates.
     at_times = largest if changes or linear.is_constant else growth(linear)
     if largest.is_stable and at_times.is_stable:
@@ -395,8 +509,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
             [cut] = linear.phases
             each = zip(cut.A, cut.B, cut.C, strict=True)
             delay = min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in each)
-    if largest.is_stable:
-        gains = _gain_margins(linear)
+    gains = _gain_margins(linear) if largest.is_stable else {}
     periods = None
     if linear.period is not None and delay is not None and np.isfinite(delay):
         periods = round(delay / linear.period)

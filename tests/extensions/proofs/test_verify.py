@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from plugin_sources import ESCAPE, component
 
-from eqt_cli.analysis.certificates import Row, Verdict, open_rows
 from eqt_cli.config import shipped
+from eqt_cli.extensions.proofs.certificates import Row, Verdict, open_rows
 
 DRIVES_AWAY = component("""
 away(eqt_cli.components.laws.EqT):
@@ -23,8 +23,8 @@ away(eqt_cli.components.laws.EqT):
 """)
 CERTIFICATE = '''\
 from typing import ClassVar
-from eqt_cli.analysis.certificates import Certificate
-from eqt_cli.analysis.certificates import Identity
+from eqt_cli.extensions.proofs.certificates import Certificate
+from eqt_cli.extensions.proofs.certificates import Identity
 
 class Mine(Identity):
     """My own."""

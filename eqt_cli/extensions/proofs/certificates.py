@@ -10,8 +10,6 @@ from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
 
-from eqt_cli.analysis.exact import NotRationalError, discrepancy
-from eqt_cli.analysis.sample import ExactStates, Refutation, Sample, UnprovableError, prove, written
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.registry import Registry, described, place_of
 from eqt_cli.base.reporting import NOTHING, Block, TextTable, brief, count_of, reporter, step
@@ -19,6 +17,9 @@ from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.engines.engine import Problem
+from eqt_cli.extensions.proofs import sample as exact_states
+from eqt_cli.extensions.proofs.exact import NotRationalError, discrepancy
+from eqt_cli.extensions.proofs.sample import ExactStates, Sample
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 # The runs of one law as certificates read them, and the setting that all laws share ---------------
@@ -314,9 +315,8 @@ class Certificate(ABC):
         controller: str = "",
     ) -> Row:
         """Return a row of this certificate."""
-        return Row(
-            self.name, self.statement, self.kind, controller, measured, bound, verdict, remark
-        )
+        subject = self.name, self.statement, self.kind, controller
+        return Row(*subject, measured, bound, verdict, remark)
 
     def compared(
         self, measured: float, bound: float, remark: str = "", controller: str = ""
@@ -370,11 +370,11 @@ class Identity(Certificate):
         """Return the row with the outcome of the proof, or with the reason why there is none."""
         try:
             reason = self.not_rational or states.obstacle
-            proof = None if reason else prove(self.sides, states)
+            proof = None if reason else exact_states.prove(self.sides, states)
         except Exception as error:
             proof, reason = None, _reason(error)
-        if isinstance(proof, Refutation):
-            remark = f"left − right = {written(proof.difference)}{proof.place}"
+        if isinstance(proof, exact_states.Refutation):
+            remark = f"left − right = {exact_states.written(proof.difference)}{proof.place}"
             return replace(
                 row, verdict=Verdict.FAILS, remark=remark, difference=str(proof.difference)
             )
@@ -456,10 +456,10 @@ class Hypothesis(Certificate):
 
 def _reason(error: Exception) -> str:
     """Return the reason why a law cannot be evaluated on exact numbers, with its line."""
-    if isinstance(error, UnprovableError):
+    if isinstance(error, exact_states.UnprovableError):
         return str(error)
     # In modules of eqt with formulas, rather than code that evaluates them
-    others = ("eqt_cli.analysis.", "eqt_cli.base.", "eqt_cli.numbers.", "eqt_cli.loop.")
+    others = tuple(f"eqt_cli.{x}." for x in ("extensions.proofs", "base", "numbers", "loop"))
     place = place_of(error) or place_of(
         error, lambda module: module.startswith("eqt_cli.") and not module.startswith(others)
     )
@@ -493,9 +493,8 @@ def _excess(pair: tuple[float, float]) -> float:
 
 T = TypeVar("T")
 
-certificates = Registry(
-    "certificate", "certificates", Certificate, ("analysis.identities", "analysis.run_checks")
-)
+_MODULES = "extensions.proofs.identities", "extensions.proofs.run_checks"
+certificates = Registry("certificate", "certificates", Certificate, _MODULES)
 
 
 CHECKED = "certificates checked"

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.exact import Bounded, discrepancy, lifted, rate_of, value_of
 from eqt_cli.base import arrays
 from eqt_cli.base.arrays import FUNCTIONS, frobenius, inverse_spd, maximum, norm
 from eqt_cli.base.expressions import parse
+from eqt_cli.extensions.proofs.exact import Bounded, discrepancy, lifted, rate_of, value_of
 from eqt_cli.numbers.jets import slope
 
 # Exact sums and products of such numbers neither overflow nor underflow.

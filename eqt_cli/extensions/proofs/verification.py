@@ -1,18 +1,19 @@
 """Checks the certificates of a configuration, by a few runs, or of a result, by its content."""
 
 import math
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis import certificates
-from eqt_cli.analysis.run_checks import window_times
-from eqt_cli.analysis.sample import ExactStates, Sample, sampled
+from eqt_cli.api.loading import Configuration, experiment_at, open_at
 from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
 from eqt_cli.components.cascade import Cascade
@@ -23,10 +24,13 @@ from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.remarks import along_reference, gains_flown, small_loops
+from eqt_cli.config.remarks import along_reference, gains_flown, remark_on, small_loops
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Engine, Solution
 from eqt_cli.engines.native import compiled_if_faster
+from eqt_cli.extensions.proofs import certificates
+from eqt_cli.extensions.proofs.run_checks import window_times
+from eqt_cli.extensions.proofs.sample import ExactStates, Sample, sampled
 from eqt_cli.loop.linearised import Along, growth, linearised
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.results.result import Result
@@ -122,6 +126,62 @@ class Verification(InNotebook):
         return [asdict(row) for row in self.rows]
 
 
+def verify(
+    target: Study | Configuration,
+    *,
+    runs: int | None = None,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+    exact: bool = False,
+) -> Verification:
+    """Check the paper's statements on an experiment or on the runs of a result.
+
+    Parameters
+    ----------
+    target
+        A result folder or file, whose stored runs are checked; or a `Study` or a configuration, of
+        which new runs are computed.
+    runs
+        Number of new runs per law, at most that of the experiment. Default: 20.
+    point
+        Point of a sweep, counted from 0. Default for an experiment: the first.
+    trust_plugins
+        Whether to execute plugin sources that are stored in a result file.
+    workers
+        Number of cores to use.
+    exact
+        Whether to prove identities with exact numbers. Proved rows have ``degree``, ``points`` and
+        ``probability``.
+
+    Returns
+    -------
+    Verification
+        Each of its ``rows`` has a verdict; ``failures`` are the rows that refute a statement.
+
+    Raises
+    ------
+    EqtError
+        If the target cannot be read, or is the result of a sweep and ``point`` is missing.
+
+    Examples
+    --------
+    >>> eqt_cli.verify("results/paper").failures
+    []
+    """
+    if isinstance(target, str | os.PathLike):
+        path = Path(target)
+        if path.suffix == ".h5" or path.is_dir():
+            if runs is not None:
+                raise EqtError(f"{path}: a result is verified as it is; leave runs out")
+            with open_at(path, point) as opened:
+                return verify_stored(opened, trust_plugins, workers, exact)
+    experiment = experiment_at(target, point, trust_plugins=trust_plugins)
+    remark_on(experiment)
+    count = min(runs or RUNS, experiment.config.ensemble.runs)
+    return verify_experiment(experiment, count, workers, exact)
+
+
 @blamed()
 def verify_experiment(
     experiment: Experiment, runs: int = RUNS, workers: int = 1, exact: bool = False
@@ -143,7 +203,7 @@ def verify_experiment(
 
 @blamed()
 def verify_stored(
-    results: Result, *, trust_plugins: bool, workers: int = 1, exact: bool = False
+    results: Result, trust_plugins: bool, workers: int = 1, exact: bool = False
 ) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
@@ -169,6 +229,14 @@ def verify_stored(
         with step(INTEGRATED, runs * len(experiment.loops)):
             laws = [verifier.runs_of(label, desired, results) for label in experiment.loops]
         return verifier.verification(laws, desired)
+
+
+def certificates_of(result: Result, trust_plugins: bool, workers: int) -> dict[str, Any]:
+    """Return tables of a report: of all certificates of a result, and of those in doubt."""
+    rows = verify_stored(result, trust_plugins, workers).rows
+    rows = certificates.with_titles(rows, result.title_of)
+    table = certificates.certificate_table
+    return {"certificates": table(rows), "doubts": table(rows, brief=True)}
 
 
 @dataclass(frozen=True)

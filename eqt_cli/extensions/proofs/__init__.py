@@ -1,0 +1,15 @@
+"""What is proved and tested of laws: `eqt verify`, `eqt margins`, and certified rates."""
+
+from eqt_cli.base.extensions import READ, Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_kind("certificates", "certificates")
+    extension.add_component("figures", "rates", "figures")
+    extension.add_command("verify", "commands.verify", READ, "configs/paper.yaml", after="diff")
+    of_margins = "paper --set 'reference={kind: constant}'"
+    extension.add_command("margins", "commands.margins", READ, of_margins, after="verify")
+    extension.add_function("worst --certified", "margins.proved_from")
+    extension.add_function("--option certified", "figures.proved")
+    extension.add_function("certificates of a report", "verification.certificates_of")

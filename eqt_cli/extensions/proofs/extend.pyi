@@ -1,0 +1,10 @@
+from eqt_cli.extensions.proofs.certificates import Certificate as Certificate
+from eqt_cli.extensions.proofs.certificates import Hypothesis as Hypothesis
+from eqt_cli.extensions.proofs.certificates import Identity as Identity
+from eqt_cli.extensions.proofs.certificates import LiteralForm as LiteralForm
+from eqt_cli.extensions.proofs.certificates import Row as Row
+from eqt_cli.extensions.proofs.certificates import Runs as Runs
+from eqt_cli.extensions.proofs.certificates import Setting as Setting
+from eqt_cli.extensions.proofs.certificates import TrajectoryCheck as TrajectoryCheck
+from eqt_cli.extensions.proofs.certificates import Verdict as Verdict
+from eqt_cli.extensions.proofs.sample import Sample as Sample
