@@ -16,6 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.files import check_targets, write_all
 from eqt_cli.base.registry import meanings
 from eqt_cli.base.version import __version__
@@ -400,11 +401,9 @@ NAME = "README.md"
 
 def readme(laws: Sequence[ExportedLaw]) -> str:
     """Return the text of the README of the laws of an experiment."""
-    from eqt_cli.extensions.proofs.certificates import tally
-    from eqt_cli.extensions.proofs.verification import identities_of
-
-    experiment = laws[0].experiment
-    rows = identities_of(experiment)
+    experiment, tallies = laws[0].experiment, dict[str, str]()
+    for identities_of in functions_for("identities of laws"):  # their words by label
+        tallies |= identities_of(experiment)
     return filled(
         NAME,
         experiment=experiment,
@@ -415,7 +414,7 @@ def readme(laws: Sequence[ExportedLaw]) -> str:
         # Labels that are no names in C.
         spelled=[f'"{markdown(x.label)}" is `{x.name}`' for x in laws if x.label != x.name],
         claim=_claim,
-        tally=lambda law: tally([row for row in rows if row.controller == law.label]),
+        tallies=tallies,
     )
 
 

@@ -13,3 +13,4 @@ def register(extension: Extension) -> None:
     extension.add_function("worst --certified", "margins.proved_from")
     extension.add_function("--option certified", "figures.proved")
     extension.add_function("certificates of a report", "verification.certificates_of")
+    extension.add_function("identities of laws", "verification.tallies")

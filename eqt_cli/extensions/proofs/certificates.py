@@ -375,22 +375,19 @@ class Identity(Certificate):
             proof, reason = None, _reason(error)
         if isinstance(proof, exact_states.Refutation):
             remark = f"left − right = {exact_states.written(proof.difference)}{proof.place}"
-            return replace(
-                row, verdict=Verdict.FAILS, remark=remark, difference=str(proof.difference)
-            )
+            difference = str(proof.difference)
+            return replace(row, verdict=Verdict.FAILS, remark=remark, difference=difference)
         if proof is None:
             remark = joined(row.remark, f"not proved: {reason}")
             return replace(row, remark=remark, not_proved=reason)
         shown = f"degree {proof.degree}, {proof.points} states, p {_at_most(proof.probability)}"
-        if proof.functions:
-            shown = f"{shown}; {proof.functions}"
         return replace(
             row,
             verdict=Verdict.PROVED if row.verdict is Verdict.HOLDS else row.verdict,
             degree=proof.degree,
             points=proof.points,
             probability=proof.probability,
-            remark=joined(row.remark, shown),
+            remark=joined(row.remark, shown, proof.functions),
         )
 
 

@@ -363,9 +363,8 @@ class _Verifier:
             return None
         good = np.flatnonzero(solution.status == 0)
         seed = self.experiment.config.ensemble.seed
-        runs = certificates.VehicleRuns(
-            batch.problem.select(good), solution.states[good], seed, good
-        )
+        problem = batch.problem.select(good)
+        runs = certificates.VehicleRuns(problem, solution.states[good], seed, good)
         few = np.arange(min(len(good), FEW_RUNS))
         if not len(few):
             return runs
@@ -431,15 +430,20 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certif
     return certificates.identity_rows(samples[0], samples[1:], list(_cascades(experiment, horizon)))
 
 
+def tallies(experiment: Experiment) -> dict[str, str]:
+    """Return how many identities of each law hold, in words, by its label."""
+    rows, tally = identities_of(experiment), certificates.tally
+    return {x: tally([row for row in rows if row.controller == x]) for x in experiment.loops}
+
+
 def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
     """Yield the cascades along the motion of their model."""
     for index, (label, loop) in enumerate(experiment.loops.items(), start=1):
         if isinstance(loop.controller, Cascade):
             position = with_fields(loop.controller.position, period=None)
             law = with_fields(loop.controller, position=position)
-            of_model = replace(
-                loop, vehicle=Vehicle(forces=(*law.known, *law.across)), controller=law
-            )
+            vehicle = Vehicle(forces=(*law.known, *law.across))
+            of_model = replace(loop, vehicle=vehicle, controller=law)
             yield sampled(label, of_model, horizon, _random(experiment, index))
 
 

@@ -56,6 +56,13 @@ def test_it_writes_the_files_of_every_law_and_says_what_is_known(config, invoke)
     assert re.search(r"\*\*Lee 2010\*\*: L = .* Identities: \d+ hold, 0 fail\.", page)
 
 
+def test_without_the_extension_for_proofs_nothing_is_said_of_identities(config, monkeypatch):
+    monkeypatch.setattr("eqt_cli.extensions.firmware.export.functions_for", lambda purpose: ())
+    eqt_cli.export("flight.yaml", out="out", controllers=["lee2010"])
+    page = Path("out", "README.md").read_text(encoding="utf-8")
+    assert re.search(r"\*\*Lee 2010\*\*: L = .*\(\S.*\)\.\n", page) and "Identities" not in page
+
+
 @pytest.mark.parametrize("command", ["export", "run", "verify", "margins"])
 def test_every_command_that_computes_loops_makes_the_remarks(config, invoke, command):
     degrees = invoke(command, "flight.yaml", "--set", "settling_threshold=30.0")
