@@ -113,7 +113,6 @@ from eqt_cli.components.mechanics import Gains as Gains
 from eqt_cli.components.mechanics import Tracking as Tracking
 from eqt_cli.components.references import ClosedReference as ClosedReference
 from eqt_cli.components.references import ConstantReference as ConstantReference
-from eqt_cli.components.references import LogReference as LogReference
 from eqt_cli.components.references import PathReference as PathReference
 from eqt_cli.components.references import RatesReference as RatesReference
 from eqt_cli.components.references import Reference as Reference
@@ -153,6 +152,7 @@ from eqt_cli.engines.engine import Status as Status
 from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
 from eqt_cli.extensions.proofs.extend import *
+from eqt_cli.extensions.recordings.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions

@@ -29,10 +29,7 @@ CORE = (
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""
 
-READERS = tuple(
-    f"components/{name}.py"
-    for name in ("log_table", "pose_notation", "recording", "recording_check")
-)
+READERS = ("components/pose_notation.py", "components/pose_tables.py")
 """Files in folders of the core that read text."""
 
 _BINARY = {

@@ -17,7 +17,6 @@ from eqt_cli.base.files import FIGURES, YAML, check_targets
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
 from eqt_cli.components.laws import controllers, published
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
 
 if TYPE_CHECKING:
@@ -203,7 +202,7 @@ def _recording(
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
     kind: str,
-) -> Recording:
+) -> Any:
     """Read the recording of a figure, on the group of the result or experiment."""
     from eqt_cli.figures.figure import figures
 

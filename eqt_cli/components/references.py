@@ -20,8 +20,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import TimeVarying
 from eqt_cli.components.pose_notation import check_turn, pose_from, vector
-from eqt_cli.components.recording import coordinate_names
-from eqt_cli.components.recording_check import RecordingInFile
+from eqt_cli.components.pose_tables import coordinate_names
 from eqt_cli.numbers.jets import Jet, series, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import rounded
@@ -355,38 +354,6 @@ class ConstantReference(PiecewiseReference):
         pose_from(self.pose, G, problems.at("pose"))
         with problems.catching("velocity"):
             vector(self.velocity, G.dimension, G)
-
-
-@dataclass(frozen=True)
-class LogReference(RecordingInFile, PiecewiseReference):
-    """A recorded motion: at every row the recorded pose and velocity, with their noise.
-
-    Between two rows, a cubic curve joins these poses and velocities. Without recorded velocities,
-    the motion is the spline of `waypoints`. It does not include the recorded wrench, which the law
-    `replay` applies. To track a recording, use `waypoints` with `smoothing`.
-    """
-
-    name: ClassVar[str] = "log"
-    by_processor: ClassVar[bool] = True  # recordings are long
-
-    def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
-        """Return a piece from each row to the next."""
-        log = self.recording(G)
-        if np.isnan(log.velocities).any():
-            return motions.spline(G, log.times, log.poses)
-        return motions.through(G, log.times, log.poses, log.velocities)
-
-    def knot_times(self, G: MatrixLieGroup) -> Array:
-        """Return the times of the rows."""
-        return self.recording(G).times
-
-    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """Yield the oddities of the file."""
-        yield from (f"{self.file}: {note}" for note in self.recording(G).notes)
-
-    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note an invalid file or mapping."""
-        self.check_file(problems, lambda: self.prepared(G, self.pieces))
 
 
 # A reference that is a product of rotations and translations, each given by an expression ---------

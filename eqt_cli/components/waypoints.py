@@ -17,12 +17,12 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import Positive, Real, Unit, unknown_key, validated
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.log_table import MAPPING
 from eqt_cli.components.motions import Pieces, spline
 from eqt_cli.components.pose_notation import check_turn, pose_from
-from eqt_cli.components.recording_check import InFile, notes
+from eqt_cli.components.pose_tables import MAPPING, InFile
 from eqt_cli.components.references import PiecewiseReference, check_rising
 
 SMALLEST, LARGEST = 1e-6, 1e11
@@ -334,7 +334,8 @@ class WaypointsReference(InFile, PiecewiseReference):
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """Yield the oddities of the file, and the residuals of smoothing."""
         if self.file is not None:
-            yield from (f"{self.file}: {note}" for note in notes(self.log(G)))
+            for remarks in functions_for("remarks on a file"):
+                yield from (f"{self.file}: {remark}" for remark in remarks(self, G))
         if self.smoothing is None:
             if self.file and (sizes := proposed_smoothing(G, *self._waypoints(G))):
                 yield f"goes through every row, noise included; add `smoothing: {sizes}`"
@@ -374,8 +375,7 @@ class WaypointsReference(InFile, PiecewiseReference):
         if self.points is not None:
             poses = [pose_from(point.pose, G, Problems()) for point in self.points]
             return np.array([point.t for point in self.points]), np.array(poses)
-        log = self.log(G)
-        return log.times, log.moved_poses
+        return self.waypoints(G)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid waypoints, in the configuration or in the file."""

@@ -25,7 +25,7 @@ from eqt_cli.base.errors import (
     parse_key,
     suggestion,
 )
-from eqt_cli.base.extensions import imported
+from eqt_cli.base.extensions import functions_for, imported
 from eqt_cli.base.files import FILE_NAME, YAML, content_of, file_name, near, refusals, text_of
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.registry import load_plugin
@@ -33,7 +33,6 @@ from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.yaml_source import Source
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.log_table import recording_text
 from eqt_cli.components.references import Reference
 from eqt_cli.config import shipped
 
@@ -392,7 +391,8 @@ def data_file(home: Place, name: str, reader: str = "") -> str:
         else:
             relative = "paths are relative to the configuration's folder"
             smaller = "keep the rows and columns that the configuration needs"
-            text = recording_text(path, relative, InputError, DATA_BYTES, smaller)
+            read = next(functions_for("text of a recording"), text_of)
+            text = read(path, relative, InputError, limit=DATA_BYTES, smaller=smaller)
         home.files[name] = text
     return home.files[name]
 

@@ -42,12 +42,11 @@ from eqt_cli.components.initial_states import (
     pose_distributions,
 )
 from eqt_cli.components.laws import Controller, check_calls, controllers, distinct_titles
-from eqt_cli.components.log_table import MAPPING, LogMapping, MappingError
 from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.pose_notation import ANGLES, many_turns
-from eqt_cli.components.recording import read_starts
+from eqt_cli.components.pose_tables import MAPPING, LogMapping, MappingError, read_starts
 from eqt_cli.components.references import ClosedReference
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema, sections

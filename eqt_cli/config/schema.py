@@ -73,10 +73,10 @@ from eqt_cli.components.initial_states import (
     velocity_distributions,
 )
 from eqt_cli.components.laws import Controller, controllers
-from eqt_cli.components.log_table import LogMapping
 from eqt_cli.components.matrix_groups import distance_of_turn
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.pose_notation import pose_from, vector
+from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.references import Reference, references
 from eqt_cli.components.sensors import Sensor, sensors
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix

@@ -15,7 +15,6 @@ from matplotlib.ticker import PercentFormatter
 from eqt_cli.analysis.fronts import side_by_side
 from eqt_cli.analysis.intervals import NEGLIGIBLE, median_difference, shares
 from eqt_cli.base.arrays import Array
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.cells import even, scale_log, spans_decade
 from eqt_cli.figures.figure import OfDifferences, OfMetrics, first_laws
 from eqt_cli.figures.labels import free_text, metric_label
@@ -303,7 +302,7 @@ class Forest(OfDifferences):
 
     name: ClassVar[str] = "forest"
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownSweep:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownSweep:
         """Return the points; of a tuning, the winners unless others are chosen."""
         shown = self._only(results, "sweep")
         laws = self.controllers or (side_by_side(shown) if shown.is_sweep else ())

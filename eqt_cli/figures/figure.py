@@ -19,7 +19,6 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import ROUNDING, prefix_units
 from eqt_cli.figures.labels import force_component, in_words, signal_label
@@ -444,7 +443,7 @@ class Figure(Component, Generic[S]):
         width: Width = "column",
         *,
         style: Style | None = None,
-        measured: Recording | None = None,
+        measured: Any = None,
         arranged: bool = True,
         captions: list[str] | None = None,
         axes: Any = None,
@@ -521,7 +520,7 @@ class Figure(Component, Generic[S]):
         return results[0]
 
     @abstractmethod
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> S:
+    def subject(self, results: Sequence[Result], measured: Any) -> S:
         """Return the data of the results that is shown."""
 
     @abstractmethod
@@ -583,7 +582,7 @@ class Panelled:
 class OverTime(Timed[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownRuns:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownRuns:
         """Return the runs that did not fail."""
         return ShownRuns(results, self.name, self.chosen)
 
@@ -600,7 +599,7 @@ class OfMetrics(Figure[ShownMetrics]):
 
     metrics: Sequence[str] = ()
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownMetrics:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownMetrics:
         """Return the metrics of the runs that did not fail."""
         return ShownMetrics(results, self.name, self.chosen, self.metrics)
 
@@ -609,7 +608,7 @@ class OfMetrics(Figure[ShownMetrics]):
 class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownSweep:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownSweep:
         """Return the points and the metrics at each."""
         return ShownSweep(self._only(results, "sweep"), self.name, self.chosen)
 
@@ -651,9 +650,7 @@ class OfReference(Timed[ShownReference]):
 
     needs_runs: ClassVar[bool] = False
 
-    def subject(
-        self, results: Sequence[Result | DesiredMotion], measured: Recording | None
-    ) -> ShownReference:
+    def subject(self, results: Sequence[Result | DesiredMotion], measured: Any) -> ShownReference:
         """Return the reference in the chosen range of time."""
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")

@@ -24,7 +24,6 @@ from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.registry import summary
 from eqt_cli.base.version import __version__
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures.figure import Figure, figures
 from eqt_cli.figures.layout import COLOUR_SCALE, NO_NUMBERS
 from eqt_cli.figures.shown import DesiredMotion, names
@@ -244,7 +243,7 @@ def render(
     options: Mapping[str, Any] | None = None,
     *,
     style: Style = HOUSE,
-    measured: Recording | None = None,
+    measured: Any = None,
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
 

@@ -13,7 +13,6 @@ from eqt_cli.analysis.fronts import Front, fronts, held_out
 from eqt_cli.analysis.intervals import intervals_of_means
 from eqt_cli.analysis.search_record import TUNE, WORST, coordinate_of, costs_of_runs
 from eqt_cli.base.arrays import Array
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even, scale, scale_along
 from eqt_cli.figures.figure import Figure
@@ -115,7 +114,7 @@ class Fronts(Figure[ShownFronts]):
 
     log: bool = True
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownFronts:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownFronts:
         """Return the fronts of the laws."""
         return ShownFronts(self._only(results, "search"), self.name, self.chosen)
 
@@ -291,7 +290,7 @@ class WorstFigure(Figure[ShownWorst]):
 
     log: bool | None = None
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownWorst:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownWorst:
         """Return the worst runs along each key."""
         return ShownWorst(self._only(results, "search"), self.name, self.chosen)
 

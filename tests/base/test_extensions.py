@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import eqt_cli
 
 SESSION = """
@@ -20,15 +22,37 @@ print("Certificate" in extend.__all__, "Claim" in extend.__all__)
 function_for("compare --measured")
 """
 
+FILES = """
+from pathlib import Path
+from eqt_cli.api import load_experiment
+Path("starts.csv").write_text("qx,qy,qz,qw\\n0,0,0,1\\n1,0,0,0\\n")
+Path("plan.csv").write_text("t,qx,qy,qz,qw\\n0,0,0,0,1\\n20,0,0,0,1\\n")
+keys = {"name": "bare", "group": "SO3", "inertia": 1.0, "gains": {"kp": 1.0, "kd": 1.0}}
+keys |= {"controllers": ["eqt"], "time": {"duration": 1.0}, "initial": {"file": "starts.csv"}}
+keys |= {"reference": {"kind": "waypoints", "file": "plan.csv"}}
+print(load_experiment(keys).trajectories)
+Path("starts.csv").write_text("yaw (deg),pitch,roll\\n0,0,0\\n")
+load_experiment(keys)
+"""
 
-def test_eqt_works_without_them(tmp_path):
-    package = Path(eqt_cli.__file__).parent
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """Run a text with eqt without its extensions."""
+    package, folder = Path(eqt_cli.__file__).parent, tmp_path_factory.mktemp("bare")
     names = [path.name for path in (package / "extensions").iterdir() if path.is_dir()]
-    skipped = shutil.ignore_patterns(*names)
-    shutil.copytree(package, tmp_path / "eqt_cli", ignore=skipped)
-    done = subprocess.run(
-        [sys.executable, "-c", SESSION], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    shutil.copytree(package, folder / "eqt_cli", ignore=shutil.ignore_patterns(*names))
+
+    def run(text):
+        return subprocess.run(
+            [sys.executable, "-c", text], cwd=folder, capture_output=True, text=True, check=False
+        )
+
+    return run
+
+
+def test_eqt_works_without_them(session):
+    done = session(SESSION)
     assert done.stdout.splitlines() == [
         "() set()",
         "set() <class 'eqt_cli.components.laws.EqT'>",
@@ -38,3 +62,9 @@ def test_eqt_works_without_them(tmp_path):
     assert done.stderr.endswith(
         "compare --measured: its extension is not installed; install eqt again\n"
     )
+
+
+def test_plain_files_are_read_without_them(session):
+    done = session(FILES)
+    assert done.stdout == "2\n", done.stderr
+    assert done.stderr.endswith("initial.file: its extension is not installed; install eqt again\n")

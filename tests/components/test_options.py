@@ -7,7 +7,7 @@ from case_tables import refusal
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping, TimeMapping
+from eqt_cli.components.pose_tables import LogMapping, TimeMapping
 from eqt_cli.components.references import (
     ConstantReference,
     PathFactor,

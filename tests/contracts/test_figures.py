@@ -14,7 +14,7 @@ from eqt_cli import api
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import is_foreign, meanings
-from eqt_cli.components.recording_check import Recording
+from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures.figure import OfSweep
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.run_figures import EstimateFigure

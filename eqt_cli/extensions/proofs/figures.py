@@ -3,13 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.base.option_types import Count
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.extensions.proofs.certified import box_of, rates_of
 from eqt_cli.figures.figure import Figure
 from eqt_cli.figures.layout import add_legend, one_panel
@@ -53,7 +52,7 @@ class Rates(Figure[ShownControllers]):
     velocity: float = 0.0
     bounds: Count = 13
 
-    def subject(self, results: Sequence[Result], measured: Recording | None) -> ShownControllers:
+    def subject(self, results: Sequence[Result], measured: Any) -> ShownControllers:
         """Return the controllers of one result."""
         return ShownControllers([self._only(results, "result")], self.name, self.chosen)
 

@@ -9,6 +9,7 @@ FORMATS_BY_SUFFIX |= dict.fromkeys((".bag", ".mcap", ".db3"), "bag")
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "replay", "prediction")
+    extension.add_component("references", "log", "recording_check")
     extension.add_component("figures", "measured", "figures")
     of_replay = "model.yaml --measured flown.csv"
     extension.add_command("replay", "commands.replay", COMPUTE, of_replay, after="worst")
@@ -16,6 +17,9 @@ def register(extension: Extension) -> None:
     extension.add_command("fit", "commands.fit", COMPUTE, of_fit, after="replay")
     extension.add_command("log", "commands.log_app", LOOK_UP, after="config")
     extension.add_function("text of a recording", "tables.text_of_recording")
+    extension.add_function("initial.file", "recording.read_starts")
+    extension.add_function("log in a file", "recording_check.log_of")
+    extension.add_function("remarks on a file", "recording_check.remarks")
     extension.add_function("plot --measured", "api.read_measured")
     extension.add_function("compare --measured", "api.compare_measured")
     extension.add_function("findings on a recording", "measured.findings")

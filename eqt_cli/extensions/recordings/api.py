@@ -17,26 +17,22 @@ from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.units import factor
+from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.log_table import (
-    LogMapping,
-    MappingError,
-    TrajectoryFormat,
-    open_sheet,
-    recording_text,
-)
-from eqt_cli.components.recording import pose_columns, read_log, recorded_names, used_columns
-from eqt_cli.components.recording_check import Recording, recording_of
+from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.extensions.recordings import frames, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.first_bytes import format_of
+from eqt_cli.extensions.recordings.log_table import open_sheet
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
 from eqt_cli.extensions.recordings.measured import Explanation, explained, measured_runs
 from eqt_cli.extensions.recordings.plant_fit import PlantFit, check_folder, write_fitted
 from eqt_cli.extensions.recordings.prediction import Growth, Windows
-from eqt_cli.extensions.recordings.tables import with_columns
+from eqt_cli.extensions.recordings.recording import read_log, recorded_names
+from eqt_cli.extensions.recordings.recording_check import Recording, recording_of
+from eqt_cli.extensions.recordings.tables import text_of_recording, with_columns
 from eqt_cli.loop.closed_loop import ClosedLoop
 
 _Mapping: TypeAlias = str | os.PathLike[str] | Mapping[str, Any] | None
@@ -112,10 +108,10 @@ def _driving(
     path: str | os.PathLike[str], G: MatrixLieGroup, mapping: _Mapping, format: str
 ) -> Recording:
     """Read a recording of a wrench; rates are enough for a rotation, and its poses then NaN."""
-    rates, names = recorded_names(G, ["rates"]), pose_columns(G)
+    rates, names = recorded_names(G, ["rates"]), pose_tables.pose_columns(G)
     with _read(path, mapping, format) as (text, name, kind, columns):
         sheet = open_sheet(text, name, kind, columns)
-        used, units = used_columns(sheet.names, G), sheet.units | columns.units
+        used, units = pose_tables.used_columns(sheet.names, G), sheet.units | columns.units
         is_pose = used and (used.layout != "coordinates" or factor(units.get(rates[0], ""), "rad"))
         if is_pose or len(rates) < G.dimension or not {*rates} <= {*sheet.names}:
             return recording_of(read_log(text, name, kind, G, columns))
@@ -162,7 +158,7 @@ def _read(
     columns, problems = _mapping_from(mapping)
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = flight and logs.table_of(flight)
-    text = text or recording_text(file, "check the path", EqtError, logs.MAX_BYTES, smaller)
+    text = text or text_of_recording(file, "check the path", EqtError, logs.MAX_BYTES, smaller)
     kind = _kind_of(text) if kind == "csv" else kind
     try:
         yield text, str(file), kind, columns

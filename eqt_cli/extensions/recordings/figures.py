@@ -16,10 +16,10 @@ from eqt_cli.base.errors import EqtError, Remedy
 from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.extensions.recordings.logs import QUANTITIES, TrackingErrors, error_files
 from eqt_cli.extensions.recordings.measured import measured_runs
 from eqt_cli.extensions.recordings.prediction import Growth
+from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures import layout, style
 from eqt_cli.figures.figure import Panelled, Timed
 from eqt_cli.figures.labels import axis_labels, in_words, part_curves, part_name

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.components.log_table import LogMapping
+from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.extensions.recordings.delay import apart, turns
 
 TRANSFORM = [f"transform.translation.{axis}" for axis in "xyz"]

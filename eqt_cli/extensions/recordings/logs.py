@@ -20,24 +20,17 @@ from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError, printable
 from eqt_cli.base.files import CONFIG_MARK, TooLargeError, open_regular, text_of
 from eqt_cli.base.reporting import Block, TextTable, reporter, significant
-from eqt_cli.components import log_table, matrix_groups, recording
+from eqt_cli.components import matrix_groups, pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, groups
-from eqt_cli.components.log_table import (
-    LogMapping,
-    LogTable,
-    MappingError,
-    TrajectoryFormat,
-    open_sheet,
-    with_units,
-)
 from eqt_cli.components.matrix_groups import EuclideanGroup
-from eqt_cli.components.recording import GAP, WRENCH, Log, in_span, read_log
-from eqt_cli.components.recording_check import gaps_of, incomplete_columns, notes, recording_of
+from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.engines.compiler import Limits, run_contained
-from eqt_cli.extensions.recordings import frames, readers
+from eqt_cli.extensions.recordings import frames, log_table, readers, recording, recording_check
 from eqt_cli.extensions.recordings.delay import LEAST_ERROR, Delay, Pair, apart, delay_of
 from eqt_cli.extensions.recordings.first_bytes import format_of
+from eqt_cli.extensions.recordings.log_table import LogTable, open_sheet, with_units
 from eqt_cli.extensions.recordings.readers import Topic
+from eqt_cli.extensions.recordings.recording import GAP, WRENCH, Log, in_span, read_log
 
 # Reads a file of another program, in a process with limits ----------------------------------------
 
@@ -224,10 +217,10 @@ class Flight(NamedTuple):
             R, unit = matrix_groups.rotation_of_euler("ZYX", np.nan_to_num(numbers)[:, ::-1]), ""
             numbers = np.where(is_known[:, None], quaternions(R), np.nan)
         valid &= in_span(self.mapping.time, times)
-        names_of = log_table.QUATERNION if is_measured or numbers.shape[1] == 4 else ()
+        names_of = pose_tables.QUATERNION if is_measured or numbers.shape[1] == 4 else ()
         columns = {"t": times} | dict(zip(names_of, numbers.T, strict=False))
         table = LogTable(topic.name, columns, range(len(times))).part(valid).free_of(drop)
-        sound = table.free_of(get_args(log_table.Dropped))
+        sound = table.free_of(get_args(pose_tables.Dropped))
         is_unset = not len(sound) and not np.nan_to_num(numbers[valid]).any()
         if is_unset or len(table) <= (source.quantity not in _STATES):  # a motion needs two rows
             return None
@@ -554,7 +547,7 @@ def check_text(
     log = read_log(text, name, form, G, mapping)
     steps = np.diff(log.times)
     median = float(np.median(steps)) if len(steps) else np.nan
-    norms = np.ravel([*recording.quaternion_norms(log.table, log.columns).values()])
+    norms = np.ravel(pose_tables.quaternion_norms(log.table, log.columns.names))
     problems = []
     try:
         log.require_usable()
@@ -564,10 +557,10 @@ def check_text(
         problems.append(str(error))
     kind = format_of(Path(name)) or form
     begin, end = log.times[[0, -1]].tolist()
-    rate, gaps = 1 / median if median > 0 else np.nan, gaps_of(log.times, log.gaps)
+    rate, gaps = 1 / median if median > 0 else np.nan, recording_check.gaps_of(log.times, log.gaps)
     least = (float(norms.min()), float(norms.max())) if len(norms) else None
     facts = kind, G.name, list(_uses(log)), len(log.times), begin, end, rate
-    remarks = [] if problems else list(notes(log))
+    remarks = [] if problems else list(recording_check.notes(log))
     return LogCheck(name, *facts, gaps, least, problems, remarks, left_out=left_out(log.table))
 
 
@@ -581,7 +574,7 @@ def largest_group(
     for group in (kind.named(name) for kind in groups.all() for name in kind.examples()):
         # of rotations and positions, without velocities
         if isinstance(group, EuclideanGroup) and set(group.column_units) <= {"m"}:
-            columns = recording.used_columns(names, group)
+            columns = pose_tables.used_columns(names, group)
             if columns is not None and columns.layout == "parts":
                 fitting.append(group)
     if not fitting:
@@ -591,16 +584,16 @@ def largest_group(
                 f"{sheet.header_place}: the columns are separated by {shown}; expected commas, and "
                 "decimals with a point"
             )
-        if incomplete := next(incomplete_columns(names), None):
+        if incomplete := next(recording_check.incomplete_columns(names), None):
             raise InputError(f"{sheet.header_place}: {incomplete}")
-        known = ", ".join(log_table.QUATERNION)
+        known = ", ".join(pose_tables.QUATERNION)
         raise InputError(
             f"{name}: no columns of a pose were found, such as {known} or yaw, pitch, roll for a "
             "rotation and x, y, z for a position; name them in a mapping, "
             "`columns: {qx: …}`, or give the group, as SO3 for entries Q11 … Q33 of a matrix"
         )
-    largest = max(fitting, key=lambda group: len(recording.pose_columns(group)))
-    rates = {*"xyz", "wx", "wy", "wz"} <= names and not [*incomplete_columns(names)]
+    largest = max(fitting, key=lambda group: len(pose_tables.pose_columns(group)))
+    rates = {*"xyz", "wx", "wy", "wz"} <= names and not [*recording_check.incomplete_columns(names)]
     if rates and not largest.rotations and not text.startswith(log_table.CONVERTED):
         words = "x, y, z are read as positions, and wx, wy, wz have no rotation; if the rows are "
         words += "log(T) = (rho, theta) of poses T, rho is no position: write T = exp(rho, theta)"
@@ -703,7 +696,7 @@ class TrackingErrors(NamedTuple):
 
 def motions_of(log: Log) -> dict[str, Series]:
     """Return the series of a recording of positions or rotations in space, by its own clock."""
-    one = recording_of(log)
+    one = recording_check.recording_of(log)
     G, V, name = one.group, one.velocities, one.name
     if not isinstance(G, EuclideanGroup) or G.space != 3:
         raise EqtError(f"{name}: errors are of poses in space, not of {G.name}")

@@ -13,8 +13,8 @@ from eqt_cli.base.errors import InputError
 from eqt_cli.base.reporting import Block, TextTable, brief, fixed, percent
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.motions import Pieces, through
-from eqt_cli.components.recording import WRENCH, recorded_names
-from eqt_cli.components.recording_check import Recording
+from eqt_cli.extensions.recordings.recording import WRENCH, recorded_names
+from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 

@@ -17,12 +17,12 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.motions import piece_at
-from eqt_cli.components.recording_check import Recording, RecordingInFile
 from eqt_cli.components.references import ConstantReference
 from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Engine, Problem
+from eqt_cli.extensions.recordings.recording_check import Recording, RecordingInFile
 from eqt_cli.loop.closed_loop import VEHICLE, ClosedLoop
 from eqt_cli.numbers.leaves import with_fields
 from eqt_cli.runs.batches import differing

@@ -18,8 +18,8 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, EqtWarning, InputError
 from eqt_cli.base.files import open_regular, text_of
 from eqt_cli.base.reporting import reporter
-from eqt_cli.components.log_table import CONVERTED
 from eqt_cli.extensions.recordings.first_bytes import beginnings, begins, format_of
+from eqt_cli.extensions.recordings.log_table import CONVERTED
 
 HEAD = 20_000  # characters that show the format of a text
 SAMPLED = 0.02  # s between rows that are taken of polynomials

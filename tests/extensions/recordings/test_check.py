@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning, InputError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping, MappingError, TimeMapping
-from eqt_cli.components.recording import read_log
-from eqt_cli.components.recording_check import recording_of
+from eqt_cli.components.pose_tables import LogMapping, MappingError, TimeMapping
 from eqt_cli.extensions.recordings.logs import check_text
+from eqt_cli.extensions.recordings.recording import read_log
+from eqt_cli.extensions.recordings.recording_check import recording_of
 
 HEAD = "t,qx,qy,qz,qw,x,y,z,wx,wy,wz,vx,vy,vz"
 NUMBERED = HEAD.replace("qx,qy,qz,qw", "q0,q1,q2,q3")

@@ -17,12 +17,11 @@ import eqt_cli
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping
-from eqt_cli.components.recording import read_log
-from eqt_cli.components.recording_check import recording_of
-from eqt_cli.components.references import LogReference
+from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.config.preflight import build
 from eqt_cli.extensions.recordings.prediction import Replay
+from eqt_cli.extensions.recordings.recording import read_log
+from eqt_cli.extensions.recordings.recording_check import LogReference, recording_of
 from tests.extensions.recordings.conftest import DRAG, NAMES, NOISE, RELATIVE, model, true_plant
 
 INERTIA, ABOUT, ALONG = (

@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 import eqt_cli
 from eqt_cli.base.errors import EqtError, InputError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping, recording_text
-from eqt_cli.components.recording import read_log
+from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.extensions.recordings import logs
 from eqt_cli.extensions.recordings.logs import check_text, flight_of
+from eqt_cli.extensions.recordings.recording import read_log
+from eqt_cli.extensions.recordings.tables import text_of_recording
 
 STEP = 1e-5
 
@@ -231,9 +232,9 @@ def test_a_configuration_takes_a_flight_and_keeps_its_table(tmp_path, content):
 def test_the_table_of_a_flight_is_no_larger_than_other_files_may_be(tmp_path, content):
     (tmp_path / "f.ulg").write_bytes(content)
     size = len(table_of(content, "f.ulg"))
-    assert len(recording_text(tmp_path / "f.ulg", "", EqtError, size, "cut it")) == size
+    assert len(text_of_recording(tmp_path / "f.ulg", "", EqtError, size, "cut it")) == size
     assert refusal(
-        EqtError, recording_text, tmp_path / "f.ulg", "", EqtError, size - 1, "cut it"
+        EqtError, text_of_recording, tmp_path / "f.ulg", "", EqtError, size - 1, "cut it"
     ) == (
         f"{tmp_path / 'f.ulg'}: cannot be read: expected at most {size - 1:,} bytes, got {size:,}; "
         "log fewer topics, or a part of the flight"

@@ -11,49 +11,13 @@ import numpy as np
 from eqt_cli.base.arrays import Array, apply_matrix, transpose
 from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.units import factor
+from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
-from eqt_cli.components.log_table import (
-    DROPPING,
-    LOOKS_LIKE,
-    QUATERNION,
-    LogMapping,
-    LogTable,
-    MappingError,
-    Sheet,
-    TimeMapping,
-    TrajectoryFormat,
-    open_sheet,
-    with_units,
-)
-from eqt_cli.components.matrix_groups import EuclideanGroup, rotation_of_euler
+from eqt_cli.components.matrix_groups import EuclideanGroup
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE, pose_from
-
-ANGLE, EULER = ("angle",), ("yaw", "pitch", "roll")
-"""Columns of an angle in the plane, and of Euler angles: about z, y and x."""
-
-# Columns that a rotation may have by its number of coordinates, the usual ones first.
-_FORMS: dict[int, Any] = {0: [()], 1: [ANGLE, QUATERNION, EULER], 3: [QUATERNION, EULER]}
-
-# Largest angle between the z axes of a body in the plane and of the world, as noise leaves it, rad.
-# The heading is uncertain by its square / 4, which is 0.005 deg.
-TILT = np.deg2rad(1.0)
-
-
-@dataclass(frozen=True)
-class PoseColumns:
-    """The columns of a table that hold poses.
-
-    Attributes
-    ----------
-    names
-        Names of the columns.
-    layout
-        ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
-    """
-
-    names: list[str]
-    layout: str
-
+from eqt_cli.components.pose_tables import LogMapping, MappingError, Table, TrajectoryFormat
+from eqt_cli.extensions.recordings import log_table
+from eqt_cli.extensions.recordings.log_table import DROPPING, LogTable, Sheet
 
 VELOCITY = {"rates": "w", "velocity": "v"}
 WRENCH = {"torque": "t", "force": "f"}
@@ -112,66 +76,21 @@ def recorded_names(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
     return [name for each in recorded_columns(G) if each.kind in kinds for name in each.names]
 
 
-def coordinate_names(G: MatrixLieGroup) -> list[str]:
-    """Return the coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
-    digits = {ord("₀") + digit: str(digit) for digit in range(10)}
-    return [axis.replace("ω", "w").translate(digits) for axis in G.axis_names]
-
-
-def pose_columns(G: MatrixLieGroup, suffix: str = "", names: Collection[str] = ()) -> list[str]:
-    """Return the columns of a pose, the rotation first; none if not known.
-
-    Of the forms of a rotation, the first is taken whose columns are among some names.
-    """
-    if isinstance(G, ProductGroup):
-        parts = [pose_columns(each, str(k), names) for k, each in enumerate(G.factors, start=1)]
-        return [column for part in parts for column in part] if all(parts) else []
-    if not isinstance(G, EuclideanGroup) or G.space > 3:
-        return []
-    letters, axes = {"position": "", "velocity": "v"}, "xyz"[: G.space]
-    translations = [letters.get(column, column) + axis for column in G.columns for axis in axes]
-    return [column + suffix for column in (*_rotation(G, suffix, names), *translations)]
-
-
-def _rotation(G: EuclideanGroup, suffix: str, names: Collection[str]) -> tuple[str, ...]:
-    """Return the columns of a rotation of the group, without suffix."""
-    forms = _FORMS[G.rotations]
-    return next((form for form in forms if all(each + suffix in names for each in form)), forms[0])
-
-
-def _forms_of_pose(G: MatrixLieGroup) -> list[list[str]]:
-    """Return the columns of a pose in each of its forms; none if not known."""
-    alike = [[each + k for each in form for k in ("", *"123456789")] for form in _FORMS[3]]
-    forms = [pose_columns(G, names=names) for names in ((), *alike)]
-    return [form for k, form in enumerate(forms) if form and form not in forms[:k]]
-
-
-def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
-    """Return the columns that hold the poses of a table; None where some are missing.
-
-    Where the table has a part of a pose in another form, coordinates are taken for a velocity.
-    """
-    digits = range(1, G.size + 1)
-    entries = [f"Q{row}{column}" for row in digits for column in digits]
-    coords = coordinate_names(G)
-    # Entries come before coordinates, because velocities have the coordinates' names, too.
-    layouts = {"parts": pose_columns(G, names=names), "entries": entries, "coordinates": coords}
-    fitting = (PoseColumns(each, k) for k, each in layouts.items() if each and {*each} <= {*names})
-    used, others = next(fitting, None), {*entries}.union(*_forms_of_pose(G)) - {*coords}
-    return None if used and used.layout == "coordinates" and others & {*names} else used
-
-
-def require_pose(sheet: Sheet, G: MatrixLieGroup, mapping: LogMapping, time: bool) -> PoseColumns:
+def require_pose(
+    sheet: Sheet, G: MatrixLieGroup, mapping: LogMapping, time: bool
+) -> pose_tables.PoseColumns:
     """Return the columns of the poses, or raise an `InputError` if poses or times are missing.
 
     Coordinates may be a pose or its velocity, which their units tell.
     """
     if time and "t" not in sheet.names:
-        alias = next((each for each in sheet.names if each.lower() in LOOKS_LIKE["t"]), None)
+        alias = next(
+            (each for each in sheet.names if each.lower() in log_table.LOOKS_LIKE["t"]), None
+        )
         hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
         raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
-    forms, coordinates = _forms_of_pose(G), coordinate_names(G)
-    if used := used_columns(sheet.names, G):
+    forms, coordinates = pose_tables.forms_of_pose(G), pose_tables.coordinate_names(G)
+    if used := pose_tables.used_columns(sheet.names, G):
         sheet.require_distinct()
         units = sheet.units | mapping.units
         bases = {name: part.error_unit for part in G.parts for name in coordinates[part.axes]}
@@ -194,98 +113,14 @@ def require_pose(sheet: Sheet, G: MatrixLieGroup, mapping: LogMapping, time: boo
     )
 
 
-def table_poses(
-    table: LogTable, columns: PoseColumns, G: MatrixLieGroup, mapping: LogMapping
-) -> Array:
-    """Return the pose of each row, ``(rows, d, d)``, in the wanted axes."""
-    if mapping.euler != LogMapping.euler and not any(each[:4] == "roll" for each in columns.names):
-        raise MappingError(
-            ("euler",), f"the poses of {table.name} have no yaw, pitch and roll; remove this key"
-        )
-    if columns.layout == "parts":
-        return _assembled(table, G, "", columns.names, mapping)
-    if columns.layout == "coordinates":
-        poses = G.exp(table.get(columns.names))
-    else:
-        poses = table.get(columns.names).reshape(len(table), G.size, G.size)
-    if isinstance(G, EuclideanGroup):
-        return _in_axes(G, G.rotation(poses), G.translations(poses), mapping)
-    _require_no_axes(mapping, G)
-    return poses
-
-
-@np.errstate(over="ignore")  # an infinite norm is reported as different from 1
-def quaternion_norms(table: LogTable, columns: PoseColumns) -> dict[str, Array]:
-    """Return the norm of the quaternion in each row, by the suffix of its columns."""
-    return {
-        name[2:]: np.linalg.norm(table.get([part + name[2:] for part in QUATERNION]), axis=-1)
-        for name in columns.names
-        if name.startswith("qw")
-    }
-
-
-def require_norms(table: LogTable, columns: PoseColumns) -> None:
+def require_norms(table: Table, columns: pose_tables.PoseColumns) -> None:
     """Raise an `InputError` for the first quaternion whose norm is not 1."""
-    for norms in quaternion_norms(table, columns).values():
+    for norms in pose_tables.quaternion_norms(table, columns.names):
         wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
         if len(wrong):
             row = int(wrong[0])
             message = f"expected a quaternion of norm 1, got norm {norms[row]:.6g}"
             raise table.error(row, message + DROPPING.format("invalid") * (len(wrong) < len(norms)))
-
-
-def _assembled(
-    table: LogTable, G: MatrixLieGroup, suffix: str, names: Collection[str], mapping: LogMapping
-) -> Array:
-    """Return poses from the columns of rotations and translations."""
-    if isinstance(G, ProductGroup):
-        factors = enumerate(G.factors, start=1)
-        return G.assemble([_assembled(table, f, str(k), names, mapping) for k, f in factors])
-    assert isinstance(G, EuclideanGroup)
-    form, columns = _rotation(G, suffix, names), pose_columns(G, suffix, names)
-    rotation = columns[: len(form)]
-    rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
-    if len(form) == 1:
-        rotations = G.rotation(G.exp(np.pad(table.get(rotation), ((0, 0), (0, G.dimension - 1)))))
-    elif form == EULER:
-        axis = dict(zip("zyx", EULER, strict=True))
-        angles = table.get([axis[letter] + suffix for letter in mapping.euler.lower()])
-        rotations = rotation_of_euler(mapping.euler, angles)
-    elif form:
-        rotations = G.rotation_towards(table.get(rotation))
-    rotations = _in_plane(table, G, rotations) if G.space == 2 and form[1:] else rotations
-    rows = table.get(columns[len(form) :]) if G.columns else np.zeros((len(table), 0))
-    translations = rows.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
-    return _in_axes(G, rotations, translations, mapping)
-
-
-def _in_plane(table: LogTable, G: EuclideanGroup, R: Array) -> Array:
-    """Return rotations of the plane from those of space about z, ``(n, 3, 3) -> (n, 2, 2)``."""
-    tilts = np.arctan2(np.hypot(R[:, 0, 2], R[:, 1, 2]), R[:, 2, 2])
-    if len(wrong := np.flatnonzero(tilts > TILT)):
-        got = f"one that tilts it by {np.rad2deg(tilts[wrong[0]]):.3g} deg; give a column angle"
-        raise table.error(wrong[0], f"expected a rotation about z for {G.name}, got {got}")
-    return G.rotation_towards(np.stack([R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]], axis=-1))
-
-
-def _in_axes(
-    G: EuclideanGroup, rotations: Array, translations: Array, mapping: LogMapping
-) -> Array:
-    """Return poses, body to world, in the wanted axes: A_w R A_bᵀ and A_w x."""
-    if mapping.attitude == "world_to_body":
-        rotations = transpose(rotations)
-    if G.space != 3:
-        _require_no_axes(mapping, G)
-        return G.assemble(rotations, translations)
-    world, body = mapping.axes("world"), mapping.axes("body")
-    rotations = world @ rotations @ body.T if G.rotations else rotations
-    return G.assemble(rotations, world @ translations)
-
-
-def _require_no_axes(mapping: LogMapping, G: MatrixLieGroup) -> None:
-    for key in ("world", "body"):
-        if value := getattr(mapping, key):
-            raise MappingError((key,), f"{value} are axes of space, which {G.name} does not have")
 
 
 ROUNDING = 1e-6
@@ -321,7 +156,7 @@ class Log:
 
     sheet: Sheet
     table: LogTable
-    columns: PoseColumns
+    columns: pose_tables.PoseColumns
     times: Array
     recorded: list[RecordedColumns]
     group: MatrixLieGroup
@@ -332,7 +167,7 @@ class Log:
     @cached_property
     def poses(self) -> Array:
         """Poses in the file ``(n, d, d)``; raises an `InputError` where it is not usable."""
-        return table_poses(self.table, self.columns, self.group, self.mapping)
+        return pose_tables.table_poses(self.table, self.columns, self.group, self.mapping)
 
     @cached_property
     def moved_poses(self) -> Array:
@@ -408,14 +243,14 @@ def read_log(
     InputError
         With the line and the error; a `MappingError` where the mapping does not fit the file.
     """
-    sheet = open_sheet(text, name, form, mapping)
+    sheet = log_table.open_sheet(text, name, form, mapping)
     columns = require_pose(sheet, G, mapping, True)
     others = set(sheet.names) - set(columns.names)
     recorded = [each for each in recorded_columns(G) if set(each.names) <= others]
     rotors = sorted(int(name[1:]) for name in others if re.fullmatch(r"n[1-9]\d*", name))
     speeds = [f"n{k}" for k in rotors]
     used = ["t", *columns.names, *(name for each in recorded for name in each.names), *speeds]
-    sheet = with_units(sheet, mapping, used)
+    sheet = log_table.with_units(sheet, mapping, used)
     table, times = _timed(sheet.table(used), form, mapping)
     sheet = replace(sheet, lines=[])  # frees memory of the size of the file
     steps, longest = np.diff(times), mapping.time.gap
@@ -466,7 +301,7 @@ def _timed(table: LogTable, form: TrajectoryFormat, mapping: LogMapping) -> tupl
     return table, times + late if late else times
 
 
-def in_span(time: TimeMapping, times: Array, since: float = 0.0) -> Array:
+def in_span(time: pose_tables.TimeMapping, times: Array, since: float = 0.0) -> Array:
     """Return which times a mapping keeps; one that is not a number is not outside."""
     inside = ~(times < -np.inf if time.begin is None else times < time.begin - since)
     beyond = times > (np.inf if time.end is None else time.end - since)
@@ -498,14 +333,10 @@ def read_starts(
                 "rows of initial states have no times, and their velocities are in the body frame; "
                 "remove this key",
             )
-    sheet = open_sheet(text, name, "csv", mapping)
-    columns, coordinates = require_pose(sheet, G, mapping, False), coordinate_names(G)
+    sheet = log_table.open_sheet(text, name, "csv", mapping)
+    columns = require_pose(sheet, G, mapping, False)
     velocity: list[str] = []
-    for names in (
-        [f"V{k}" for k in range(1, G.dimension + 1)],
-        [f"V_{coordinate}" for coordinate in coordinates],
-        coordinates,
-    ):
+    for names in pose_tables.velocity_columns(G):
         missing = [column for column in names if column not in sheet.names]
         if len(missing) < len(names) and not set(names) & set(columns.names):
             if missing:
@@ -516,13 +347,8 @@ def read_starts(
             velocity = names
             break
     used = [*columns.names, *velocity]
-    table = with_units(sheet, mapping, used).table(used).without(mapping.drop, most=0.0)
+    table = log_table.with_units(sheet, mapping, used).table(used).without(mapping.drop, most=0.0)
     require_norms(table, columns)
-    poses = table_poses(table, columns, G, mapping)
-    velocities = None
-    if velocity:
-        velocities = table.get(velocity)
-        for part in G.parts:
-            if len(range(G.dimension)[part.axes]) == 3:  # in the plane, the axes stay
-                velocities[:, part.axes] = velocities[:, part.axes] @ mapping.axes("body").T
+    poses = pose_tables.table_poses(table, columns, G, mapping)
+    velocities = pose_tables.start_velocities(table, velocity, G, mapping) if velocity else None
     return poses, velocities, tuple(f"{name}: {note}" for note in sheet.notes(table))

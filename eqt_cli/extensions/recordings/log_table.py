@@ -8,21 +8,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
+from typing import Any, Self, get_args
 
 import numpy as np
-from pydantic import Tag
 
-from eqt_cli.base.arrays import Array, norm
-from eqt_cli.base.errors import EqtError, InputError, KeyPath, Problems, suggestion
-from eqt_cli.base.extensions import functions_for
-from eqt_cli.base.files import text_of
-from eqt_cli.base.option_types import Positive, Real, Unit, one_of
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import InputError, KeyPath, suggestion
 from eqt_cli.base.units import factor, offered
+from eqt_cli.components import pose_tables
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
+from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 
-# The mapping of a recording file: columns, units with their factors, frames and times -------------
+# Units of columns, and what messages name of a mapping --------------------------------------------
 
 
 _UNITS_BY_NAME: tuple[tuple[str, tuple[str, ...]], ...] = (
@@ -66,18 +63,6 @@ NORMALISED = "normalised"
 """Unit of a wrench that was commanded as a share of the largest."""
 
 
-TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
-
-
-MAPPING = "mapping"
-"""The key of a mapping in a configuration."""
-
-_AXIS_CHANGES = {
-    "world": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
-    "body": np.diag([1.0, -1.0, -1.0]),
-}
-"""Rotations from the axes of a file to those wanted, there and back: each is its own inverse."""
-
 PARTNERS = {
     "NED to ENU": "FRD to FLU",
     "ENU to NED": "FLU to FRD",
@@ -87,147 +72,15 @@ PARTNERS = {
 """The change of the body's axes that usually goes with one of the world's, and back."""
 
 
-def _offset_kind(value: Any) -> str | None:
-    if value == "first":
-        return "first"
-    return None if isinstance(value, str) and value.isidentifier() else "number"
-
-
-Dropped = Literal["invalid", "repeated", "unordered"]
-
-
 DROPPING = "; add `drop: [{}]` to the mapping to leave such rows out"
 
 MOST_ODD = 0.05
 """Largest share of the rows that are left out as such kinds without being asked for."""
 
-_Offset = Annotated[
-    Annotated[Literal["first"], Tag("first")] | Annotated[Real, Tag("number")],
-    one_of(_offset_kind, "a number of seconds, or first"),
-]
-
-
-class MappingError(InputError):
-    """Raised where a mapping does not fit its file; `path` is the wrong key of the mapping."""
-
-    def __init__(self, path: KeyPath, message: str) -> None:
-        super().__init__(message)
-        self.path = path
-
-
-@dataclass(frozen=True)
-class TimeMapping:
-    """How the times of a file are read.
-
-    Attributes
-    ----------
-    scale
-        Factor of the times in s, for example to correct a clock that runs fast.
-    begin, end
-        The first and the last time to keep, s, before the offset is added; in the formats tum and
-        euroc counted from the first row.
-    offset
-        Time to add to the times that are kept, s; ``first`` puts the first of them at 0 s.
-        Without it, a recording that is compared with a run is aligned with the run.
-    gap
-        A longer time between two rows is a gap, s. Default: five times the median one.
-    rate
-        Rows to keep in a second, at most; the first in each interval. Wrenches and speeds of rotors
-        hold until the next row, so that their means over the interval are kept.
-    """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
-
-    scale: Positive = 1.0
-    begin: Annotated[Real | None, Unit("s")] = None
-    end: Annotated[Real | None, Unit("s")] = None
-    offset: _Offset | None = None
-    gap: Annotated[Positive | None, Unit("s")] = None
-    rate: Annotated[Positive | None, Unit("Hz")] = None
-
-
-@dataclass(frozen=True)
-class LogMapping:
-    """How a file of poses is read, where the file itself does not say it.
-
-    Attributes
-    ----------
-    columns
-        The heading of a column in the file by eqt's name for it, as in ``{t: stamp, qw: q_w}``.
-    units
-        The unit of a column by its name, where its heading has none, as in ``{t: ms, yaw: deg}``.
-    scale
-        A factor of a column by its name, as in ``{pitch: -1}`` for a pitch of the other sign.
-    quaternion
-        The order of columns ``q0 … q3``, ``q1 … q4``, ``q[0] … q[3]``, and of those of the formats
-        tum and euroc where a file departs from its format; w is the scalar part.
-    euler
-        The order of ``yaw``, ``pitch`` and ``roll``: ZYX about rotated axes, zyx about fixed axes.
-    attitude
-        Whether the rotation maps body coordinates to world coordinates, or back.
-    world, body
-        Axes of the file, and the axes to convert them to.
-    origin
-        Pose of the file's frame in the world, as in `initial.pose`: every pose Q becomes origin Q.
-    sensor
-        Pose in the body of what was recorded, a marker or a sensor: Q becomes Q sensor⁻¹, and
-        velocities V, which are those of the sensor, become Ad_sensor V. Wrenches are the body's.
-    rates, velocity, torque, force
-        The frame of the recorded ``wx, wy, wz``, ``vx, vy, vz``, ``tx, ty, tz`` and
-        ``fx, fy, fz``. The velocity is that of the body's origin; the torque is about it.
-    time
-        How the times are read.
-    drop
-        Rows to leave out: ``invalid`` have an empty cell, a number that is not finite, or a
-        quaternion of another norm than 1, ``repeated`` the time of an earlier row, and
-        ``unordered`` no time after the largest so far. Up to 5 % are left out without it.
-    """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
-
-    columns: dict[str, str] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    scale: dict[str, float] = field(default_factory=dict)
-    quaternion: Literal["xyzw", "wxyz"] | None = None
-    euler: str = "ZYX"
-    attitude: Literal["body_to_world", "world_to_body"] = "body_to_world"
-    world: Literal["NED to ENU", "ENU to NED"] | None = None
-    body: Literal["FRD to FLU", "FLU to FRD"] | None = None
-    origin: Any = None
-    sensor: Any = None
-    rates: Literal["body", "spatial"] = "body"
-    velocity: Literal["body", "spatial"] = "spatial"
-    torque: Literal["body", "spatial"] = "body"
-    force: Literal["body", "spatial"] = "body"
-    time: TimeMapping = field(default_factory=TimeMapping)
-    drop: list[Dropped] = field(default_factory=list)
-
-    def axes(self, which: str) -> Array:
-        """Return the rotation from the file's axes to the wanted ones, ``(3, 3)``."""
-        return np.eye(3) if getattr(self, which) is None else _AXIS_CHANGES[which]
-
-    def check(self, problems: Problems) -> None:
-        """Note errors that do not depend on the file."""
-        if sorted(self.euler) not in (list("xyz"), list("XYZ")):
-            problems.at("euler").add(
-                "expected each of the three axes once, such as ZYX (yaw, pitch, roll about the "
-                f"rotated axes) or zyx (about the fixed ones), got '{self.euler}'"
-            )
-        begin, end = self.time.begin, self.time.end
-        if begin is not None and end is not None and not begin < end:
-            problems.at("time", "end").add(f"expected a time after {begin:g} s, got {end:g} s")
-        headings = list(self.columns.values())
-        for name, heading in self.columns.items():
-            if headings.count(heading) > 1:
-                problems.at("columns", name).add(f"'{heading}' is given for two columns")
-
-
 # Reads the numbers of a table file by column names ------------------------------------------------
 #
 # Messages never quote text of a file other than headings and numbers: it may be any file.
 
-
-QUATERNION = ("qx", "qy", "qz", "qw")
 
 NUMBERED = (
     ("q0", "q1", "q2", "q3"),
@@ -239,7 +92,7 @@ NUMBERED = (
 """Column names of a quaternion that do not show which is the scalar part."""
 
 _WITHOUT_HEADER = {
-    "tum": ("t", "x", "y", "z", *QUATERNION),
+    "tum": ("t", "x", "y", "z", *pose_tables.QUATERNION),
     "euroc": ("t", "x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz"),
 }
 """Columns of the formats that have no header."""
@@ -252,9 +105,6 @@ LOOKS_LIKE = {"t": ("time", "timestamp", "stamp", "secs", "seconds")}
 
 MAX_NAMED = 10
 """Largest number of unused columns that a remark names."""
-
-MAX_LINE = 100_000
-"""Longest line, characters; a pose takes a few hundred."""
 
 MAX_SHOWN = 30
 """Longest entry that a message quotes, characters."""
@@ -273,35 +123,19 @@ _HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
 
 
 @dataclass(frozen=True)
-class LogTable:
-    """Numbers in named columns.
+class LogTable(pose_tables.Table):
+    """Numbers in named columns, of which rows may be left out.
 
     Attributes
     ----------
-    name
-        The file, for messages.
-    columns
-        The numbers of each column by its name, ``(rows,)``, in rad, m and s.
-    lines
-        The line of each row in the file.
     since
         Time subtracted from column t, s, so that the rest is exact.
     dropped
         The lines that a mapping drops, by the reason.
     """
 
-    name: str
-    columns: dict[str, Array]
-    lines: Sequence[int]
     since: float = 0.0
-    dropped: Mapping[Dropped, Sequence[int]] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.lines)
-
-    def error(self, row: int, message: str) -> InputError:
-        """Return the error of a row."""
-        return InputError(f"{self.name}:{self.lines[row]}: {message}")
+    dropped: Mapping[pose_tables.Dropped, Sequence[int]] = field(default_factory=dict)
 
     def part(self, rows: slice | Array) -> Self:
         """Return the table with some of its rows."""
@@ -309,7 +143,7 @@ class LogTable:
         lines = [self.lines[row] for row in np.arange(len(self))[rows].tolist()]
         return replace(self, columns=columns, lines=lines)
 
-    def without(self, drop: Collection[Dropped], most: float = MOST_ODD) -> Self:
+    def without(self, drop: Collection[pose_tables.Dropped], most: float = MOST_ODD) -> Self:
         """Return the table without rows of some kinds, and without few of the others.
 
         Raises
@@ -321,7 +155,7 @@ class LogTable:
         if not len(table):
             but = " but those that `drop` leaves out" * bool(len(self))
             raise InputError(f"{self.name}: holds no rows of numbers{but}")
-        sound = table.free_of(get_args(Dropped))
+        sound = table.free_of(get_args(pose_tables.Dropped))
         if len(table) - len(sound) <= most * len(table):
             return sound
         for name, numbers in table.columns.items():
@@ -332,27 +166,22 @@ class LogTable:
         return table
 
     @np.errstate(over="ignore")  # an infinite norm is not 1
-    def free_of(self, drop: Collection[Dropped]) -> Self:
+    def free_of(self, drop: Collection[pose_tables.Dropped]) -> Self:
         """Return the table without any row of some kinds."""
         table = self
-        for kind in (each for each in get_args(Dropped) if each in drop and len(table)):
+        for kind in (each for each in get_args(pose_tables.Dropped) if each in drop and len(table)):
             t = table.columns.get("t", np.arange(len(table)))
             mask = np.r_[True, t[1:] > np.maximum.accumulate(t)[:-1]]
             if kind == "repeated":
                 mask = np.isin(np.arange(len(t)), np.unique(t, return_index=True)[1])
             elif kind == "invalid":
                 mask = np.isfinite(table.get(list(table.columns))).all(axis=1)
-                for suffix in (name[2:] for name in table.columns if name.startswith("qw")):
-                    norms = norm(table.get([each + suffix for each in QUATERNION]))
+                for norms in pose_tables.quaternion_norms(table, table.columns):
                     mask &= abs(norms - 1) <= QUATERNION_TOLERANCE
             if not mask.all():
                 dropped = {**table.dropped, kind: table.part(~mask).lines}
                 table = replace(table.part(mask), dropped=dropped)
         return table
-
-    def get(self, names: Sequence[str]) -> Array:
-        """Return the numbers of some columns, ``(rows, len(names))``."""
-        return np.stack([self.columns[name] for name in names], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -460,21 +289,13 @@ class Sheet:
     def _numbers(self, names: list[str]) -> Array:
         places = [self.names.index(name) for name in names]
         numbers = np.empty((len(self.lines), len(places)))
+        options: Any = {"ndmin": 2, "quotechar": '"' if self.delimiter else None}
         for first in range(0, len(self.lines), CHUNK):
             chunk = self.lines[first : first + CHUNK]
-            quote = '"' if self.delimiter else None
             for cells in (None, _cell):  # slow, for empty cells
                 with suppress(ValueError):
                     rows = np.loadtxt(
-                        chunk,
-                        float,
-                        None,
-                        self.delimiter,
-                        cells,
-                        0,
-                        places,
-                        ndmin=2,
-                        quotechar=quote,
+                        chunk, float, None, self.delimiter, cells, 0, places, **options
                     )
                     break
             else:
@@ -515,19 +336,6 @@ CONVERTED = "# converted by eqt"
 
 DAMAGED = f"{CONVERTED}; parts of the file are damaged and were skipped"
 """First line of the table of a damaged file."""
-
-
-def recording_text(path: Path, missing: str, kind: type[EqtError], limit: int, smaller: str) -> str:
-    """Return the text of a recording; an extension makes a table of the formats that it knows.
-
-    Raises
-    ------
-    EqtError
-        Of this kind, as by `eqt_cli.base.files.text_of`; an `InputError` for a file that cannot be
-        converted.
-    """
-    read = next(functions_for("text of a recording"), text_of)
-    return read(path, missing, kind, limit=limit, smaller=smaller)
 
 
 # The lines of a file and its columns --------------------------------------------------------------
@@ -603,7 +411,9 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
                 hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
         if not _is_eqt_name(name):
-            examples = ", ".join(("t", *QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx"))
+            examples = ", ".join(
+                ("t", *pose_tables.QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx")
+            )
             raise MappingError(
                 ("columns", name), f"eqt has no column of this name; it knows {examples} and others"
             )
@@ -615,7 +425,7 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
         name = next(filter(_is_eqt_name, spellings), heading)
         names.append(mapped.get(heading, f"{heading} (file)" if name in mapping.columns else name))
     numbered = next((four for four in NUMBERED if set(four) <= set(names)), None)
-    if numbered is None or set(QUATERNION) & set(names):
+    if numbered is None or set(pose_tables.QUATERNION) & set(names):
         if mapping.quaternion is not None:
             raise MappingError(
                 ("quaternion",),
@@ -647,7 +457,7 @@ def _without_header(text: str, name: str, form: str, mapping: LogMapping) -> She
     names = list(_WITHOUT_HEADER[form])
     if mapping.quaternion is not None:
         parts = iter(f"q{axis}" for axis in mapping.quaternion)
-        names = [next(parts) if each in QUATERNION else each for each in names]
+        names = [next(parts) if each in pose_tables.QUATERNION else each for each in names]
     if lines:
         count = len(_entries(lines[0], delimiter))
         if count < MIN_ENTRIES or (count > MIN_ENTRIES and not is_euroc):
@@ -681,10 +491,10 @@ def _lines(text: str, name: str, comment: str = "") -> tuple[list[str], Sequence
         stripped = ((number, line.lstrip()) for number, line in zip(numbers, lines, strict=True))
         numbers = [k for k, line in stripped if line and not (comment and line[0] == comment)]
         lines = [lines[number - 1] for number in numbers]
-    if max(map(len, lines), default=0) > MAX_LINE:
-        row = next(row for row, line in enumerate(lines) if len(line) > MAX_LINE)
+    if max(map(len, lines), default=0) > pose_tables.MAX_LINE:
+        row = next(row for row, line in enumerate(lines) if len(line) > pose_tables.MAX_LINE)
         raise InputError(
-            f"{name}:{numbers[row]}: expected a line of at most {MAX_LINE} characters, "
+            f"{name}:{numbers[row]}: expected a line of at most {pose_tables.MAX_LINE} characters, "
             f"got {len(lines[row])}"
         )
     return lines, numbers

@@ -8,8 +8,8 @@ from case_tables import from_yaml
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
-from eqt_cli.components.recording_check import Recording
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
+from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.style import Style, house_style
 

@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping, TimeMapping, recording_text
-from eqt_cli.components.recording import read_log, read_starts
-from eqt_cli.components.recording_check import notes
+from eqt_cli.components.pose_tables import LogMapping, TimeMapping, read_starts
 from eqt_cli.extensions.recordings.logs import check_text
+from eqt_cli.extensions.recordings.recording import read_log
+from eqt_cli.extensions.recordings.recording_check import notes
+from eqt_cli.extensions.recordings.tables import text_of_recording
 
 VARIATIONS = range(25)
 EXACT = 1e-14
@@ -168,7 +169,9 @@ def test_a_file_of_another_program_is_named_by_its_first_bytes(tmp_path, title, 
     expected = (
         f"{path}: is {title.rstrip(',')}, not a table that eqt reads; convert it to a table with "
     )
-    assert refusal(InputError, recording_text, path, "", InputError, 10**6, "").startswith(expected)
+    assert refusal(InputError, text_of_recording, path, "", InputError, 10**6, "").startswith(
+        expected
+    )
 
 
 # Headers ------------------------------------------------------------------------------------------

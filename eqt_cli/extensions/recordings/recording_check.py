@@ -1,39 +1,24 @@
-"""Checks recordings for oddities, and components that name the file of a recording."""
+"""Recordings as motions on a group, components that follow one, and checks for oddities."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from hashlib import sha256
 from itertools import combinations, permutations
-from typing import Any, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.base.errors import InputError, Problems
+from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.log_table import (
-    MAPPING,
-    NORMALISED,
-    PARTNERS,
-    QUATERNION,
-    LogMapping,
-    MappingError,
-    TrajectoryFormat,
-    units_of,
-)
 from eqt_cli.components.matrix_groups import EuclideanGroup
-from eqt_cli.components.recording import (
-    EULER,
-    VELOCITY,
-    WRENCH,
-    Log,
-    RecordedColumns,
-    read_log,
-    recorded_columns,
-    recorded_names,
-)
-from eqt_cli.numbers.leaves import STRUCTURE, with_fields
+from eqt_cli.components.pose_tables import EULER, QUATERNION, InFile, LogMapping
+from eqt_cli.components.references import PiecewiseReference
+from eqt_cli.extensions.recordings import recording as reading
+from eqt_cli.extensions.recordings.log_table import NORMALISED, PARTNERS, units_of
+from eqt_cli.extensions.recordings.recording import VELOCITY, WRENCH, Log, RecordedColumns
+from eqt_cli.numbers.leaves import with_fields
 
 # Checks a recording: columns, assumed units, errors, oddities, and the mapping that fits ----------
 
@@ -315,7 +300,7 @@ def _rotation(log: Log) -> Array:
     return np.clip(log.group.rotation(log.poses)[0], -1.0, 1.0)  # for arccos, in spite of rounding
 
 
-# A recording as a motion on a group, and components that name the file of one ---------------------
+# A recording as a motion on a group ---------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -363,12 +348,12 @@ class Recording:
         G = self.group
         if not np.isnan(self.wrenches).any():
             return self.wrenches
-        names = recorded_names(G, WRENCH)
+        names = reading.recorded_names(G, WRENCH)
         if len(names) < G.dimension:
             raise InputError(f"{self.place}: no columns of a wrench on {G.name} are known")
         missing = [
             name
-            for columns in recorded_columns(G)
+            for columns in reading.recorded_columns(G)
             if columns.kind in WRENCH and np.isnan(self.wrenches[:, columns.axes]).any()
             for name in columns.names
         ]
@@ -396,77 +381,30 @@ def recording_of(log: Log) -> Recording:
         Ad = G.Ad_matrix(log.placed("sensor"))
         unknown = np.isnan(velocities) @ (Ad != 0).T
         velocities = np.where(unknown, np.nan, np.nan_to_num(velocities) @ Ad.T)
-    return Recording(
-        log.table.name,
-        log.sheet.header_place,
-        G,
-        log.times,
-        log.moved_poses,
-        velocities,
-        wrenches,
-        log.gaps,
-        log.mapping.time.offset is not None,
-        tuple(notes(log)),
-        *([log.table.get(log.speeds)] if log.speeds else ()),
-    )
+    motion = log.times, log.moved_poses, velocities, wrenches, log.gaps
+    is_timed = log.mapping.time.offset is not None
+    speeds = [log.table.get(log.speeds)] if log.speeds else []
+    place = log.table.name, log.sheet.header_place
+    return Recording(*place, G, *motion, is_timed, tuple(notes(log)), *speeds)
 
 
-@dataclass(frozen=True, kw_only=True)
-class InFile:
-    """A component whose poses may stand in a file.
+# Components that name the file of a recording -----------------------------------------------------
 
-    Attributes
-    ----------
-    file
-        The recording, relative to the configuration.
-    format
-        Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
-    mapping
-        Columns, units, order of quaternions, frames and times, where the file does not give them.
-    """
 
-    file: str | None = None
-    format: TrajectoryFormat = "csv"
-    mapping: LogMapping | None = None
-    text: str | None = field(default=None, init=False, repr=False)
-    digest: str = field(default="", init=False)
-    # What was read of the text for each group; copies of the component share it.
-    cache: Any = field(
-        default_factory=dict, init=False, repr=False, compare=False, metadata=STRUCTURE
-    )
+def log_of(component: InFile, G: MatrixLieGroup) -> Log:
+    """Return the log in the file of a component, or raise an `InputError` if it is no motion."""
+    if (G.name, "log") not in component.cache:
+        assert component.text is not None and component.file is not None
+        mapping = component.mapping or LogMapping()
+        log = reading.read_log(component.text, component.file, component.format, G, mapping)
+        log.require_usable()
+        component.cache[G.name, "log"] = log
+    return component.cache[G.name, "log"]
 
-    @property
-    def files(self) -> dict[str, str]:
-        """The file, if there is one, by the option that names it."""
-        return {} if self.file is None else {"file": self.file}
 
-    def with_files(self, texts: Mapping[str, str]) -> Self:
-        """Return the component with the content of its file."""
-        if self.file is None or self.file not in texts:
-            return self
-        text = texts[self.file]
-        return with_fields(self, text=text, digest=sha256(text.encode()).hexdigest(), cache={})
-
-    def log(self, G: MatrixLieGroup) -> Log:
-        """Return the log in the file, or raise an `InputError` if it is no motion."""
-        if (G.name, "log") not in self.cache:
-            assert self.text is not None and self.file is not None
-            log = read_log(self.text, self.file, self.format, G, self.mapping or LogMapping())
-            log.require_usable()
-            self.cache[G.name, "log"] = log
-        return self.cache[G.name, "log"]
-
-    def check_file(self, problems: Problems, use: Callable[[], Any]) -> None:
-        """Note errors of the mapping, and of the file where `use` raises them."""
-        if self.mapping is not None:
-            self.mapping.check(problems.at(MAPPING))
-        if self.text is None or problems:
-            return  # a file that could not be read was noted before
-        with problems.catching("file"):
-            try:
-                use()
-            except MappingError as error:
-                problems.at(MAPPING, *error.path).add(str(error))
+def remarks(component: InFile, G: MatrixLieGroup) -> Iterator[str]:
+    """Yield the oddities of the file of a component."""
+    yield from notes(log_of(component, G))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -478,7 +416,7 @@ class RecordingInFile(InFile):
     def recording(self, G: MatrixLieGroup) -> Recording:
         """Return the motion in the file, body frame."""
         if (G.name, "recording") not in self.cache:
-            self.cache[G.name, "recording"] = recording_of(self.log(G))
+            self.cache[G.name, "recording"] = recording_of(log_of(self, G))
         return self.cache[G.name, "recording"]
 
     def with_recording(self, recording: Recording) -> Self:
@@ -494,3 +432,35 @@ class RecordingInFile(InFile):
         """Return the begin and the length of each gap, s."""
         recording = self.recording(G)
         return gaps_of(recording.times, recording.gaps)
+
+
+@dataclass(frozen=True)
+class LogReference(RecordingInFile, PiecewiseReference):
+    """A recorded motion: at every row the recorded pose and velocity, with their noise.
+
+    Between two rows, a cubic curve joins these poses and velocities. Without recorded velocities,
+    the motion is the spline of `waypoints`. It does not include the recorded wrench, which the law
+    `replay` applies. To track a recording, use `waypoints` with `smoothing`.
+    """
+
+    name: ClassVar[str] = "log"
+    by_processor: ClassVar[bool] = True  # recordings are long
+
+    def pieces(self, G: MatrixLieGroup) -> motions.Pieces:
+        """Return a piece from each row to the next."""
+        log = self.recording(G)
+        if np.isnan(log.velocities).any():
+            return motions.spline(G, log.times, log.poses)
+        return motions.through(G, log.times, log.poses, log.velocities)
+
+    def knot_times(self, G: MatrixLieGroup) -> Array:
+        """Return the times of the rows."""
+        return self.recording(G).times
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """Yield the oddities of the file."""
+        yield from (f"{self.file}: {note}" for note in self.recording(G).notes)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an invalid file or mapping."""
+        self.check_file(problems, lambda: self.prepared(G, self.pieces))

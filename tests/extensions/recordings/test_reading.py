@@ -9,16 +9,17 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.log_table import LogMapping, MappingError, TimeMapping
-from eqt_cli.components.recording import (
+from eqt_cli.components.pose_tables import (
+    LogMapping,
+    MappingError,
+    TimeMapping,
     coordinate_names,
     pose_columns,
-    read_log,
     read_starts,
-    recorded_columns,
 )
-from eqt_cli.components.recording_check import recording_of
 from eqt_cli.extensions.recordings.logs import check_text
+from eqt_cli.extensions.recordings.recording import read_log, recorded_columns
+from eqt_cli.extensions.recordings.recording_check import recording_of
 
 TURNS = Rotation.from_rotvec([[0, 0, 0], [0.1, 0.2, 0.3], [0.3, 0.1, -0.2]])
 PLACES = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.0], [2.0, 3.0, 3.0]])
