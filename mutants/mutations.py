@@ -26,6 +26,7 @@ CORE = (
     "extensions/firmware/c_headers.py",
     "extensions/firmware/decisions.py",
     "extensions/firmware/user_code.py",
+    "extensions/recordings/smoothing.py",
 )
 """What counts as the mathematical core, below `eqt_cli`; of comparisons not their words."""
 

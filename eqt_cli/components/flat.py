@@ -11,6 +11,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, apply, apply_matrix, less, norm, sqrt, stack, where
 from eqt_cli.base.errors import Problems, Remedy
 from eqt_cli.base.expressions import Expression, formula
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import Keys, Kind, Real, Unit
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
@@ -380,10 +381,10 @@ class FlatReference(ClosedReference):
             return
         yield from self.inner.remarks(G)
         if self.inner.files and self.inner.name != "waypoints":  # which says so itself
-            from eqt_cli.components.waypoints import proposed_smoothing
-
             times = self.inner.knot_times(G)
-            if sizes := proposed_smoothing(G, times, self.inner.motion(G, times)[0]):
+            for proposed in functions_for("proposed smoothing"):
+                if not (sizes := proposed(G, times, self.inner.motion(G, times)[0])):
+                    continue
                 yield (
                     "goes through every row, noise included, which four derivatives make large; "
                     f"write `of: {{kind: waypoints, file: …, smoothing: {sizes}}}`"

@@ -369,9 +369,7 @@ def velocity_columns(G: MatrixLieGroup) -> tuple[list[str], ...]:
     return [f"V{k}" for k in range(1, G.dimension + 1)], [f"V_{name}" for name in names], names
 
 
-def start_velocities(
-    table: Table, names: Sequence[str], G: MatrixLieGroup, mapping: LogMapping
-) -> Array:
+def row_velocities(table: Table, names: list[str], G: MatrixLieGroup, mapping: LogMapping) -> Array:
     """Return the velocity of each row, ``(rows, m)``, in the wanted axes of the body."""
     velocities = table.get(names)
     for part in G.parts:
@@ -423,7 +421,7 @@ def read_starts(
     if plain is None:
         return function_for("initial.file")(text, name, G, mapping)
     table, poses, velocity = plain
-    return poses, start_velocities(table, velocity, G, mapping) if velocity else None, ()
+    return poses, row_velocities(table, velocity, G, mapping) if velocity else None, ()
 
 
 # Components with poses in a file ------------------------------------------------------------------
@@ -465,7 +463,7 @@ class InFile:
         text = texts[self.file]
         return with_fields(self, text=text, digest=sha256(text.encode()).hexdigest(), cache={})
 
-    def waypoints(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+    def rows(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         """Return the times and the poses in the file.
 
         Raises
@@ -477,7 +475,7 @@ class InFile:
         mapping, is_table = self.mapping or LogMapping(), self.format == "csv"
         plain = plain_poses(self.text, self.file, G, mapping, [["t"]]) if is_table else None
         if plain and len(plain[0]) > 1 and np.all(np.diff(plain[0].columns["t"]) > 0):
-            identity = np.eye(G.size)  # a mapping has these; products make zeros positive
+            identity = np.eye(G.size)  # as the default `origin` and `sensor`, to the bit
             return plain[0].columns["t"], identity @ plain[1] @ G.inverse(identity)
         log = function_for("log in a file")(self, G)
         return log.times, log.moved_poses

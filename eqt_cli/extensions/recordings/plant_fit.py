@@ -251,15 +251,8 @@ class _FitProblem:
         def derivatives(numbers: Array) -> Array:
             return np.concatenate([one.derivatives for one in at(tuple(numbers.tolist())) or ()])
 
-        solution = least_squares(
-            residuals,
-            start,
-            derivatives,
-            x_scale=self.scales,
-            xtol=ACCURACY,
-            ftol=ACCURACY,
-            max_nfev=MAX_EVALUATIONS,
-        )
+        limits = {"xtol": ACCURACY, "ftol": ACCURACY, "max_nfev": MAX_EVALUATIONS}
+        solution = least_squares(residuals, start, derivatives, x_scale=self.scales, **limits)
         return np.asarray(solution.x), at(tuple(solution.x.tolist())) or []
 
     def require_distinct(self, fits: list[Linear]) -> Array:

@@ -117,8 +117,7 @@ def require_norms(table: Table, columns: pose_tables.PoseColumns) -> None:
     """Raise an `InputError` for the first quaternion whose norm is not 1."""
     for norms in pose_tables.quaternion_norms(table, columns.names):
         wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
-        if len(wrong):
-            row = int(wrong[0])
+        for row in wrong[:1].tolist():
             message = f"expected a quaternion of norm 1, got norm {norms[row]:.6g}"
             raise table.error(row, message + DROPPING.format("invalid") * (len(wrong) < len(norms)))
 
@@ -350,5 +349,5 @@ def read_starts(
     table = log_table.with_units(sheet, mapping, used).table(used).without(mapping.drop, most=0.0)
     require_norms(table, columns)
     poses = pose_tables.table_poses(table, columns, G, mapping)
-    velocities = pose_tables.start_velocities(table, velocity, G, mapping) if velocity else None
+    velocities = pose_tables.row_velocities(table, velocity, G, mapping) if velocity else None
     return poses, velocities, tuple(f"{name}: {note}" for note in sheet.notes(table))

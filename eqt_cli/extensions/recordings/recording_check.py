@@ -402,11 +402,6 @@ def log_of(component: InFile, G: MatrixLieGroup) -> Log:
     return component.cache[G.name, "log"]
 
 
-def remarks(component: InFile, G: MatrixLieGroup) -> Iterator[str]:
-    """Yield the oddities of the file of a component."""
-    yield from notes(log_of(component, G))
-
-
 @dataclass(frozen=True, kw_only=True)
 class RecordingInFile(InFile):
     """A component that follows the recording in its file from the first row to the last."""

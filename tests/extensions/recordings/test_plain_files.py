@@ -72,7 +72,7 @@ def test_waypoints(name):
         text = table(["t", *pose], rows)
         reference = WaypointsReference(file="w.csv").with_files({"w.csv": text})
         assert plain_poses(text, "w.csv", G, LogMapping(), [["t"]])
-        times, poses = reference.waypoints(G)
+        times, poses = reference.rows(G)
         log = recording_check.log_of(reference, G)
         assert times.tobytes() == log.times.tobytes()
         assert poses.tobytes() == log.moved_poses.tobytes()
