@@ -20,13 +20,12 @@ from eqt_cli.api import pack as pack
 from eqt_cli.api import plot as plot
 from eqt_cli.api import replay as replay
 from eqt_cli.api import run as run
-from eqt_cli.api import tune as tune
-from eqt_cli.api import worst as worst
 from eqt_cli.api import write_report as write_report
 from eqt_cli.base.reporting import Reporter as Reporter
 from eqt_cli.base.reporting import reporting as reporting
 from eqt_cli.base.version import __version__ as __version__
 from eqt_cli.extensions.proofs import *
+from eqt_cli.extensions.search import *
 
 def places(module: str) -> dict[str, str]: ...
 def lazily(module: str) -> tuple[list[str], object, object]: ...

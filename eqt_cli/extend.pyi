@@ -41,6 +41,8 @@ from eqt_cli.base.option_types import Positive as Positive
 from eqt_cli.base.option_types import Real as Real
 from eqt_cli.base.option_types import Scale as Scale
 from eqt_cli.base.registry import load_plugin as load_plugin
+from eqt_cli.base.reporting import Block as Block
+from eqt_cli.base.reporting import TextTable as TextTable
 from eqt_cli.components.actuators import Actuator as Actuator
 from eqt_cli.components.actuators import Deadband as Deadband
 from eqt_cli.components.actuators import Lag as Lag
@@ -153,6 +155,7 @@ from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
 from eqt_cli.extensions.proofs.extend import *
 from eqt_cli.extensions.recordings.extend import *
+from eqt_cli.extensions.search.extend import *
 from eqt_cli.figures.cells import scale_log as scale_log
 from eqt_cli.figures.cells import scale_norm as scale_norm
 from eqt_cli.figures.comparison_figures import Distributions as Distributions
@@ -177,8 +180,6 @@ from eqt_cli.figures.layout import rows_of as rows_of
 from eqt_cli.figures.layout import sheet as sheet
 from eqt_cli.figures.run_figures import EstimateFigure as EstimateFigure
 from eqt_cli.figures.run_figures import RunsFigure as RunsFigure
-from eqt_cli.figures.search_figures import Fronts as Fronts
-from eqt_cli.figures.search_figures import WorstFigure as WorstFigure
 from eqt_cli.figures.shown import ShownMetrics as ShownMetrics
 from eqt_cli.figures.shown import ShownReference as ShownReference
 from eqt_cli.figures.shown import ShownSweep as ShownSweep
@@ -200,6 +201,7 @@ from eqt_cli.loop.signals import Metric as Metric
 from eqt_cli.numbers.jets import Jet as Jet
 from eqt_cli.numbers.jets import value_and_derivative as value_and_derivative
 from eqt_cli.numbers.running import SampledRuns as SampledRuns
+from eqt_cli.results.conclusion import Conclusion as Conclusion
 from eqt_cli.results.quantity import Window as Window
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.runs.executors import Auto as Auto

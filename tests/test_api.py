@@ -48,7 +48,7 @@ def result(computed, tmp_path):
 def test_functions_load_what_they_call_and_no_scipy_until_they_compute():
     code = (
         "import sys; from eqt_cli import api; api.open_result; "
-        "print('eqt_cli.analysis.search' in sys.modules); "
+        "print('eqt_cli.extensions.search.search' in sys.modules); "
         "from eqt_cli.api import *; print('scipy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -21,10 +21,10 @@ from eqt_cli.analysis.intervals import (
     runs_without_exception,
     statistics,
 )
-from eqt_cli.analysis.search_record import TUNE, laws_of
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
 from eqt_cli.loop.small_errors import SmallErrors
+from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window
 from eqt_cli.results.result import PerRun, Result
@@ -286,8 +286,9 @@ def compare(
     """
     _check(result, how)
     chosen = _chosen(result, metrics, windows)
-    tuned = TUNE.beside(result)
-    labels = [label for label in result.labels if label in (labels or laws_of(result, tuned))]
+    concluded = conclusion_of(result)
+    chosen_laws, tuned = labels or concluded.compared(result), concluded.starts
+    labels = [label for label in result.labels if label in chosen_laws]
     kinds: dict[str, str] = {}  # the first law of each kind
     for label in labels:
         kinds.setdefault(result.kinds.get(label, label), label)

@@ -1,4 +1,4 @@
-"""Sweeps: which law wins at each point, and over which range the runs settle."""
+"""Sweeps: which law wins at each point, which points dominate, where the runs settle."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -571,3 +571,11 @@ def _won(wins: Map) -> str:
     few = f" (ensemble.runs: {wins.fewest} or more)" * wins.has_too_few_runs
     won = f"Points won by {Plain().name(wins.quantity)}: {points}{few}"
     return ". ".join([won, *_unranked(wins), ""]).rstrip()
+
+
+def front(cost: Array, error: Array) -> Array:
+    """Return the Pareto front by increasing cost; points with NaN are left out."""
+    order = np.lexsort((error, cost))
+    order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
+    least = np.minimum.accumulate(error[order])
+    return order[np.diff(least, prepend=np.inf) < 0]

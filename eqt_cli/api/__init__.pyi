@@ -15,10 +15,9 @@ from eqt_cli.api.loading import open_result as open_result
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
-from eqt_cli.api.running import tune as tune
-from eqt_cli.api.running import worst as worst
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.proofs import *
 from eqt_cli.extensions.recordings import *
 from eqt_cli.extensions.report import *
+from eqt_cli.extensions.search import *

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
-from eqt_cli.analysis.search_record import TUNE, laws_of
 from eqt_cli.api.loading import ResultPath, open_at, path_from, require_list
 from eqt_cli.base.errors import EqtError
+from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
 
@@ -159,12 +159,11 @@ def chosen_labels(
     """
     require_list("controllers", controllers)
     wanted = [result.labels[result.position_of(name)] for name in controllers]
-    starts, record = [], TUNE.beside(result)
-    if without_start:
-        if record is None:
-            raise result.error("is not the result of a tuning, so it has no starting gains")
-        starts = [law["start"] for law in record["laws"]]
-    chosen = wanted or laws_of(result, record)
+    concluded = conclusion_of(result)
+    if without_start and not concluded.starts:
+        raise result.error("is not the result of a tuning, so it has no starting gains")
+    starts = concluded.starts if without_start else ()
+    chosen = wanted or concluded.compared(result)
     return [label for label in result.labels if label in chosen and label not in starts]
 
 

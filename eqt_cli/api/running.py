@@ -1,4 +1,4 @@
-"""Runs experiments into their result folders, completely or in shards, and starts searches."""
+"""Runs experiments into their result folders, completely or in shards."""
 
 from __future__ import annotations
 
@@ -6,15 +6,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from eqt_cli.api.loading import (
-    Configuration,
-    ResultPath,
-    StoredResult,
-    document_from,
-    load_experiment,
-)
+from eqt_cli.api.loading import Configuration, ResultPath, StoredResult, load_experiment
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind
 from eqt_cli.config.document import read_config
@@ -23,11 +17,6 @@ from eqt_cli.config.study import Study, study
 from eqt_cli.runs.executors import Executor, executors
 from eqt_cli.runs.folder import CONFIG, ResultFolder
 from eqt_cli.runs.run_study import Shard, execute, pack_folder
-
-if TYPE_CHECKING:
-    from eqt_cli.analysis.search import Searched, Searches
-    from eqt_cli.analysis.tune import Search
-    from eqt_cli.analysis.worst import WorstSearch
 
 
 def run(
@@ -162,135 +151,3 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     document = replace(document, home=replace(document.home, is_result=True))
     done = pack_folder(study(document), Path(folder))
     return StoredResult(done.folder.path, outcome=done)
-
-
-# Searches -----------------------------------------------------------------------------------------
-
-
-def tune(
-    search: Search | Configuration,
-    out: str | os.PathLike[str] | None = None,
-    *,
-    force: bool = False,
-    workers: int = 1,
-    executor: Executor | None = None,
-) -> Searched:
-    """Search for the best gains of each law, and compare the winners on held-out runs.
-
-    The folder becomes the result of the held-out runs, which you can compare, draw and report like
-    any other result. Its subfolder ``tuned/`` holds the complete configurations of the winners.
-
-    Parameters
-    ----------
-    search
-        A configuration with a section ``tune``, or a `Search` from `Search.read`.
-    out
-        Output folder. Default: ``results/<name>-tuned``. Generations that it already holds are
-        reused.
-    force, workers, executor
-        As for `run`.
-
-    Returns
-    -------
-    Searched
-        The winners of each law, and the result of the held-out runs.
-
-    Raises
-    ------
-    ConfigError
-        With all problems of the configuration and their places.
-    EqtError
-        If the configuration has no section ``tune``, or the folder holds something else.
-
-    Examples
-    --------
-    >>> outcome = eqt_cli.tune("configs/tune_so2.yaml")
-    >>> [law["label"] for law in outcome.record["laws"]]
-    ['stabilising']
-    """
-    from eqt_cli.analysis.tune import Search
-
-    read = search if isinstance(search, Search) else Search.read(document_from(search, {}))
-    return _searched(read, out, executor, workers, force)
-
-
-def worst(
-    search: WorstSearch | Configuration,
-    out: str | os.PathLike[str] | None = None,
-    *,
-    force: bool = False,
-    workers: int = 1,
-    executor: Executor | None = None,
-) -> Searched:
-    """Search for the worst run of each law within ranges of keys.
-
-    The folder becomes the result of all laws along each key through the points that were found. Its
-    subfolder ``worst/`` holds the complete configurations that reproduce the worst runs.
-
-    Parameters
-    ----------
-    search
-        A configuration with a section ``worst``, or a `WorstSearch` from `WorstSearch.read`.
-    out
-        Output folder. Default: ``results/<name>-worst``. Generations that it already holds are
-        reused.
-    force, workers, executor
-        As for `run`.
-
-    Returns
-    -------
-    Searched
-        The worst run of each law, and the result along each key.
-
-    Raises
-    ------
-    ConfigError
-        With all problems of the configuration and their places.
-    EqtError
-        If the configuration has no section ``worst``, or the folder holds something else.
-
-    Examples
-    --------
-    >>> config = {
-    ...     "name": "wheel",
-    ...     "group": "SO2",
-    ...     "inertia": 1.0,
-    ...     "gains": {"kp": 0.5, "kd": 1.0},
-    ...     "reference": {"torque": ["cos(t)"]},
-    ...     "controllers": ["gt"],
-    ...     "initial": {"pose": {"kind": "fixed", "coordinates": [1.0]}},
-    ...     "ensemble": {"runs": 1},
-    ...     "time": {"duration": 1.0, "samples": 11},
-    ...     "worst": {
-    ...         "over": {"initial.pose.coordinates[0]": [-2, 2]},
-    ...         "objective": "final_pose_error",
-    ...         "budget": 1,
-    ...         "population": 5,
-    ...     },
-    ... }
-    >>> outcome = eqt_cli.worst(config)
-    >>> [law["label"] for law in outcome.record["laws"]]
-    ['gt']
-    """
-    from eqt_cli.analysis.worst import WorstSearch
-
-    read = (
-        search if isinstance(search, WorstSearch) else WorstSearch.read(document_from(search, {}))
-    )
-    return _searched(read, out, executor, workers, force)
-
-
-def _searched(
-    search: Searches[Any],
-    out: str | os.PathLike[str] | None,
-    executor: Executor | None,
-    workers: int,
-    force: bool,
-) -> Searched:
-    from eqt_cli.analysis.search import carry_out
-
-    folder = search.folder if out is None else Path(out)
-    search = search if force else search.begun_in(folder)
-    executor = executor or choose_executor(Study(None, search.base), workers)
-    remark_on(search.base)
-    return carry_out(search, folder, executor, force=force)

@@ -110,8 +110,6 @@ _CORE = {
     "sweep": ("eqt_cli.cli.run.sweep", START, "configs/paper.yaml --grid gains.kp=1,2"),
     "plot": ("eqt_cli.cli.plot.plot", START, "results/paper --figure torque --format pdf"),
     "compare": ("eqt_cli.cli.compare.compare", START, "results/paper --metric mean_torque"),
-    "tune": ("eqt_cli.cli.run.tune", COMPUTE, "configs/tune_paper.yaml"),
-    "worst": ("eqt_cli.cli.run.worst", COMPUTE, "late.yaml --fail-above 0.2"),
     "pack": ("eqt_cli.cli.run.pack", COMPUTE, "results/sweep_gains"),
     "show": ("eqt_cli.cli.show.show", READ, "results/paper --failed"),
     "results": ("eqt_cli.cli.show.results", READ, "results"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from eqt_cli.base.errors import EqtError, suggestion
-from eqt_cli.base.extensions import function_for
+from eqt_cli.base.extensions import function_for, functions_for
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.tables import as_csv, as_latex
 
@@ -220,7 +220,13 @@ def _of_whole(
     units: Sequence[str],
     share: float,
 ) -> _Findings | None:
-    """Return the findings on a sweep or on fronts as a whole; None for other results."""
+    """Return the findings on a sweep, or those of an extension; None for other results.
+
+    Extensions have functions for the purpose ``answer of compare``. Each takes an open result, a
+    `Resampling` and a `Plain`, and returns a document for JSON, rows for CSV, and tables; or None
+    for results about which it has no answer. The answer takes the place of all others where no
+    metrics, laws or windows are chosen.
+    """
     from eqt_cli import api
     from eqt_cli.analysis.maps import map_records, map_tables
     from eqt_cli.api.loading import open_at
@@ -228,9 +234,11 @@ def _of_whole(
     with open_at(path) as opened:
         result = opened.in_units(units)
         plain = not (metrics or laws or narrowed) and table in (None, TableName.FRONTS)
-        fronts = _of_fronts(result, how, write) if plain else None
-        if fronts or not result.is_sweep:
-            return fronts
+        for answers in functions_for("answer of compare") if plain else ():
+            if answer := answers(result, how, write):
+                return _Findings(*answer)
+        if not result.is_sweep:
+            return None
         if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(
                 "--window, --against, --without-start and the tables of pairs and claims apply to "
@@ -338,20 +346,6 @@ def _of_experiment(
     premises = [output.folded(line, room, "    ") for line in premises]
     listed = TableName.PAIRS if table in (None, TableName.ALL) else table
     return _Findings(document, rows[listed], shown, remarks, premises)
-
-
-def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Findings | None:
-    """Return the laws at equal cost; None if the result is not of a two-objective search."""
-    from eqt_cli.analysis.fronts import at_equal_cost, equal_cost_table, fronts, held_out
-    from eqt_cli.analysis.search_record import TUNE
-
-    record = TUNE.beside(result)
-    if record is None or len(record["objectives"]) < 2:
-        return None
-    result = held_out(result, record)
-    table = equal_cost_table(result, record, write, how)
-    pairs = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
-    return _Findings({"objectives": record["objectives"], "fronts": pairs}, pairs, [table])
 
 
 # Differences --------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import KINDS, load_plugin, registry, summary
 from eqt_cli.cli import completion, options, output
@@ -254,14 +255,10 @@ def check(
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
         untried = rehearse(checked, solves=True)
-        if document.data.get("tune"):
-            from eqt_cli.analysis.tune import Search
-
-            Search.read(document)
-        if document.data.get("worst"):
-            from eqt_cli.analysis.worst import WorstSearch
-
-            WorstSearch.read(document)
+        # Extensions check sections of their own; each function takes the document, and raises a
+        # `ConfigError` with what is wrong in it.
+        for check_sections in functions_for("check of a configuration"):
+            check_sections(document)
     except ConfigError as error:
         if not json:
             raise

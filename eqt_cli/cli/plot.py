@@ -163,9 +163,8 @@ def _ready(path: Path, set_: list[str] | None, trust_plugins: bool) -> Shown:
 
 def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: bool) -> list[str]:
     """Return the figures to draw by default, of a result `alone` all that answer first."""
-    from eqt_cli.analysis.fronts import side_by_side
-    from eqt_cli.analysis.search_record import WORST
     from eqt_cli.figures.shown import are_choices
+    from eqt_cli.results.conclusion import conclusion_of, side_by_side
     from eqt_cli.results.result import open_result
 
     if result.suffix in YAML:
@@ -175,8 +174,8 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
     with open_result(result) as results:
         if not results.is_sweep:
             return _of_one(results) if alone else ["summary"]
-        if WORST.beside(results):
-            return ["worst"]
+        if plotted := conclusion_of(results).plotted:
+            return [*plotted]
         if side_by_side(results):
             return ["forest"]
         swept = results.swept_keys

@@ -121,10 +121,9 @@ def _unfinished(path: Path, state: Unfinished, json: bool) -> None:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.analysis.search_record import TUNE, WORST
-    from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
     from eqt_cli.base.version import OTHERS, VERSIONS, differences
     from eqt_cli.cli.result_tables import outcome_record, print_outcome
+    from eqt_cli.results.conclusion import conclusion_of
 
     if json:
         document = {
@@ -155,11 +154,9 @@ def _summary(results: Result, json: bool) -> None:
         f"digest   {str(results.attributes['digest'])[:16]}",
         *([f"loop     {path}", ""] if path else [""]),
     ]
-    for kind, tables in ((TUNE, tuning_tables), (WORST, worst_tables)):
-        if record := kind.beside(results):
-            shown = [output.laid_out(table) for table in tables(results, record)]
-            output.print_text(*heading, *(piece for table in shown for piece in (table, "")))
-            return
+    if shown := [output.laid_out(table) for table in conclusion_of(results).tables()]:
+        output.print_text(*heading, *(piece for table in shown for piece in (table, "")))
+        return
     print_outcome(results, heading)
 
 

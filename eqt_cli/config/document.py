@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -244,6 +245,46 @@ def with_value(data: Any, path: KeyPath, value: Any, place: str = "") -> Any:
     with problems.catching(*path):
         data = _replaced(data, path, value)
     problems.raise_if_any()
+    return data
+
+
+MOST_ENTRIES = 100
+"""Largest number of list entries that one number of a search or a fit sets."""
+
+_SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
+
+
+def entries_of(key: str) -> list[str]:
+    """Return the keys that a key of several entries sets: ``kp[0]`` and ``kp[1]`` for ``kp[0:2]``.
+
+    Raises
+    ------
+    InputError
+        If the range is empty.
+    """
+    matched = _SLICE.fullmatch(key)
+    if matched is None:
+        return [key]
+    first, end = int(matched[2]), int(matched[3])
+    if not first < end <= first + MOST_ENTRIES:
+        raise InputError(
+            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {matched[1]}[0:3] for the "
+            f"first three, got '{key}'"
+        )
+    return [f"{matched[1]}[{index}]" for index in range(first, end)]
+
+
+def expanded(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Repeat each value for every key of the configuration that it sets."""
+    return {entry: value for key, value in values.items() for entry in entries_of(key)}
+
+
+def value_at(data: Any, path: KeyPath) -> Any:
+    """Return the value at a path of a configuration; None if there is none."""
+    for step in path:
+        inside = isinstance(data, dict) and step in data
+        inside |= isinstance(data, list) and isinstance(step, int) and step < len(data)
+        data = data[step] if inside else None
     return data
 
 

@@ -985,6 +985,11 @@ def marked(mark: Mark) -> list[str]:
     return [name for name, field in Config.model_fields.items() if mark in field.metadata]
 
 
+def without_search(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a configuration without its sections for searches and sweeps."""
+    return {key: value for key, value in data.items() if key not in (*marked(SEARCH), "sweep")}
+
+
 def marks_of(key: str) -> list[Any]:
     """Return the marks of the section of a dotted key; none of an unknown one."""
     field = Config.model_fields.get(str(parse_key(key)[0]))

@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import PercentFormatter
 
-from eqt_cli.analysis.fronts import side_by_side
 from eqt_cli.analysis.intervals import NEGLIGIBLE, median_difference, shares
 from eqt_cli.base.arrays import Array
 from eqt_cli.figures.cells import even, scale_log, spans_decade
@@ -28,6 +27,7 @@ from eqt_cli.figures.layout import (
 )
 from eqt_cli.figures.shown import MOST_COLOURS, MetricValues, ShownMetrics, ShownSweep
 from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
+from eqt_cli.results.conclusion import side_by_side
 from eqt_cli.results.result import Result
 
 # Figure of distributions: metrics of single runs as box plots, which may be censored --------------

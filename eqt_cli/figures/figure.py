@@ -662,5 +662,5 @@ figures = Registry(
     "figure",
     "figures",
     Figure,
-    tuple(f"figures.{x}_figures" for x in "path time run comparison sweep search".split()),
+    tuple(f"figures.{x}_figures" for x in "path time run comparison sweep".split()),
 )

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.colors import is_color_like, to_hex, to_rgba
 
-from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
+from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import RANKED
 from eqt_cli.results.quantity import SweptKey
 from eqt_cli.results.result import Result
@@ -271,14 +271,8 @@ def _colour(results: Sequence[Result], figure: str, name: str, colour: str) -> s
 
 def _laws(result: Result) -> list[tuple[str, int]]:
     """Return the law and the variant of each controller: a search has its start and its winners."""
-    record = TUNE.beside(result)
-    laws: dict[str, tuple[str, int]] = {}
-    for law in record["laws"] if record else ():
-        winners = [winner["label"] for winner in law["winners"]]
-        others = [each["label"] for each in law["searches"]]
-        variants = list(dict.fromkeys([*winners[:1], law["start"], *winners[1:], *others]))
-        laws |= {label: (law["label"], number) for number, label in enumerate(variants)}
-    return [laws.get(label, (label, 0)) for label in result.labels]
+    variants = conclusion_of(result).variants
+    return [variants.get(label, (label, 0)) for label in result.labels]
 
 
 def _law(

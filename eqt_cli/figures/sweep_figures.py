@@ -12,9 +12,8 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 from pydantic import Field
 
-from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import shares
-from eqt_cli.analysis.maps import NOBODY, Map, compare_map
+from eqt_cli.analysis.maps import NOBODY, Map, compare_map, front
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.extensions import function_for
 from eqt_cli.figures.cells import (

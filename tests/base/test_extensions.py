@@ -13,10 +13,11 @@ SESSION = """
 from eqt_cli.base.extensions import function_for, shipped
 from eqt_cli.base.registry import registry
 from eqt_cli.cli.app import COMMANDS
-print(shipped(), {"fit", "log", "export", "report", "verify", "margins"} & COMMANDS.keys())
+GONE = {"fit", "log", "export", "report", "verify", "margins", "tune", "worst"}
+print(shipped(), GONE & COMMANDS.keys())
 print({"code", "replay"} & {*registry("controllers").names()}, registry("controllers").get("eqt"))
 from eqt_cli import api
-print({"fit", "verify"} & {*api.__all__}, "compare" in api.__all__)
+print({"fit", "verify", "tune"} & {*api.__all__}, "compare" in api.__all__)
 from eqt_cli import extend
 print("Certificate" in extend.__all__, "Claim" in extend.__all__)
 function_for("compare --measured")

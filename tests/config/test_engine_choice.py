@@ -234,6 +234,7 @@ WORST = """{over: {gains.kp: [1, 2]}, objective: mean_torque, budget: 1, populat
   profile: {points: 2}}"""
 
 
+@pytest.mark.needs("search")
 def test_a_search_goes_on_by_the_engine_that_began_it(eqt, without_compiler):
     Path("c.yaml").write_text(configuration(worst=WORST, controllers="[gt]"), encoding="utf-8")
     command = ("worst", "c.yaml", "--out", "out", "--set", "ensemble.runs=1")

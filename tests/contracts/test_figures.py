@@ -13,12 +13,12 @@ from small_experiment import mapping
 from eqt_cli import api
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.extensions import shipped
 from eqt_cli.base.registry import is_foreign, meanings
 from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures.figure import OfSweep
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.run_figures import EstimateFigure
-from eqt_cli.figures.search_figures import Fronts, WorstFigure
 from eqt_cli.figures.style import Style
 from eqt_cli.figures.time_figures import Commands
 
@@ -51,9 +51,17 @@ WORST = SMALL | {
     "over": {"gains.kp": [0.5, 2], "plant.inertia.relative": [-0.1, 0.1]},
     "objective": "mean_pose_error",
 }
+SEARCHED = {"fronts": "tuned", "worst": "worst"}
+"""Figures of searches, and the results that they are of."""
+
 IN = {"column": 3.5, "page": 7.16, "slide": 13.3 / 2.25}  # a slide is written larger
 BY_PLACE = ("runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
+
+
+def searches():
+    """Whether there are searches, which are an extension."""
+    return "search" in [extension.name for extension in shipped()]
 
 
 def make_results(folder):
@@ -65,9 +73,11 @@ def make_results(folder):
         ("estimated", ESTIMATED),
     ):
         api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
+    if not searches():
+        return
     api.tune(CONFIG | {"tune": TUNE}, folder / "tuned")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 3)
+        patch.setattr("eqt_cli.extensions.search.worst.MOST_ON_A_LINE", 3)
         api.worst(CONFIG | {"worst": WORST}, folder / "worst")
 
 
@@ -83,7 +93,7 @@ def results(made_once):
     """As `make_results` has made them, once for all processes of the tests."""
     folder = made_once("figures of every kind", make_results)
     opened = {name: open_at(folder / name) for name in ("single", "bare", "sweep", "estimated")}
-    opened |= {name: open_at(folder / name) for name in ("tuned", "worst")}
+    opened |= {name: open_at(folder / name) for name in SEARCHED.values() if searches()}
     yield opened, recording_of_run(opened["single"])
     for one in opened.values():
         one.close()
@@ -95,10 +105,8 @@ def of_sweep(figure_class):
 
 def subject(figure_class):
     """The kind of result that a figure is of."""
-    if issubclass(figure_class, Fronts):
-        return "tuned"
-    if issubclass(figure_class, WorstFigure):
-        return "worst"
+    if figure_class.name in SEARCHED:
+        return SEARCHED[figure_class.name]
     if figure_class in (Commands, EstimateFigure):
         return "estimated"
     return "sweep" if of_sweep(figure_class) else "single"

@@ -8,12 +8,12 @@ from case_tables import from_yaml
 from matplotlib.colors import to_rgb
 from said import error_of
 
-from eqt_cli.analysis.search_record import TUNE
 from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.shown import Chosen, ShownControllers, looks, names
 from eqt_cli.figures.style import Style, house_style, line_style
 from eqt_cli.figures.sweep_figures import SweepFigure
 from eqt_cli.figures.time_figures import Paper, Summary, Torque
+from eqt_cli.results.conclusion import Conclusion
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -65,9 +65,8 @@ def test_curves_of_more_results_than_dashes_look_different(so3, tmp_path, opened
 
 
 def test_variants_of_a_tuned_law_have_its_colour_and_their_own_dashes(so3, opened, monkeypatch):
-    found = {"label": "eqt", "winners": [{"label": "eqt"}], "start": "gt", "searches": []}
-    record = {"laws": [found, {**found, "label": "nog", "winners": [], "start": "nog"}]}
-    monkeypatch.setattr(type(TUNE), "beside", lambda kind, result: record)
+    tuned = Conclusion("tuned", variants={"eqt": ("eqt", 0), "gt": ("eqt", 1), "nog": ("nog", 0)})
+    monkeypatch.setattr("eqt_cli.figures.shown.conclusion_of", lambda result: tuned)
     with house_style():  # the winner, the start, another law and one that was not tuned
         styles = [line_style(look) for look in looks([opened(so3)], [range(4)])]
     assert styles[0]["color"] == styles[1]["color"]

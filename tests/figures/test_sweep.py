@@ -5,9 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 from said import error_of
 
-from eqt_cli.analysis.fronts import front
 from eqt_cli.analysis.intervals import Interval, Resampling, share
-from eqt_cli.analysis.maps import NOBODY, compare_map
+from eqt_cli.analysis.maps import NOBODY, compare_map, front
 from eqt_cli.base.errors import EqtError
 from eqt_cli.extensions.proofs import certified
 from eqt_cli.extensions.proofs.figures import Rates

@@ -163,6 +163,7 @@ TUNE = {"over": {"gains.kp": [1, 4]}, "budget": 1, "population": 8, "seeds": 1}
 SEEN = {"over": {"gains.kp": [1, 2]}, "budget": 1, "population": 5, "seeds": 1}
 
 
+@pytest.mark.needs("search")
 def test_a_search_of_a_law_without_the_signal_leaves_the_metric_out(result_of, tmp_path):
     result_of(EVERY + metric("eff", "over.final(a)", "budget"))  # `effort` is no part of it
     data = mapping(controllers=["adaptive", "gt"], plugins=[str(tmp_path / "mine.py")])
@@ -180,6 +181,7 @@ LATE = HEAD + metric(
 )
 
 
+@pytest.mark.needs("search")
 @pytest.mark.parametrize("censored", [False, True])
 def test_a_run_without_a_value_is_never_better_than_the_worst(result_of, tmp_path, censored):
     text = (
@@ -209,6 +211,7 @@ def test_a_metric_without_direction_is_shown_of_a_sweep(result_of, capsys, read)
     assert "Points won by mean" in capsys.readouterr().out
 
 
+@pytest.mark.needs("search")
 @pytest.mark.parametrize("name", ["by_hand", "peak_of_torque"])
 def test_a_search_makes_it_better(result_of, read, tmp_path, name):
     tune = TUNE | {"objective": name, "confirm": {"runs": 20}}

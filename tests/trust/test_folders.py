@@ -27,9 +27,6 @@ from typer.main import get_command
 import eqt_cli
 import eqt_cli.api.running
 import eqt_cli.extensions.report.document  # before anything that these import is replaced
-from eqt_cli.analysis.law_search import GENERATIONS
-from eqt_cli.analysis.search_record import TUNE, WORST
-from eqt_cli.analysis.tune import Search
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import (
     CONFIG_MARK,
@@ -49,7 +46,10 @@ from eqt_cli.runs.folder import FILES, PLUGINS, RERUN, RESULT_ENTRIES
 from eqt_cli.runs.lock import LOCK, holder, locked
 from eqt_cli.runs.part_files import MANIFEST, PARTS
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows"),
+    pytest.mark.needs("search"),
+]
 
 CONFIG = configuration(
     controllers="[eqt]",
@@ -155,7 +155,7 @@ COMMANDS = {
 """Every way to write into a folder: the folder, and the command."""
 
 
-READ = {FILE_NAME, MANIFEST, CONFIG_NAME, TUNE.record, WORST.record}
+READ = {FILE_NAME, MANIFEST, CONFIG_NAME, "tuning.json", "worst.json"}
 """What commands read before they write: a link there may be refused for what it leads to."""
 
 
@@ -171,6 +171,8 @@ class Folders:
 @pytest.fixture(scope="module", autouse=True)
 def _only_folders():
     """Figures and pages are empty, and the commands are made once: folders are the subject."""
+    from eqt_cli.extensions.search.api import Search  # before anything that it imports is replaced
+
     page = '<!DOCTYPE html>\n<meta name="generator" content="eqt test">\n'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("eqt_cli.cli.app.app", get_command(app))
@@ -413,7 +415,7 @@ def test_only_own_names_are_deleted(lay, command):
     for name in kept:
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_bytes(b"mine")
-    unfinished = {"tuned": [TUNE.record, "tuned/eqt.yaml"]}.get(
+    unfinished = {"tuned": ["tuning.json", "tuned/eqt.yaml"]}.get(
         base, ["results.h5", "parts/000000.h5"]
     )
     killed = [f"{name}.{'0' * 16}.tmp" for name in unfinished]
@@ -442,11 +444,11 @@ def test_a_folder_of_others_takes_no_result(lay, name, force):
     assert state(out / name) == before
 
 
-@pytest.mark.parametrize("name", [TUNE.record, GENERATIONS, TUNE.configs])
+@pytest.mark.parametrize("name", ["tuning.json", "generations", "tuned"])
 @pytest.mark.parametrize("force", ["", " --force"])
 def test_a_folder_of_others_takes_no_tuning(lay, name, force):
     out = lay("complete")
-    if name == TUNE.record:
+    if name == "tuning.json":
         (out / name).write_bytes(b"{}")
     else:
         (out / name / "eqt").mkdir(parents=True)

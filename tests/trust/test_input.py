@@ -199,7 +199,7 @@ def test_long_entries_of_a_file(sent, refused, kind, text, said):
 
 
 LONG = """
-run N | run N.yaml | sweep N | tune N | pack N | show N | compare N | diff N N | verify N | plot N
+run N | run N.yaml | sweep N | pack N | show N | compare N | diff N N | verify N | plot N
 plot N N | animate N | report N | config check N | run c.yaml --out N | config new N.yaml
 """
 

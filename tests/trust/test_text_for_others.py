@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.analysis.law_search import _slug
 from eqt_cli.base.files import file_name, is_device
 from eqt_cli.cli.app import MOST_COLUMNS
 from eqt_cli.cli.tables import as_csv, csv_cell
@@ -61,17 +60,8 @@ def test_names_like_those_of_devices_are_fine(name):
     assert file_name(name, "law") == name
 
 
-def test_a_name_that_follows_from_a_file_or_a_label_is_that_of_no_device():
+def test_a_name_that_follows_from_a_file_is_that_of_no_device():
     assert file_name("con", "experiment") == "experiment-con"
-    assert _slug("NUL", []) == "law-NUL"
-
-
-def test_names_of_laws_do_not_differ_in_capitals_only():
-    """A folder of `Lee-x` would be that of `lee-x` on some disks; numbers stay unique."""
-    taken = []
-    for label in ("lee x", "Lee-x", "LEE.x", "lee-x-2", "a-3", "a", "a!", "A?"):
-        taken.append(_slug(label, taken))
-    assert len({each.casefold() for each in taken}) == len(taken)
 
 
 @pytest.mark.parametrize("columns", ["999999999", "9" * 5000, str(MOST_COLUMNS + 1)])

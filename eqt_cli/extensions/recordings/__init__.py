@@ -12,7 +12,7 @@ def register(extension: Extension) -> None:
     extension.add_component("references", "log", "recording_check")
     extension.add_component("figures", "measured", "figures")
     of_replay = "model.yaml --measured flown.csv"
-    extension.add_command("replay", "commands.replay", COMPUTE, of_replay, after="worst")
+    extension.add_command("replay", "commands.replay", COMPUTE, of_replay, after="compare")
     of_fit = f"{of_replay} --over plant.inertia"
     extension.add_command("fit", "commands.fit", COMPUTE, of_fit, after="replay")
     extension.add_command("log", "commands.log_app", LOOK_UP, after="config")

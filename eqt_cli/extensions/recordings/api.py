@@ -10,7 +10,6 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from eqt_cli.analysis.law_search import without_search
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, InputError, Problems
@@ -23,6 +22,7 @@ from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryF
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
+from eqt_cli.config.schema import without_search
 from eqt_cli.extensions.recordings import frames, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.first_bytes import format_of
 from eqt_cli.extensions.recordings.log_table import open_sheet

@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.analysis.intervals import FEWEST
-from eqt_cli.analysis.law_search import value_at
-from eqt_cli.analysis.search_record import entries_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, parse_key
 from eqt_cli.base.files import CONFIG_MARK, check_entries, check_targets, refusals
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import Block, TextTable, significant, step
-from eqt_cli.config.document import Document, changed_at
+from eqt_cli.config.document import Document, changed_at, entries_of, expanded, value_at
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import PLANT, marks_of

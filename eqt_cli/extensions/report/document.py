@@ -17,10 +17,7 @@ from markupsafe import Markup, escape
 from eqt_cli.analysis import verdict
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import text_tables
-from eqt_cli.analysis.fronts import side_by_side
 from eqt_cli.analysis.maps import sweep_tables
-from eqt_cli.analysis.search_record import TUNE, WORST
-from eqt_cli.analysis.search_tables import tuning_tables, worst_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
 from eqt_cli.base.registry import summary as summary_of
@@ -31,6 +28,7 @@ from eqt_cli.extensions.report.scenes import AXES, INERTIAL, TRAIL, Motion, Scen
 from eqt_cli.figures.figure import figures
 from eqt_cli.figures.render import DRAWN, encode, figure_from
 from eqt_cli.figures.shown import AZIMUTH, CORNERS, ELEVATION, FACES, discs
+from eqt_cli.results.conclusion import conclusion_of, side_by_side
 from eqt_cli.results.quantity import Plain
 from eqt_cli.results.result import Result
 
@@ -273,13 +271,6 @@ COMPARED = Wanted(
 )
 """Further default figure of a sweep with several laws over one or two keys."""
 
-FRONTS = Wanted(
-    "fronts",
-    caption="Winners of the search by both objectives, means over held-out runs with 95 % "
-    "intervals. The line joins the Pareto front of these runs. Half-filled: the starting gains.",
-)
-"""Default figure of a report on a search with two objectives."""
-
 
 def inline_figures(
     result: Result, wanted: Sequence[Wanted]
@@ -320,7 +311,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     """
     known = {
         figure.name: replace(figure, needs="")
-        for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED, FRONTS))
+        for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED))
     }
     for name in names:
         figures.get(name)
@@ -331,7 +322,8 @@ def _draw(result: Result, wanted: Wanted, number: int) -> dict[str, str]:
     figure, notes = figure_from(wanted.name, wanted.options), list[str]()
     # The first one stands beside a table.
     drawing = figure.draw([result], "page" if number > 1 else "column", captions=notes)
-    caption = " ".join([wanted.caption or summary_of(type(figure)), *notes])
+    usual = conclusion_of(result).figures.get(wanted.name) or summary_of(type(figure))
+    caption = " ".join([wanted.caption or usual, *notes])
     svg = inlined(encode(drawing, "svg", letters="path"), f"figure{number}", caption)
     if len(svg) > LARGEST:
         raise TooLargeFigureError(
@@ -389,13 +381,6 @@ OPTIONAL = (
 """Parts of a page that only sweeps or only single experiments have, or that are left out."""
 
 
-SEARCHED = (
-    (TUNE, "Tuned", "Tuned laws on held-out runs", tuning_tables),
-    (WORST, "Worst runs", "The worst runs that were found", worst_tables),
-)
-"""Searches: kind, short and full title of the section, and its tables."""
-
-
 def report(
     result: Result,
     wanted: Sequence[Wanted] | None = None,
@@ -432,6 +417,7 @@ def report(
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown)
+    concluded = conclusion_of(result)
     of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result, against)
     return page(
         "report.html.j2",
@@ -452,17 +438,15 @@ def report(
         remarks=remarks,
         unverified=unverified.replace(f"{result.path.parent}/", ""),
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
-        search=_searched(result),
+        search=concluded.id and vars(concluded) | {"tables": concluded.tables()},
         **dict.fromkeys(OPTIONAL) | of_kind | dict(certificates or {}),
     )
 
 
 def _default(result: Result) -> Sequence[Wanted]:
     """Return the default figures for the kind of the result."""
-    if WORST.beside(result):
-        return (Wanted("worst"),)
-    if _has_fronts(TUNE.beside(result)):
-        return (FRONTS,)
+    if concluded := conclusion_of(result).figures:
+        return [*map(Wanted, concluded)]
     if side_by_side(result):
         return CASES
     if result.is_sweep:
@@ -471,17 +455,11 @@ def _default(result: Result) -> Sequence[Wanted]:
     return DEFAULT
 
 
-def _has_fronts(record: dict[str, Any] | None) -> bool:
-    """Return whether a search had two objectives, so that its laws are compared as fronts."""
-    return record is not None and len(record["objectives"]) > 1
-
-
 def _of_experiment(result: Result, against: str) -> dict[str, Any]:
-    record = TUNE.beside(result)
     return {
         "picker": summary.curves(result),
         "table": summary.run_table(result),
-        **({} if _has_fronts(record) else _compared(result, against)),
+        **({} if conclusion_of(result).figures else _compared(result, against)),
         **_animated(result),
     }
 
@@ -489,18 +467,9 @@ def _of_experiment(result: Result, against: str) -> dict[str, Any]:
 def _of_sweep(result: Result) -> dict[str, Any]:
     """Return the parts of a sweep; no means, since one over all points means little."""
     parts: dict[str, Any] = {"table": summary.point_table(result)}
-    if not (WORST.beside(result) or TUNE.beside(result)):
+    if not conclusion_of(result).id:
         parts["best"] = sweep_tables(result, SWEPT_METRICS)
     return parts
-
-
-def _searched(result: Result) -> dict[str, Any] | None:
-    """Return the section on the search whose outcome the result judges; None without one."""
-    for kind, short, title, tables in SEARCHED:
-        if record := kind.beside(result):
-            search = {"id": kind.configs, "short": short, "title": title}
-            return search | {"tables": tables(result, record)}
-    return None
 
 
 def _compared(result: Result, against: str) -> dict[str, Any]:

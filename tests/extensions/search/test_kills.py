@@ -23,7 +23,7 @@ SEARCHES = {
 KILLS = 2
 
 pytestmark = [
-    pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="as in test_kills"),
+    pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="as in tests/faults"),
     pytest.mark.ci("starts eqt four times"),
 ]
 

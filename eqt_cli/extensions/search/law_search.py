@@ -9,27 +9,15 @@ from itertools import chain, combinations, count
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.analysis.search_record import Kind, entries_of, expanded
-from eqt_cli.base import files
-from eqt_cli.base.errors import (
-    OTHER_FOLDER,
-    ConfigError,
-    EqtError,
-    InputError,
-    KeyPath,
-    Problems,
-    Remedy,
-    alike,
-    dotted,
-    parse_key,
-    suggestion,
-)
+from eqt_cli.base import errors, files
+from eqt_cli.base.errors import OTHER_FOLDER, ConfigError, EqtError, InputError, Problems, Remedy
 from eqt_cli.config.designs import DrawnRange, overlap
-from eqt_cli.config.document import Document, with_value
+from eqt_cli.config.document import Document, entries_of, expanded, value_at, with_value
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import SEARCH, LogRange, TunedAxis, marked
+from eqt_cli.config.schema import LogRange, TunedAxis, without_search
 from eqt_cli.config.study import Study
+from eqt_cli.extensions.search.record import Kind
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.runs.folder import COPY_FOLDERS, RESULT_ENTRIES, ResultFolder, quantities
 from eqt_cli.runs.part_files import MANIFEST
@@ -72,11 +60,7 @@ class LawSearch:
 
     def as_written(self, path: str) -> str:
         """Translate a path of `document` into one of the user's configuration."""
-        pairs = (
-            pair
-            for key, written in zip(self.axes, self.written, strict=True)
-            for pair in zip(entries_of(key), entries_of(written), strict=True)
-        )
+        pairs = zip(expanded(self.axes), expanded(dict.fromkeys(self.written)), strict=True)
         path = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
         return dict(pairs).get(path, path)
 
@@ -84,7 +68,7 @@ class LawSearch:
         """Return the experiment with these values."""
         data = self.document.data
         for key, value in expanded(values).items():
-            data = with_value(data, parse_key(key), value)
+            data = with_value(data, errors.parse_key(key), value)
         return replace(self.document, data=data)
 
 
@@ -112,7 +96,7 @@ def require_metric(name: str, base: Experiment) -> None:
     starts = tuple(f"{metric.name}_" for metric in base.metrics)
     known += [part for part in stored if part.startswith(in_parts) or f"{part}_".startswith(starts)]
     if name not in known:
-        hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
+        hint = errors.suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")
     for metric in base.metrics:
         if not f"{name}_".startswith(f"{metric.name}_"):  # neither it nor one of its parts
@@ -157,12 +141,12 @@ def _key_in_law(key: str, index: int, keeps: bool) -> str:
 
     A law that `keeps` its gains does not read the section `gains`.
     """
-    path = parse_key(entries_of(key)[0])
+    path = errors.parse_key(entries_of(key)[0])
     if path[0] != "controllers":
         return "" if keeps and path[0] == "gains" else key
     if path[1] != index:
         return ""
-    law = dotted(path[:2])
+    law = errors.dotted(path[:2])
     moved = path[2] == "gains" and not keeps
     return key.removeprefix(f"{law}.") if moved else f"controllers[0]{key[len(law) :]}"
 
@@ -171,14 +155,14 @@ def _slug(label: str, taken: Sequence[str]) -> str:
     """Return a file name for a label that differs from the names already taken."""
     slug = files.file_name(label, "law")
     numbered = (f"{slug}-{number}" for number in count(2))
-    return next(each for each in chain([slug], numbered) if not alike(each, taken))
+    return next(each for each in chain([slug], numbered) if not errors.alike(each, taken))
 
 
 def _start(data: dict[str, Any], axes: dict[str, DrawnRange]) -> tuple[float, ...] | None:
     """Return the starting values in the unit cube; None if one is outside its range."""
     shares = []
     for key, axis in axes.items():
-        held, *others = (value_at(data, parse_key(entry)) for entry in entries_of(key))
+        held, *others = (value_at(data, errors.parse_key(entry)) for entry in entries_of(key))
         is_number = isinstance(held, int | float) and not isinstance(held, bool)
         if not is_number or not axis.low <= held <= axis.high or any(one != held for one in others):
             return None
@@ -204,20 +188,6 @@ def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
                 at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
                 path = law.as_written(problem.path)
                 problems.add(f"{where}{at}: {path}: {problem.message}")
-
-
-def without_search(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a configuration without its sections for searches and sweeps."""
-    return {key: value for key, value in data.items() if key not in (*marked(SEARCH), "sweep")}
-
-
-def value_at(data: Any, path: KeyPath) -> Any:
-    """Return the value at a path of a configuration; None if there is none."""
-    for step in path:
-        inside = isinstance(data, dict) and step in data
-        inside |= isinstance(data, list) and isinstance(step, int) and step < len(data)
-        data = data[step] if inside else None
-    return data
 
 
 # The folder of a search ---------------------------------------------------------------------------

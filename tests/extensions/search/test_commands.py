@@ -7,9 +7,10 @@ from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
+from small_experiment import configuration
 
-from eqt_cli.analysis.search_tables import _means_over
 from eqt_cli.base.process import Interrupted
+from eqt_cli.extensions.search.tables import _means_over
 
 TUNE = """\
 tune:
@@ -29,6 +30,20 @@ worst:
   population: 5
   seeds: 1
 """
+
+
+@pytest.fixture(autouse=True)
+def folder(folder, monkeypatch):
+    """The current folder, with a small configuration in it."""
+    monkeypatch.setenv("NO_COLOR", "1")
+    (folder / "c.yaml").write_text(configuration(), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def untimed(monkeypatch):
+    """Dry runs that time nothing: every run takes 0.1 s."""
+    monkeypatch.setattr("eqt_cli.runs.preflight._time_per_run", lambda *_: 0.1)
 
 
 @pytest.fixture
@@ -99,7 +114,7 @@ def test_an_interruption_says_the_best_so_far(eqt, config, monkeypatch):
     def stopped(*_):
         raise Interrupted(signal.SIGINT)
 
-    monkeypatch.setattr("eqt_cli.analysis.tune.Search.confirmation", stopped)
+    monkeypatch.setattr("eqt_cli.extensions.search.tune.Search.confirmation", stopped)
     done = eqt("tune", config, "--set", "tune.budget=1")
     assert done.code == 130
     assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err
@@ -133,7 +148,7 @@ def test_a_dry_run_says_points_runs_and_time_and_searches_nothing(eqt, config):
 
 @pytest.fixture
 def worst(folder, monkeypatch):
-    monkeypatch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 2)
+    monkeypatch.setattr("eqt_cli.extensions.search.worst.MOST_ON_A_LINE", 2)
     path = folder / "t.yaml"
     path.write_text((folder / "c.yaml").read_text() + WORST, encoding="utf-8")
     return path
@@ -182,3 +197,7 @@ def test_config_check_looks_at_the_section(eqt, refused, request, section):
     config.write_text(config.read_text().replace("mean_pose_error", "mean_pose"), encoding="utf-8")
     said = "objective: no metric 'mean_pose' is stored of every run; did you mean"
     assert f"{section}.{said}" in refused("config", "check", config)
+
+
+def test_a_name_that_is_too_long(refused):
+    assert "file name too long" in refused("tune", 300 * "n").lower()

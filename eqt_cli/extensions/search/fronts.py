@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from itertools import combinations, product
 from typing import Any
@@ -13,11 +13,10 @@ from zlib import crc32
 import numpy as np
 
 from eqt_cli.analysis.intervals import Resampling, relative_difference
-from eqt_cli.analysis.maps import NOBODY, RULE, decide
-from eqt_cli.analysis.search_record import TUNE
+from eqt_cli.analysis.maps import NOBODY, RULE, decide, front
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.files import CASE
 from eqt_cli.base.reporting import Block, TextTable, fixed, significant
+from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import WHOLE, Plain, Quantity, Window
@@ -77,16 +76,6 @@ class Scores:
             np.sum([case.failed for case in cases], axis=0),
             np.sum([case.unsettled for case in cases], axis=0),
         )
-
-
-def front(cost: Array, error: Array) -> Array:
-    """Return the Pareto front by increasing cost; points with NaN are left out."""
-    order = np.lexsort((error, cost))
-    order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
-    least = np.minimum.accumulate(error[order])
-    strictly = np.ones(len(order), dtype=bool)
-    strictly[1:] = least[1:] < least[:-1]
-    return order[strictly]
 
 
 def dominates(one: Scores, other: Scores) -> Array:
@@ -387,22 +376,6 @@ class OverCases(Result):
         return cases[worst, np.arange(len(worst))]
 
 
-def side_by_side(result: Result) -> list[str]:
-    """Return the labels that a figure of cases compares: two laws or winners, or winner and start.
-
-    Empty if the result has no cases, or no such pair.
-    """
-    if [one.key for one in result.swept_keys] != [CASE]:
-        return []
-    labels, record = result.labels, TUNE.beside(result)
-    if record:
-        one = len(record["objectives"]) == 1  # a front has many winners
-        laws = [law for law in record["laws"] if law["winners"] and one]
-        labels = [law["winners"][0]["label"] for law in laws]
-        labels += [law["start"] for law in laws[:1]] if len(labels) == 1 else []
-    return labels if len(labels) == 2 else []
-
-
 # Pareto fronts on held-out runs, and the differences between laws at equal cost -------------------
 
 
@@ -620,3 +593,16 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
     middle = pairs[len(SHARES) // 2 :: len(SHARES)]
     notes = [write.text(text) for text in (*sentences(result, record, middle), note)]
     return TextTable("fronts", caption, header, [Block("", rows)] if rows else [], notes)
+
+
+def equal_cost(
+    result: Result, how: Resampling, write: Plain
+) -> tuple[dict[str, Any], list[dict[str, Any]], list[TextTable]] | None:
+    """Return the laws at equal cost; None if the result is not of a two-objective search."""
+    record = TUNE.beside(result)
+    if record is None or len(record["objectives"]) < 2:
+        return None
+    result = held_out(result, record)
+    table = equal_cost_table(result, record, write, how)
+    pairs = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
+    return {"objectives": record["objectives"], "fronts": pairs}, pairs, [table]

@@ -4,10 +4,11 @@ import pytest
 from case_tables import from_yaml
 from said import error_of
 
-from eqt_cli.analysis.search_record import values_text
-from eqt_cli.analysis.tune import Search
 from eqt_cli.api.loading import document_from, load_experiment
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.extensions.search.law_search import _slug
+from eqt_cli.extensions.search.record import values_text
+from eqt_cli.extensions.search.tune import Search
 
 
 def read(config):
@@ -136,3 +137,15 @@ def test_a_bound_of_the_mean_is_on_the_side_that_is_worse(small):
         "settled ≥ 0.9 in the mean",
         "peak_torque ≤ 2 in every run",
     ]
+
+
+def test_names_of_laws_do_not_differ_in_capitals_only():
+    """A folder of `Lee-x` would be that of `lee-x` on some disks; numbers stay unique."""
+    taken = []
+    for label in ("lee x", "Lee-x", "LEE.x", "lee-x-2", "a-3", "a", "a!", "A?"):
+        taken.append(_slug(label, taken))
+    assert len({each.casefold() for each in taken}) == len(taken)
+
+
+def test_a_name_that_follows_from_a_label_is_that_of_no_device():
+    assert _slug("NUL", []) == "law-NUL"

@@ -1,57 +1,24 @@
 """The record of a search beside the result that judges it, its keys, and the costs of runs."""
 
-import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.base import files
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import OTHER_FOLDER, EqtError, InputError
+from eqt_cli.base.errors import OTHER_FOLDER, EqtError
 from eqt_cli.results.result import Result
 
 # Keys that a search varies ------------------------------------------------------------------------
 
-MOST_ENTRIES = 100
-"""Largest number of list entries that one searched number can set."""
-
-T = TypeVar("T")
-
-_SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
-
-
-def entries_of(key: str) -> list[str]:
-    """Return the keys that a searched key sets: ``kp[0]`` and ``kp[1]`` for ``kp[0:2]``.
-
-    Raises
-    ------
-    InputError
-        If the range is empty.
-    """
-    matched = _SLICE.fullmatch(key)
-    if matched is None:
-        return [key]
-    first, end = int(matched[2]), int(matched[3])
-    if not first < end <= first + MOST_ENTRIES:
-        raise InputError(
-            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {matched[1]}[0:3] for the "
-            f"first three, got '{key}'"
-        )
-    return [f"{matched[1]}[{index}]" for index in range(first, end)]
-
-
-def expanded(values: Mapping[str, T]) -> dict[str, T]:
-    """Repeat each value for every key of the configuration that it sets."""
-    return {entry: value for key, value in values.items() for entry in entries_of(key)}
-
 
 def coordinate_of(key: str) -> str:
     """Return the sweep coordinate that holds the values of a key."""
-    return entries_of(key)[0].replace("[", ".").replace("]", "")
+    return key.partition(":")[0].replace("[", ".").replace("]", "")
 
 
 def values_text(values: Mapping[str, float]) -> str:
@@ -122,8 +89,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             *(law["first"][name] for law in laws for name in ("runs", "unsettled")),
             *(record[name] for name in ("generations", "population", "runs")),
         ]
-        counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
-        counts += [law["in_profile"] for law in laws]
+        counts = [law[x] for law in laws for x in "run unsettled runs agreeing in_profile".split()]
         names = {coordinate_of(key) for law in laws for key in law["values"]}
         return (
             bool(labels)
@@ -183,19 +149,16 @@ class Kind:
         return record if record is not None and self.fits(record, result) else None
 
 
-def laws_of(result: Result, tuning: Mapping[str, Any] | None) -> list[str]:
-    """Return the labels of the laws, without those of single searches of a tuning."""
-    laws = tuning["laws"] if tuning else ()
-    winners = {winner["label"] for law in laws for winner in law["winners"]}
-    searched = {search["label"] for law in laws for search in law["searches"]} - winners
-    return [label for label in result.labels if label not in searched]
-
-
 TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
 WORST = Kind("worst", "search for the worst run", "worst.json", "worst", fits_worst, runs=True)
 
 AGREEING = 0.01
 """Searches agree if their worst values are within this share of the worst value of all."""
+
+
+def agree(value: float, worst: float) -> bool:
+    """Whether the worst value of a search is that of all; both may be infinite."""
+    return value == worst or (np.isfinite(worst) and abs(worst - value) <= AGREEING * abs(worst))
 
 
 def costs_of_runs(result: Result, metric: str) -> Array:

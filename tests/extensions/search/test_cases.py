@@ -10,13 +10,13 @@ from case_tables import from_yaml
 from said import error_of
 
 from eqt_cli import api
-from eqt_cli.analysis.fronts import Population, Scores, held_out
-from eqt_cli.analysis.search_record import TUNE
-from eqt_cli.analysis.search_tables import tuning_answer, tuning_tables
-from eqt_cli.analysis.tune import Search
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.extensions.report.document import report
+from eqt_cli.extensions.search.fronts import Population, Scores, held_out
+from eqt_cli.extensions.search.record import TUNE
+from eqt_cli.extensions.search.tables import tuning_answer, tuning_tables
+from eqt_cli.extensions.search.tune import Search
 from eqt_cli.figures.comparison_figures import Forest
 from eqt_cli.results.result import open_result
 

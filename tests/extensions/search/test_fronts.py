@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.fronts import Front, at_equal_cost
 from eqt_cli.analysis.intervals import Resampling
+from eqt_cli.extensions.search.fronts import Front, at_equal_cost
 
 RUNS = 400
 HOW = Resampling(resamples=999)

@@ -9,25 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.fronts import Constraint, Population, Scores, scores, selected
-from eqt_cli.analysis.law_search import (
-    LawSearch,
-    SearchFolder,
-    config_files,
-    require_metric,
-    without_search,
-)
-from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
-from eqt_cli.analysis.search_record import TUNE, entries_of, values_text
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief
 from eqt_cli.config.designs import Cases, DrawnRange
-from eqt_cli.config.document import Document, changed_at
+from eqt_cli.config.document import Document, changed_at, entries_of
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
-from eqt_cli.config.schema import TuneSection, WorstRunSection
+from eqt_cli.config.schema import TuneSection, WorstRunSection, without_search
 from eqt_cli.config.study import require_sweepable, section_of, study
+from eqt_cli.extensions.search import law_search
+from eqt_cli.extensions.search.fronts import Constraint, Population, Scores, scores, selected
+from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
+from eqt_cli.extensions.search.record import TUNE, values_text
+from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result
 from eqt_cli.runs.executors import Executor
@@ -68,15 +63,10 @@ class Search(Searches[TuneSection]):
         """Whether there are two objectives, so that a law can have several winners."""
         return len(self.objectives) > 1
 
-    @property
-    def cases(self) -> dict[str, dict[str, Any]]:
-        """The changed settings of each case, by its name."""
-        return self.section.cases or {}
-
     def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
         cases = {
             name: replace(law, document=_in_case(law.document, name, settings))
-            for name, settings in self.cases.items()
+            for name, settings in (self.section.cases or {}).items()
         }
         return cases or super().in_cases(law)
 
@@ -84,15 +74,11 @@ class Search(Searches[TuneSection]):
         return Scores.over_cases(cases, worst=self.section.over_cases == "worst")
 
     @property
-    def runs_at_a_point(self) -> int:
-        return super().runs_at_a_point * max(1, len(self.cases))
-
-    @property
     def judging_runs(self) -> int:
         """Largest number of held-out runs of all winners and starting gains."""
         section = self.section
         winners = section.population if self.seeks_front else section.seeds
-        each = section.confirm.runs * max(1, len(self.cases))
+        each = section.confirm.runs * len(self.in_cases(self.laws[0]))
         return len(self.laws) * (winners + 1) * each
 
     def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> Document:
@@ -114,10 +100,10 @@ class Search(Searches[TuneSection]):
         seed = self.base.config.ensemble.seed + 1 if seed is None else seed
         ensemble = {"runs": runs, "seed": seed}
         store = dict(data.get("store") or {})
-        few = min(MOST_TRAJECTORIES, runs)
-        store.setdefault("trajectories", "none" if self.seeks_front else few)
+        few = "none" if self.seeks_front else min(MOST_TRAJECTORIES, runs)
+        store.setdefault("trajectories", few)
         changes = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
-        changes |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
+        changes |= {"sweep": [{"cases": cases}]} if (cases := self.section.cases) else {}
         return replace(self.base.document, data=without_search(data) | changes)
 
     def so_far(self, law: LawSearch, population: Population) -> str:
@@ -149,7 +135,7 @@ class Search(Searches[TuneSection]):
         confirmed = compute(self.confirmation(chosen), folder.path, executor)
         return confirmed, {
             "objectives": list(self.objectives),
-            "cases": list(self.cases),
+            "cases": list(self.section.cases or {}),
             "over_cases": self.section.over_cases or "mean",
             "constraints": [asdict(bound) for bound in self.constraints],
             "laws": [of_law.record() for of_law in tuned],
@@ -179,7 +165,7 @@ class Search(Searches[TuneSection]):
             _check_objectives(section, each, problems)
             for name in section.subject_to:
                 with problems.catching("subject_to", name):
-                    require_metric(name, each)
+                    law_search.require_metric(name, each)
             if each.config.initial.file is not None:
                 problems.add(
                     "initial.file sets the states of all runs, so none can be held out; draw them"
@@ -252,7 +238,7 @@ def _check_objectives(section: TuneSection, base: Experiment, problems: Problems
     else:
         for index, name in enumerate(_objective_names(section)):
             with problems.catching(*(("objectives", index) if several else ("objective",))):
-                require_metric(name, base)
+                law_search.require_metric(name, base)
 
 
 def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:
@@ -291,10 +277,9 @@ class Tuned:
 
         Those of a front are numbered. It is empty if no point is feasible.
         """
-        winners = {}
-        for number, point in enumerate(_winners(self.population, self.seeks_front), start=1):
-            winners[f"{self.law.label} {number}" if self.seeks_front else self.law.label] = point
-        return winners
+        label, is_front = self.law.label, self.seeks_front
+        points = enumerate(_winners(self.population, is_front), start=1)
+        return {f"{label} {number}" if is_front else label: point for number, point in points}
 
     @cached_property
     def by_seed(self) -> dict[int, tuple[int, ...]]:
@@ -333,7 +318,7 @@ class Tuned:
     def record(self) -> dict[str, Any]:
         """Return the winners and the searches for the record of the search."""
         law, scored = self.law, self.population.scores
-        configs = config_files(TUNE, law, len(self.winners), self.seeks_front)
+        configs = law_search.config_files(TUNE, law, len(self.winners), self.seeks_front)
         return {
             "label": law.label,
             "over": {key: [axis.low, axis.high] for key, axis in law.axes.items()},

@@ -9,12 +9,13 @@ import numpy as np
 
 from eqt_cli.analysis.compare import compare
 from eqt_cli.analysis.comparison_tables import text_tables
-from eqt_cli.analysis.fronts import SHARES, Constraint, cases_of, equal_cost_table, excess, held_out
 from eqt_cli.analysis.intervals import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.maps import NOBODY, RULE, decide
-from eqt_cli.analysis.search_record import AGREEING, values_text
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.reporting import Block, TextTable, brief, listed, significant
+from eqt_cli.extensions.search import fronts
+from eqt_cli.extensions.search.fronts import SHARES, Constraint, cases_of, equal_cost_table
+from eqt_cli.extensions.search.record import AGREEING, agree, values_text
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.quantity import Plain, in_one_form
 from eqt_cli.results.result import Result, mean_over_runs
@@ -90,7 +91,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     record
         Record of the search.
     """
-    cases, result = cases_of(result, record), held_out(result, record)
+    cases, result = cases_of(result, record), fronts.held_out(result, record)
     bounds = _bounds(cases, record)
     if len(record["objectives"]) > 1:
         equal_cost = equal_cost_table(result, record, _WRITE, Resampling())
@@ -118,7 +119,7 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
     Its notes name the bounds that the winners violate, which laws are better, and the ranges that
     are too narrow. `tuning_tables` returns the rest.
     """
-    cases, result = cases_of(result, record), held_out(result, record)
+    cases, result = cases_of(result, record), fronts.held_out(result, record)
     bounds = _bounds(cases, record).rows
     broken = [f"{law} ({what}: {reached})" for law, what, reached, _, ok in bounds if ok != "holds"]
     notes = [f"Bounds violated on the held-out runs: {'; '.join(broken) or 'none'}."] * bool(bounds)
@@ -281,7 +282,7 @@ def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
 
 def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
     values = result.counted(bound.metric)
-    over = excess(bound, values)
+    over = fronts.excess(bound, values)
     worst = np.max if bound.above else np.min
     reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
     beyond = ~(values <= bound.bound if bound.above else values >= bound.bound)
@@ -345,7 +346,7 @@ def _worst_notes(record: Record) -> Iterator[str]:
                 f"{law_title(law['label'])}: this run lies on the lines through the worst that the "
                 f"searches found ({values}), and is worse; a larger worst.budget finds more."
             )
-        elif not law["failed"] and (None in seen or not _same(law["value"], seen)):
+        elif not law["failed"] and (None in seen or not any(agree(law["value"], v) for v in seen)):
             yield (
                 f"{law_title(law['label'])}: together with other points, the searches found "
                 f"{values}; the run amplifies rounding, so its value is no more certain than that."
@@ -356,8 +357,3 @@ def _worst_notes(record: Record) -> Iterator[str]:
         "settled. "
         f"Agree: searches whose worst is within {100 * AGREEING:g} % of the worst of all."
     )
-
-
-def _same(value: float, seen: list[float]) -> bool:
-    """Whether a run computed alone has the value that some search found."""
-    return any(abs(value - other) <= AGREEING * abs(other) for other in seen)

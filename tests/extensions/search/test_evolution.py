@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
-from eqt_cli.analysis.fronts import (
+from eqt_cli.extensions.search.fronts import (
     Population,
     Scores,
     first_points,

@@ -9,16 +9,16 @@ import pytest
 import yaml
 
 from eqt_cli import api
-from eqt_cli.analysis.fronts import Constraint, scores
 from eqt_cli.analysis.maps import RULE
-from eqt_cli.analysis.search_record import fits_tuning
-from eqt_cli.analysis.search_tables import _notes, _ranking, tuning_answer, tuning_tables
 from eqt_cli.api.comparing import compare
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import write_record
 from eqt_cli.base.reporting import Block, Reporter, TextTable, reporting
 from eqt_cli.config import shipped
 from eqt_cli.config.document import document_of
+from eqt_cli.extensions.search.fronts import Constraint, scores
+from eqt_cli.extensions.search.record import fits_tuning
+from eqt_cli.extensions.search.tables import _notes, _ranking, tuning_answer, tuning_tables
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.result import open_result
 
@@ -243,7 +243,7 @@ def test_the_answer_of_fronts_is_that_at_their_middle_cost(monkeypatch):
     ]
     header = ["laws", "cost", "error", "error of the other", "less by", "better", "over searches"]
     table = TextTable("fronts", "", header, [Block("", rows)], ["a note"])
-    monkeypatch.setattr("eqt_cli.analysis.search_tables.equal_cost_table", lambda *_: table)
+    monkeypatch.setattr("eqt_cli.extensions.search.tables.equal_cost_table", lambda *_: table)
     record = {"objectives": ["effort", "mean_pose_error"], "constraints": [], "cases": []}
     [answer] = tuning_answer(LAW, record | {"laws": []})
     assert answer.header == ["laws", "cost", "less by", "better", "over searches"]

@@ -16,26 +16,21 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 
-from eqt_cli.analysis.fronts import Population, Scores, first_points, generator, selected, trials
-from eqt_cli.analysis.law_search import (
-    LawSearch,
-    SearchFolder,
-    check_ends,
-    check_overlaps,
-    laws_of,
-    range_of,
-)
-from eqt_cli.analysis.search_record import Kind, coordinate_of, expanded
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, brief, count_of, reporter, step
 from eqt_cli.config.designs import DrawnRange
-from eqt_cli.config.document import Document, changed_at
+from eqt_cli.config.document import Document, changed_at, expanded
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
+from eqt_cli.config.remarks import remark_on
 from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.study import study
+from eqt_cli.extensions.search import fronts, law_search
+from eqt_cli.extensions.search.fronts import Population, Scores, selected
+from eqt_cli.extensions.search.law_search import LawSearch, SearchFolder
+from eqt_cli.extensions.search.record import Kind, coordinate_of
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
 from eqt_cli.runs.folder import ResultFolder
@@ -112,25 +107,25 @@ class Searches(ABC, Generic[S]):
         ranges: dict[str, DrawnRange] = {}
         for key, listed in section.over.items():
             at_key = here.at("over", key)
-            axis = range_of(listed, at_key)
+            axis = law_search.range_of(listed, at_key)
             with at_key.catching():
                 varied = cls._axis(key, axis, base)
                 ranges |= {key: varied} if varied else {}
         cls._check(section, base, here)
         problems.raise_if_any()
-        laws = laws_of(base, ranges)
+        laws = law_search.laws_of(base, ranges)
         for law in laws:
             if not law.axes:
                 here.at("over").add(
                     f"has no key of controller '{law.label}'; add one that all laws share, or "
                     "leave the controller out"
                 )
-        check_overlaps(laws, here.at("over"))
+        law_search.check_overlaps(laws, here.at("over"))
         problems.raise_if_any()
         search = cls(base, section, laws)
         for law in laws:
             for name, case in search.in_cases(law).items():
-                check_ends(case, here.at("over"), f"in case '{name}', " if name else "")
+                law_search.check_ends(case, here.at("over"), f"in case '{name}', " if name else "")
         problems.raise_if_any()
         return search
 
@@ -155,8 +150,7 @@ class Searches(ABC, Generic[S]):
 
     def over_cases(self, cases: Sequence[Scores]) -> Scores:
         """Combine the scores of the same points in all cases."""
-        (only,) = cases
-        return only
+        return Scores.over_cases(cases, worst=False)
 
     @abstractmethod
     def scores(self, result: Result) -> Scores:
@@ -196,7 +190,7 @@ class Searches(ABC, Generic[S]):
     @property
     def runs_at_a_point(self) -> int:
         """Number of runs that score a point."""
-        return self.base.config.ensemble.runs
+        return self.base.config.ensemble.runs * len(self.in_cases(self.laws[0]))
 
     @property
     def searched_runs(self) -> int:
@@ -306,8 +300,8 @@ def _tried(
 ) -> Array:
     """Return the points that a search tries in a generation, ``(points, dimensions)``."""
     if before is None:
-        return first_points(search.section.population, list(law.axes), law.start, seed)
-    return trials(before, generator(seed, law.label, number), search.keeps_ends)
+        return fronts.first_points(search.section.population, list(law.axes), law.start, seed)
+    return fronts.trials(before, fronts.generator(seed, law.label, number), search.keeps_ends)
 
 
 @dataclass(frozen=True)
@@ -435,6 +429,7 @@ def carry_out(
     EqtError
         If the folder holds something else, is in use, or cannot be written.
     """
+    remark_on(search.base)
     folder = SearchFolder(out, search.kind)
     folder.check(search.laws)
     with locked(out, name=f"{LOCK}-{search.kind.command}"):

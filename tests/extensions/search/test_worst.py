@@ -12,13 +12,13 @@ from case_tables import from_yaml
 from said import error_of
 
 from eqt_cli import api
-from eqt_cli.analysis.search_record import WORST, fits_worst
-from eqt_cli.analysis.search_tables import worst_tables
-from eqt_cli.analysis.worst import WorstSearch, _agree, _worst_run, badness
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.extensions.report.document import report
-from eqt_cli.figures.search_figures import ShownWorst
+from eqt_cli.extensions.search.figures import ShownWorst
+from eqt_cli.extensions.search.record import WORST, agree, fits_worst
+from eqt_cli.extensions.search.tables import worst_tables
+from eqt_cli.extensions.search.worst import WorstSearch, _worst_run, badness
 from eqt_cli.results.result import open_result
 
 WHEEL = small_experiment.WHEEL | {
@@ -45,7 +45,7 @@ def searched(tmp_path_factory):
     """A search to its end, and its folder; to be read only."""
     folder = tmp_path_factory.mktemp("searched") / "w"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 4)
+        patch.setattr("eqt_cli.extensions.search.worst.MOST_ON_A_LINE", 4)
         return api.worst(deepcopy(WHEEL), folder), folder
 
 
@@ -186,7 +186,7 @@ def test_a_run_that_amplifies_rounding_is_told(searched, seen, value):
 def test_a_second_session_computes_nothing_and_finds_the_same(searched, monkeypatch):
     done, folder = searched
     monkeypatch.setattr("eqt_cli.runs.run_study._Session.run", None)
-    monkeypatch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 4)
+    monkeypatch.setattr("eqt_cli.extensions.search.worst.MOST_ON_A_LINE", 4)
     assert api.worst(deepcopy(WHEEL), folder).record == done.record
 
 
@@ -254,7 +254,7 @@ def test_an_interior_maximum_is_found(tmp_path):
 @pytest.mark.ci("searches to the end, with runs that fail")
 def test_a_run_that_fails_is_found(tmp_path, monkeypatch):
     """A light wheel needs more evaluations than there are."""
-    monkeypatch.setattr("eqt_cli.analysis.worst.MOST_ON_A_LINE", 2)
+    monkeypatch.setattr("eqt_cli.extensions.search.worst.MOST_ON_A_LINE", 2)
     section = WHEEL["worst"] | {"over": {"plant.inertia.relative": [-0.99, 0.2]}}
     config = WHEEL | {"controllers": ["stabilising"], "worst": section, "control": None}
     config |= {"solver": WHEEL["solver"] | {"max_steps": 150}, "ensemble": {"runs": 1}}
@@ -273,9 +273,9 @@ def test_a_run_that_fails_is_found(tmp_path, monkeypatch):
 
 
 def test_a_search_that_misses_a_failure_does_not_agree_with_one_that_finds_it():
-    assert [_agree(cost, math.inf) for cost in (math.inf, 1.0)] == [True, False]
-    assert [_agree(cost, 1.0) for cost in (0.995, 0.98)] == [True, False]
-    assert [_agree(cost, -1.0) for cost in (-1.005, -1.02)] == [True, False]
+    assert [agree(cost, math.inf) for cost in (math.inf, 1.0)] == [True, False]
+    assert [agree(cost, 1.0) for cost in (0.995, 0.98)] == [True, False]
+    assert [agree(cost, -1.0) for cost in (-1.005, -1.02)] == [True, False]
 
 
 # Scores -------------------------------------------------------------------------------------------
@@ -299,7 +299,9 @@ def test_a_failed_run_is_worse_than_any_and_runs_without_a_value_are_none(three)
 
 
 def test_an_objective_without_any_value_is_told(monkeypatch):
-    monkeypatch.setattr("eqt_cli.analysis.worst.costs_of_runs", lambda *_: np.full((1, 2), -np.inf))
+    monkeypatch.setattr(
+        "eqt_cli.extensions.search.worst.costs_of_runs", lambda *_: np.full((1, 2), -np.inf)
+    )
     result = SimpleNamespace(path="w/run/results.h5", labels=["gt"])
     assert error_of(_worst_run, read(objective="settling_time"), result) == (
         "w/run/results.h5: no run of 'gt' has a value of settling_time; choose another objective"

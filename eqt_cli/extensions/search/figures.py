@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import ScalarFormatter
 
-from eqt_cli.analysis.fronts import Front, fronts, held_out
 from eqt_cli.analysis.intervals import intervals_of_means
-from eqt_cli.analysis.search_record import TUNE, WORST, coordinate_of, costs_of_runs
 from eqt_cli.base.arrays import Array
+from eqt_cli.extensions.search.fronts import Front, fronts, held_out
+from eqt_cli.extensions.search.record import TUNE, WORST, coordinate_of, costs_of_runs
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import even, scale, scale_along
 from eqt_cli.figures.figure import Figure

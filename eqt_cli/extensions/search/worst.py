@@ -10,18 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis import law_search
-from eqt_cli.analysis.fronts import Population, Scores, selected
-from eqt_cli.analysis.search import Outcome, Searches, compute, evolve
-from eqt_cli.analysis.search_record import AGREEING, WORST, costs_of_runs, entries_of, expanded
 from eqt_cli.base.errors import EqtError, InputError, Problems, parse_key
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief, reporter
 from eqt_cli.config.designs import DrawnRange
-from eqt_cli.config.document import Document
+from eqt_cli.config.document import Document, entries_of, expanded, value_at
 from eqt_cli.config.experiment import Experiment
-from eqt_cli.config.schema import WorstSection
+from eqt_cli.config.schema import WorstSection, without_search
 from eqt_cli.config.study import require_sweepable, study
+from eqt_cli.extensions.search import law_search
+from eqt_cli.extensions.search.fronts import Population, Scores, selected
+from eqt_cli.extensions.search.record import WORST, agree, costs_of_runs
+from eqt_cli.extensions.search.search import Outcome, Searches, compute, evolve
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.runs.executors import Executor
@@ -123,7 +123,7 @@ class WorstSearch(Searches[WorstSection]):
             "sweep": [{"zip": columns}],
             "store": {"trajectories": "none"} | dict(data.get("store") or {}),
         }
-        return replace(self.base.document, data=law_search.without_search(data) | changes)
+        return replace(self.base.document, data=without_search(data) | changes)
 
     def so_far(self, law: law_search.LawSearch, population: Population) -> str:
         """Describe the worst run of a law so far."""
@@ -156,11 +156,9 @@ class WorstSearch(Searches[WorstSection]):
             compute(document, folder.run_of(law), executor)
             with open_result(folder.run_of(law)) as result:
                 worst_run = _worst_run(self, result)
-            value = f"{self.objective} {worst_run['value']!r}"
-            outcome = "failed" if worst_run["failed"] else value
-            comment = f"# run {worst_run['run']} of {law.label}: {outcome}\n"
-            single = study(document)
-            folder.write_configs(law, [single], comment=comment)
+            value = "failed" if worst_run["failed"] else f"{self.objective} {worst_run['value']!r}"
+            comment = f"# run {worst_run['run']} of {law.label}: {value}\n"
+            folder.write_configs(law, [study(document)], comment=comment)
             laws.append(
                 {
                     "label": law.label,
@@ -196,7 +194,7 @@ class WorstSearch(Searches[WorstSection]):
         """Return the range of a key that holds a number and can be swept; integers if it does."""
         first = entries_of(key)[0]
         require_sweepable(first)
-        held = law_search.value_at(base.resolved, parse_key(first))
+        held = value_at(base.resolved, parse_key(first))
         if isinstance(held, bool | str | list):
             raise InputError(
                 f"expected a key that holds a number, and this one holds {shown(held)}"
@@ -271,7 +269,7 @@ def _search_record(
         "log": [key for key, axis in axes.items() if axis.scale == "log"],
         "values": dict(zip(law.written, at.values(), strict=True)),
         "searches": [{"seed": seed, **_value_record(search, cost)} for seed, cost in costs.items()],
-        "agreeing": sum(_agree(cost, max(costs.values())) for cost in costs.values()),
+        "agreeing": sum(agree(cost, max(costs.values())) for cost in costs.values()),
         "first": {"runs": points * search.base.config.ensemble.runs, "unsettled": unsettled},
     }
 
@@ -291,7 +289,3 @@ def _value_record(search: WorstSearch, cost: float) -> dict[str, Any]:
     failed = cost == math.inf
     value = None if failed else float(quantity_of(search.objective).cost(cost))
     return {"value": value, "failed": failed}
-
-
-def _agree(cost: float, worst: float) -> bool:
-    return cost == worst or (math.isfinite(worst) and worst - cost <= AGREEING * abs(worst))

@@ -1,0 +1,14 @@
+"""Searches: for the best gains of each law, and for its worst run."""
+
+from eqt_cli.base.extensions import COMPUTE, Extension
+
+
+def register(extension: Extension) -> None:
+    """Name what the extension adds."""
+    extension.add_component("figures", "fronts", "figures")
+    extension.add_component("figures", "worst", "figures")
+    extension.add_command("tune", "commands.tune", COMPUTE, "configs/tune_paper.yaml", "compare")
+    extension.add_command("worst", "commands.worst", COMPUTE, "late.yaml --fail-above 0.2", "tune")
+    extension.add_function("conclusion of a result", "conclusion.conclusion")
+    extension.add_function("answer of compare", "fronts.equal_cost")
+    extension.add_function("check of a configuration", "api.check")

@@ -1,0 +1,55 @@
+"""What readers show of the search whose outcome a result judges."""
+
+from typing import Any
+
+from eqt_cli.extensions.search.record import TUNE, WORST
+from eqt_cli.results.conclusion import Conclusion
+from eqt_cli.results.result import Result
+
+
+def conclusion(result: Result) -> Conclusion | None:
+    """Return the outcome of the search that a result judges; None if there is no such search."""
+    tuning, worst = TUNE.beside(result), WORST.beside(result)
+    if tuning:
+        return _tuned(result, tuning)
+    if worst:
+        from eqt_cli.extensions.search.tables import worst_tables
+
+        return Conclusion(
+            *(WORST.configs, "Worst runs", "The worst runs that were found"),
+            tables=lambda: worst_tables(result, worst),
+            figures={"worst": ""},
+            plotted=["worst"],
+        )
+    return None
+
+
+def _tuned(result: Result, record: dict[str, Any]) -> Conclusion:
+    from eqt_cli.extensions.search.tables import tuning_tables
+
+    laws, has_fronts = record["laws"], len(record["objectives"]) > 1
+    best = [law for law in laws if law["winners"] and not has_fronts]
+    pair = [law["winners"][0]["label"] for law in best]
+    searched, variants = set[str](), dict[str, tuple[str, int]]()
+    for law in laws:
+        winners = [winner["label"] for winner in law["winners"]]
+        others = [search["label"] for search in law["searches"]]
+        of_law = dict.fromkeys([*winners[:1], law["start"], *winners[1:], *others])
+        variants |= {label: (law["label"], number) for number, label in enumerate(of_law)}
+        searched |= {*others}
+    return Conclusion(
+        *(TUNE.configs, "Tuned", "Tuned laws on held-out runs"),
+        tables=lambda: tuning_tables(result, record),
+        figures={"fronts": _CAPTION} if has_fronts else {},
+        starts=[law["start"] for law in laws],
+        further=searched.difference(w["label"] for law in laws for w in law["winners"]),
+        pair=[*pair, best[0]["start"]] if len(best) == 1 else pair,
+        variants=variants,
+    )
+
+
+_CAPTION = (
+    "Winners of the search by both objectives, means over held-out runs with 95 % "
+    "intervals. The line joins the Pareto front of these runs. Half-filled: the starting gains."
+)
+"""Caption of the figure `fronts` in a report."""

@@ -1,0 +1,77 @@
+"""What the command that made a result concludes from it, which all readers ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from eqt_cli.base.extensions import functions_for
+from eqt_cli.base.files import CASE
+from eqt_cli.base.reporting import TextTable
+from eqt_cli.results.result import Result
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """What an extension concludes from a result that one of its commands made.
+
+    Readers show it first. The defaults are those of a result without a conclusion.
+
+    Attributes
+    ----------
+    id, short, title
+        Name in addresses, and short and full title of its section in a report.
+    tables
+        Returns the tables that `eqt show` prints and a report contains.
+    figures
+        Default figures of a report, which then does not compare the laws run by run: captions by
+        name, "" for the usual caption.
+    plotted
+        Default figures of `eqt plot` of a sweep.
+    starts
+        Labels of laws before they were tuned. If there are any, gains differ between the laws
+        because each law has those that suit it.
+    further
+        Labels that comparisons leave out unless they are named.
+    pair
+        Labels of the two laws that a figure of cases compares; None for those of the result.
+    variants
+        Law and number of the variant that a label stands for, if it is not a law of its own.
+    """
+
+    id: str = ""
+    short: str = ""
+    title: str = ""
+    tables: Callable[[], Sequence[TextTable]] = list
+    figures: Mapping[str, str] = field(default_factory=dict)
+    plotted: Sequence[str] = ()
+    starts: Sequence[str] = ()
+    further: Collection[str] = ()
+    pair: Sequence[str] | None = None
+    variants: Mapping[str, tuple[str, int]] = field(default_factory=dict)
+
+    def compared(self, result: Result) -> list[str]:
+        """Return the labels that comparisons of a result show."""
+        return [label for label in result.labels if label not in self.further]
+
+
+def conclusion_of(result: Result) -> Conclusion:
+    """Return what the command that made a result concludes from it.
+
+    Extensions have functions for the purpose ``conclusion of a result``. Each takes an open result
+    and returns a `Conclusion`, or None for results that its commands did not make.
+    """
+    conclusions = (conclude(result) for conclude in functions_for("conclusion of a result"))
+    return next(filter(None, conclusions), Conclusion())
+
+
+def side_by_side(result: Result) -> Sequence[str]:
+    """Return the labels of the two laws that a figure of cases compares.
+
+    Empty if the result has no cases, or no such pair.
+    """
+    if [swept.key for swept in result.swept_keys] != [CASE]:
+        return []
+    pair = conclusion_of(result).pair
+    labels = result.labels if pair is None else pair
+    return labels if len(labels) == 2 else []
