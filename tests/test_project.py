@@ -102,6 +102,7 @@ def test_citation_names_the_paper():
     assert paper["doi"] == "10.48550/arXiv.2511.18800"
 
 
+@pytest.mark.needs
 def test_contributing_lays_out_every_folder_of_the_package():
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     described = set(re.findall(r"^  (\w+)/ +\S", text, flags=re.MULTILINE))

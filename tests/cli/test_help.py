@@ -49,6 +49,7 @@ def as_kept(text):
     return "\n".join(line.rstrip() for line in text.strip("\n").splitlines()) + "\n"
 
 
+@pytest.mark.needs
 @pytest.mark.skipif(version("typer") != VERSION, reason=f"the texts are of typer {VERSION}")
 @pytest.mark.parametrize("words", COMMANDS)
 def test_help_is_as_kept(eqt, words):
@@ -57,6 +58,7 @@ def test_help_is_as_kept(eqt, words):
     assert as_kept(done.out) == snapshot(words).read_text(encoding="utf-8")
 
 
+@pytest.mark.needs
 def test_there_is_a_text_for_every_command():
     assert {path.name for path in SNAPSHOTS.glob("*.txt")} == {
         snapshot(words).name for words in COMMANDS

@@ -60,6 +60,7 @@ def named(out):
     return [line.split()[0] for line in lines[3:] if line.strip() and not line.startswith(" ")]
 
 
+@pytest.mark.needs("proofs")
 def test_without_a_kind_the_kinds_are_counted(eqt):
     done = eqt("list")
     assert (done.code, done.err) == (0, "")
@@ -70,6 +71,7 @@ def test_without_a_kind_the_kinds_are_counted(eqt):
     assert more == "`eqt list KIND` shows one kind, `eqt list NAME` one of its components"
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.parametrize(
     ("words", "kinds"),
     [
@@ -116,12 +118,14 @@ def test_options(eqt, kind, name, options):
     assert [entry["options"] for entry in listed if entry["name"] == name] == [options]
 
 
+@pytest.mark.needs("proofs")
 def test_every_registry_is_listed():
     assert list(catalogue.KINDS) == KINDS
     listed = {catalogue.registry(kind).kind for kind in KINDS}
     assert {one.kind for one in registry._registries} == listed
 
 
+@pytest.mark.needs("proofs")
 def test_json_is_one_document(eqt):
     document = json.loads(eqt("list", "--json").out)
     assert list(document) == [*KINDS, "configs"]
@@ -149,6 +153,7 @@ def test_a_plugin(eqt, folder):
     assert lines[at].split() == ["push", "Pushes", "back.", "gain"]
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.parametrize(
     ("kind", "hint"),
     [

@@ -95,6 +95,7 @@ def test_figures_of_sweeps_take_none(refused):
     )
 
 
+@pytest.mark.needs("proofs")
 def test_verify_a_point_of_a_sweep_that_keeps_metrics_only(eqt):
     """The reference differs between points, and none is stored."""
     words = ("--grid", "inertia=[2,1,3],[1,1,1]", *ONE_LAW)
@@ -115,6 +116,7 @@ def test_verify_a_point_of_a_configuration(eqt, refused, folder):
     )
 
 
+@pytest.mark.needs("proofs")
 def test_a_configuration_without_a_sweep_has_no_points(refused):
     assert (
         refused("verify", "c.yaml", "--point", 0)

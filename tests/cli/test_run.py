@@ -141,6 +141,7 @@ def test_it_writes_to_results_by_the_name_which_is_that_of_the_file_where_it_is_
     assert [path.parent.name for path in folder.glob("results/*/results.h5")] == [written]
 
 
+@pytest.mark.needs("report")
 @pytest.mark.parametrize("command", ["run", "sweep", "plot", "animate"])
 def test_an_empty_folder_name_is_no_folder(refused, folder, command):
     before = list(folder.iterdir())

@@ -109,6 +109,7 @@ def test_failed_says_where_there_is_none(eqt, result):
     assert (done.code, done.out, done.err) == (0, "", "no run failed\n")
 
 
+@pytest.mark.needs("recordings")
 def test_runs_that_did_not_settle_are_listed_to_be_run_again(eqt):
     """Starts have all their digits; about a reference that starts at I, every bit comes again."""
     known = ("-q", "--set", "settling_threshold=100 deg", "--out")

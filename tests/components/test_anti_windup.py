@@ -11,8 +11,6 @@ from scipy.integrate import solve_ivp
 from eqt_cli.components.groups import group_named
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
-from eqt_cli.extensions.proofs.certificates import Verdict
-from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.linearised import off_limits
 
 KINDS = {"none": "none", "clamp": "clamp", "back": {"back_calculation": 0.5}}
@@ -246,8 +244,12 @@ def test_both_integrals_of_a_cascade_are_told_of_limits_at_an_instant(experiment
 # What is said of it -------------------------------------------------------------------------------
 
 
+@pytest.mark.needs("proofs")
 def test_the_energy_balance_holds_with_an_anti_windup_and_no_more_is_claimed(tmp_path):
     """Beyond the limits, too: the rate of L counts the change of the integral."""
+    from eqt_cli.extensions.proofs.certificates import Verdict
+    from eqt_cli.extensions.proofs.verification import verify_experiment
+
     path = tmp_path / "turn.yaml"
     for kind in KINDS:
         path.write_text(

@@ -20,10 +20,6 @@ from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.remarks import remarks
 from eqt_cli.engines.engine import Problem, Status
-from eqt_cli.extensions.proofs.identities import CommandedRates
-from eqt_cli.extensions.proofs.margins import margins_of
-from eqt_cli.extensions.proofs.sample import sampled
-from eqt_cli.extensions.proofs.verification import verify_experiment
 from eqt_cli.loop.law_program import law_program
 from eqt_cli.loop.linearised import linearised
 from eqt_cli.numbers.program import traced
@@ -635,9 +631,12 @@ def test_a_model_is_what_acts_and_the_laws_may_know_the_plant():
     assert unknowing.controller.known == () and len(unknowing.vehicle.forces) == 1
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.ci("margins of another cascade are fast")
 def test_margins_multiply_the_gains_of_position_and_attitude():
     """Without rates, Jλ⁴/k_R + k_Ωλ³/k_R + λ² + k_vλ + k_x: the attitude must be faster."""
+    from eqt_cli.extensions.proofs.margins import margins_of
+
     law = {"rates": "none", "gains": {"kp": 4 * KR / 2, "kd": 2 * KW}}
     found = margins_of(experiment(law=law)).laws[0].gains["position"].upper
 
@@ -652,6 +651,8 @@ def test_margins_multiply_the_gains_of_position_and_attitude():
 
 
 def rows_of(**changes):
+    from eqt_cli.extensions.proofs.verification import verify_experiment
+
     one = experiment(
         **{
             "reference": HELIX,
@@ -665,6 +666,7 @@ def rows_of(**changes):
     return {row.name: row for row in verify_experiment(one, runs=2).rows}
 
 
+@pytest.mark.needs("proofs")
 def test_verify_judges_the_attitude_law_in_the_loop_that_it_runs_in():
     rows = rows_of()
     assert not [row for row in rows.values() if row.verdict == "FAILS"]
@@ -674,6 +676,7 @@ def test_verify_judges_the_attitude_law_in_the_loop_that_it_runs_in():
     assert rows["F is not 0"].verdict == "holds"
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.ci("verifies a loop")
 def test_verify_tells_when_the_force_is_nearly_0():
     """A fall from beyond g/k_x turns F upside down, and then through 0."""
@@ -684,6 +687,7 @@ def test_verify_tells_when_the_force_is_nearly_0():
     assert re.search(said, row.remark)
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.parametrize(
     ("changes", "verdict"),
     [
@@ -700,6 +704,9 @@ def test_verify_compares_the_rates_with_those_of_the_commanded_attitude(
     changes, verdict, wrong_rate
 ):
     """At random states, along the motion of the model, by numbers that carry their rates."""
+    from eqt_cli.extensions.proofs.identities import CommandedRates
+    from eqt_cli.extensions.proofs.sample import sampled
+
     if changes.pop("planted", False):
         wrong_rate()
     one = experiment(**{"reference": HELIX, **changes})
@@ -711,6 +718,7 @@ def test_verify_compares_the_rates_with_those_of_the_commanded_attitude(
     assert (row.measured > 0.01) == (verdict == "FAILS")
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.ci("compiles and verifies a loop")
 def test_verify_names_a_wrong_rate(wrong_rate):
     wrong_rate()
@@ -718,6 +726,7 @@ def test_verify_names_a_wrong_rate(wrong_rate):
     assert balance.verdict == "FAILS" and balance.measured > 0.01
 
 
+@pytest.mark.needs("firmware")
 def test_a_cascade_is_exported_with_position_and_heading(tmp_path):
     start = {"pose": {"kind": "angle", "angle": 0.5}}
     laws = [{**LAW, "rates": "none"}]

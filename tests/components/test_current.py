@@ -245,6 +245,7 @@ def eigenvalues(vehicle):
     return np.linalg.eigvals([(field(rest + e) - field(rest - e)) / 2e-5 for e in steps])
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.filterwarnings("ignore:.*acts on the drag only")
 def test_margins_know_that_a_current_turns_a_vehicle_across():
     """Along a current a long vehicle is unstable, which drag alone does not show."""

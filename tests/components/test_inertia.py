@@ -15,7 +15,6 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import FactoredInertia, Inertia, PrescribedInertia, not_rigid
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import Gains, Tracking
-from eqt_cli.extensions.proofs.identities import tracking_control
 
 EXAMPLES = settings(max_examples=10)
 
@@ -154,11 +153,14 @@ def test_feedforward_makes_up_for_the_explicit_change_of_the_energy(t, derivativ
 # Tracking with an inertia that varies by itself ---------------------------------------------------
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.parametrize("law", [FACTORED, PRESCRIBED], ids=["factored", "prescribed"])
 @EXAMPLES
 @given(data=st.data(), t=times)
 def test_theorem_6_2_with_a_varying_inertia_is_eqt(samples_of, data, law, t):
     """With S̄ = S Ad_{Q_d⁻¹} in eq. (22) and (20), the control is EqT with + Ṡ*S⁻* P̃."""
+    from eqt_cli.extensions.proofs.identities import tracking_control
+
     some = samples_of("SO3")
     (Q, Qd), (P, Pd, tau_d) = some.poses(data, 2), some.vectors(data, 3)
     gains = Gains(some.symmetric(data, 3), some.positive_definite(data, 3))

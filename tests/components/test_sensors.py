@@ -9,7 +9,8 @@ from plain import hat
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from eqt_cli.api import load_experiment, margins
+import eqt_cli
+from eqt_cli.api import load_experiment
 from eqt_cli.base import yaml_source
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.mechanics import LawInput
@@ -220,6 +221,7 @@ def test_a_law_reads_the_velocity_of_a_lagging_gyroscope(solved, engine):
     np.testing.assert_allclose(loop.command(s)[:, :-1], law[:, :-1], rtol=0, atol=1e-8)
 
 
+@pytest.mark.needs("proofs")
 def test_margins_contain_the_lag_of_a_gyroscope():
     """The eigenvalues are those of a plain linear system (x, v, measured v, held u)."""
     lag = "sensors: {velocity: [{kind: lag, time_constant: 0.3}]}"
@@ -233,6 +235,6 @@ def test_margins_contain_the_lag_of_a_gyroscope():
     answer = np.diag([1.0, 1.0, 1.0, 0.0])
     answer[3, :3] = torque[1] - torque[0], 0, torque[2] - torque[0]
     expected = np.abs(np.linalg.eigvals(expm(A * PERIOD) @ answer)).max()
-    [found] = margins(experiment).laws
+    [found] = eqt_cli.margins(experiment).laws
     np.testing.assert_allclose(found.size, expected, rtol=1e-7)  # of differences
-    assert not margins(experiment).left_out
+    assert not eqt_cli.margins(experiment).left_out

@@ -100,6 +100,7 @@ def test_a_plugin_is_all_that_a_process_needs_to_load():
     assert (done.stdout, done.stderr) == ("", "")
 
 
+@pytest.mark.needs("proofs")
 def test_plugins_of_every_kind_run_together(every_plugin, tmp_path):
     found = study(read_config(every_plugin, ["ensemble.runs=1", "time.duration=0.1"]))
     done = execute(found, tmp_path / "out", executor=executors.get("backwards")(1))
@@ -289,6 +290,7 @@ class Own(Identity):
 """
 
 
+@pytest.mark.needs("proofs")
 def test_a_class_variable_that_a_base_only_declares(message, folder):
     """A report and a table need it, long after the plugin was loaded."""
     (folder / "own.py").write_text(CERTIFICATE, encoding="utf-8")

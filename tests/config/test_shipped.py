@@ -16,8 +16,6 @@ from eqt_cli.config import shipped
 from eqt_cli.config.document import read_config
 from eqt_cli.config.preflight import build
 from eqt_cli.engines.engine import engines
-from eqt_cli.extensions.proofs.certificates import Verdict
-from eqt_cli.extensions.proofs.verification import verify_experiment
 
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2", "solver.rtol=1.0e-8"]
@@ -49,6 +47,8 @@ def experiment(name, *overrides):
 
 @cache
 def found(name, engine):
+    from eqt_cli.extensions.proofs.verification import verify_experiment
+
     return verify_experiment(experiment(name, *SHORT, f"solver.engine={engine}"))
 
 
@@ -71,8 +71,11 @@ ENGINES = {"solve_ivp": BY_SOLVE_IVP, "native": BY_NATIVE}
 CASES = [f"{name}-{engine}" for engine, names in ENGINES.items() for name in names]
 
 
+@pytest.mark.needs("proofs")
 @mostly_ci("case", CASES, ["attitude_distinct-native"], "verifies the laws of an experiment")
 def test_certificates_hold(case):
+    from eqt_cli.extensions.proofs.certificates import Verdict
+
     name, engine = case.split("-")
     if engines.get(engine).unavailable():
         pytest.skip(f"engine {engine} is not installed")
@@ -112,6 +115,8 @@ def test_certificates_hold(case):
 
 def documented():
     """What the documentation says of each shipped configuration."""
+    from eqt_cli.extensions.proofs.certificates import Verdict
+
     page = Path(__file__).parents[2] / "docs/reference/verdicts.md"
     lines = page.read_text(encoding="utf-8")
     lines = lines.split("## Shipped configurations")[1].split("\n## ")[0]
@@ -122,12 +127,16 @@ def documented():
     }
 
 
+@pytest.mark.needs("proofs")
 def test_every_configuration_is_reviewed():
     assert sorted(documented()) == sorted(shipped.names())
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.skipif(engines.get("native").unavailable() is not None, reason="no compiler")
 def test_weights_of_the_slow_escape_are_a_navigation_function():
+    from eqt_cli.extensions.proofs.certificates import Verdict
+
     verification = found("attitude_distinct", "native")
     [row] = [row for row in verification.rows if row.name == "Υ is a navigation function"]
     assert row.verdict is Verdict.HOLDS

@@ -33,6 +33,10 @@ from eqt_cli.loop.linearised import designed
 
 TESTS = Path(__file__).parents[1]
 PLUGINS = [*sorted(TESTS.glob("plugins/*.py")), TESTS.parent / "examples" / "runge_kutta.py"]
+if "certificates" not in KINDS:  # its extension is away
+    PLUGINS.remove(TESTS / "plugins/certificates.py")
+
+collect_ignore = [] if "certificates" in KINDS else ["test_certificates.py"]
 
 ARGUMENTS = {"velocities": "velocity"}
 """Singulars that are not the plural without its s."""

@@ -15,7 +15,6 @@ from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import shipped
 from eqt_cli.base.registry import is_foreign, meanings
-from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures.figure import OfSweep
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.run_figures import EstimateFigure
@@ -59,9 +58,9 @@ BY_PLACE = ("runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
 
 
-def searches():
-    """Whether there are searches, which are an extension."""
-    return "search" in [extension.name for extension in shipped()]
+def has(extension):
+    """Whether eqt has an extension."""
+    return extension in [known.name for known in shipped()]
 
 
 def make_results(folder):
@@ -73,7 +72,7 @@ def make_results(folder):
         ("estimated", ESTIMATED),
     ):
         api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
-    if not searches():
+    if not has("search"):
         return
     api.tune(CONFIG | {"tune": TUNE}, folder / "tuned")
     with pytest.MonkeyPatch.context() as patch:
@@ -83,6 +82,8 @@ def make_results(folder):
 
 def recording_of_run(result):
     """What would have been measured of run 0 of the first controller."""
+    from eqt_cli.extensions.recordings.recording_check import Recording
+
     states = [result.trajectory(name, 0)[0] for name in ("pose", "velocity", "torque")]
     gaps = np.array([4])
     return Recording("a.csv", "a.csv:1", result.group, result.times, *states, gaps, timed=True)
@@ -93,8 +94,8 @@ def results(made_once):
     """As `make_results` has made them, once for all processes of the tests."""
     folder = made_once("figures of every kind", make_results)
     opened = {name: open_at(folder / name) for name in ("single", "bare", "sweep", "estimated")}
-    opened |= {name: open_at(folder / name) for name in SEARCHED.values() if searches()}
-    yield opened, recording_of_run(opened["single"])
+    opened |= {name: open_at(folder / name) for name in SEARCHED.values() if has("search")}
+    yield opened, recording_of_run(opened["single"]) if has("recordings") else None
     for one in opened.values():
         one.close()
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.extensions.proofs.exact import Exact, free
 
 # Tens of last places, where SciPy's rigid motions leave their series; as in tests/components.
 ROUNDING = 5e-13
@@ -87,8 +86,11 @@ def test_cayleys_transform_of_a_group_that_gives_none_of_its_own():
     np.testing.assert_allclose(MatrixLieGroup.cayley(G, V), expected, rtol=0, atol=1e-14)
 
 
+@pytest.mark.needs("proofs")
 def test_cayleys_transform_is_rational_and_stays_in_the_group(elements):
     """In floats up to rounding; in exact numbers Q⁻¹Q is I."""
+    from eqt_cli.extensions.proofs.exact import Exact, free
+
     for G, _, V, *_ in elements:
         poses = G.cayley(V)
         assert max(G.violation(Q) for Q in poses.reshape(-1, G.size, G.size)) < ROUNDING

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from case_tables import in_ci
-from exported_laws import emulated_arm
+from emulated_arm import emulated_arm
 
 import eqt_cli
 from eqt_cli.engines import compiler, library, native

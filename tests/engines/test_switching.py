@@ -33,7 +33,6 @@ from eqt_cli.engines.engine import Problem, Status
 from eqt_cli.engines.library import with_comparison_sides
 from eqt_cli.engines.native import STEP_SHARE, Native
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.extensions.firmware.program_error import bounded
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.program import traced
 
@@ -321,8 +320,10 @@ def test_sliding_mode_is_a_failure_and_harms_no_other():
     assert np.array_equal(alone.states, solution.states[[0, 2]])
 
 
+@pytest.mark.needs("firmware")
 def test_the_sides_of_comparisons_are_inputs_and_outputs():
     """Each a < b is replaced by the sign of its side; a and b are given back in the same order."""
+    from eqt_cli.extensions.firmware.program_error import bounded
 
     def function(given):
         a, b, c = given["x"]

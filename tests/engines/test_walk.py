@@ -52,13 +52,15 @@ LOOPS = {
         "paper",
         {"control": {"period": 0.4}, "solver.max_steps": 80, "time.duration": 10},
     ),
-    "code of a user": ("paper", WITH_CODE),
 }
 
 
-@pytest.fixture(params=LOOPS)
+CODE = pytest.param(("paper", WITH_CODE), id="code of a user", marks=pytest.mark.needs("firmware"))
+
+
+@pytest.fixture(params=[*(pytest.param(loop, id=name) for name, loop in LOOPS.items()), CODE])
 def batch(request, tmp_path):
-    name, changes = LOOPS[request.param]
+    name, changes = request.param
     (tmp_path / "own.c").write_text(OWN, encoding="utf-8")
     path = tmp_path / "loop.yaml"
     path.write_text((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8"), encoding="utf-8")

@@ -106,6 +106,7 @@ def refused(invoke, path, command, reason):
     assert said.stdout == ""
 
 
+@pytest.mark.needs("proofs", "report")
 @pytest.mark.parametrize(
     ("name", "command"),
     [

@@ -154,6 +154,7 @@ def test_text_in_a_result_reaches_no_terminal_raw(strange, eqt, words):
     assert not unseen(done.out + done.err)
 
 
+@pytest.mark.needs("report")
 def test_text_in_a_result_reaches_no_page_raw(strange, tmp_path, eqt):
     done = eqt("report", strange, "--out", tmp_path / "page.html")
     assert done.code == 0, done.err

@@ -19,8 +19,6 @@ from matplotlib.figure import Figure
 from said import error_of
 
 from eqt_cli.api.loading import open_at
-from eqt_cli.extensions.proofs.figures import Rates
-from eqt_cli.extensions.recordings.figures import MeasuredFigure
 from eqt_cli.figures.figure import OfReference, OfSweep, OverTime, figures
 from eqt_cli.figures.layout import freeze
 from eqt_cli.figures.render import encode, render
@@ -31,9 +29,10 @@ from eqt_cli.figures.time_figures import Commands
 FORMATS = ("pdf", "svg", "png")
 
 # Figures of sweeps, searches, rates, recordings, actuators and estimates have tests of their own.
-OTHERS = OfSweep | Rates | MeasuredFigure | Commands | EstimateFigure
-SEARCHED = {"fronts", "worst"}
-NAMES = [x for x in figures.names() if not (x in SEARCHED or issubclass(figures.get(x), OTHERS))]
+OTHERS = OfSweep | Commands | EstimateFigure
+OF_EXTENSIONS = {"fronts", "worst", "rates", "measured"}
+NAMES = [name for name in figures.names() if name not in OF_EXTENSIONS]
+NAMES = [name for name in NAMES if not issubclass(figures.get(name), OTHERS)]
 
 
 def every(of):

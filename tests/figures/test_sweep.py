@@ -8,8 +8,6 @@ from said import error_of
 from eqt_cli.analysis.intervals import Interval, Resampling, share
 from eqt_cli.analysis.maps import NOBODY, compare_map, front
 from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.proofs import certified
-from eqt_cli.extensions.proofs.figures import Rates
 from eqt_cli.figures import sweep_figures
 from eqt_cli.figures.cells import FEW, number_values
 from eqt_cli.figures.comparison_figures import Forest
@@ -505,8 +503,11 @@ def test_the_lowest_map_of_each_column_is_numbered(simulate, opened, figure):
     assert [axes.xaxis.label.get_visible() for axes in panels] == [False, True, True]
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.ci("solves SDPs")
 def test_shares_may_stand_beside_what_is_proved(simulate, opened, monkeypatch):
+    from eqt_cli.extensions.proofs import certified
+
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     monkeypatch.setattr(certified, "proved", lambda *_: (1, True))  # which takes seconds
     laws = {"controllers": ["eqt", "lee2010"], "ensemble": {"runs": 2, "seed": 1}}
@@ -557,7 +558,10 @@ def test_bands_of_a_share_are_its_intervals(swept, picture):
     assert edges.max() == pytest.approx(100 * max(share(int(n), 6, 0.95).high for n in counts))
 
 
+@pytest.mark.needs("proofs")
 def test_certified_rates_are_curves_from_the_rate_at_rest(opened, simulate, picture):
+    from eqt_cli.extensions.proofs.figures import Rates
+
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     results = opened(simulate(controllers=["eqt", "lee2010"]))
     (panel,) = picture(Rates(velocity=1.0, bounds=3), results).axes
@@ -574,7 +578,10 @@ def test_certified_rates_are_curves_from_the_rate_at_rest(opened, simulate, pict
         assert rates[0] == pytest.approx(bounds[0], rel=2e-4)  # what is spared, and rounding
 
 
+@pytest.mark.needs("proofs")
 def test_a_figure_without_any_certified_rate_says_why(opened, simulate, picture):
+    from eqt_cli.extensions.proofs.figures import Rates
+
     pytest.importorskip("clarabel", reason="the extra certify is not installed")
     results = opened(simulate(controllers=["eqt"], gains={"kp": [1.0, 2.0, 3.0], "kd": 0.5}))
     with pytest.raises(EqtError, match="has nothing to show: EqT has a stiffness or damping in"):

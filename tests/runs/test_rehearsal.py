@@ -79,6 +79,7 @@ def test_rounding_that_a_root_enlarges_mixes_no_runs(check):
     check("", *still, text=NET, controllers="own", more=ROTORS, code=0)
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.parametrize("command", ["run", "verify"])
 def test_a_law_that_mixes_runs_does_not_run_either(check, command):
     said = check("-s.V / np.max(np.abs(s.V))", command=command)

@@ -19,7 +19,6 @@ from eqt_cli.extensions.firmware.export import files
 from eqt_cli.extensions.firmware.export_laws import exported
 from eqt_cli.extensions.firmware.program_error import ARITHMETICS
 
-ARM_COMPILER = "arm-linux-gnueabihf-gcc"
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -ffp-contract=off -fno-math-errno".split()
 GROUPS = ("SO3", "SE3", "SE2")
 
@@ -95,15 +94,6 @@ def zig(*target):
     if not find_spec("ziglang"):
         pytest.skip("ziglang is not installed")
     return [sys.executable, "-m", "ziglang", "cc", *target]
-
-
-def emulated_arm():
-    """A compiler for 32-bit ARM with fused products, and an emulator of it."""
-    command = [ARM_COMPILER, "-mcpu=cortex-a7", "-mfpu=neon-vfpv4", "-static", "-O2"]
-    emulator = shutil.which("qemu-arm") or shutil.which("qemu-arm-static")
-    if not emulator or not shutil.which(ARM_COMPILER):
-        pytest.skip(f"needs {ARM_COMPILER} and qemu-arm (gcc-arm-linux-gnueabihf and qemu-user)")
-    return command, emulator
 
 
 def written(law, folder):

@@ -94,6 +94,7 @@ def test_no_flipped_bit_becomes_another_number(made, tmp_path, state, count):
         assert found["results.h5", "the same numbers"] <= 1
 
 
+@pytest.mark.needs("proofs")
 def test_verify_names_the_file(made, tmp_path, invoke):
     folder, _ = made
     shutil.copytree(folder / BEGUN, tmp_path / "out")

@@ -61,6 +61,7 @@ NAMED = {
 }
 
 
+@pytest.mark.needs("recordings", "report")
 @posix
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("named", NAMED)
@@ -159,6 +160,7 @@ TIMES = {
 }
 
 
+@pytest.mark.needs("recordings", "report")
 @pytest.mark.parametrize("times", TIMES)
 def test_times_of_waypoints_have_bounds(sent, refused, times):
     points = ", ".join(f"{{t: {t}, pose: {{rotvec: [0, 0, {k}]}}}}" for k, t in enumerate(times))
@@ -180,6 +182,7 @@ def test_times_at_the_bounds_are_taken(sent, eqt):
     assert done.code == 0
 
 
+@pytest.mark.needs("recordings", "report")
 @pytest.mark.parametrize(
     ("kind", "text", "said"),
     [
@@ -204,6 +207,7 @@ plot N N | animate N | report N | config check N | run c.yaml --out N | config n
 """
 
 
+@pytest.mark.needs("proofs", "report")
 @pytest.mark.parametrize("words", re.split(r" \| |\n", LONG.strip()))
 def test_names_that_are_too_long(sent, refused, words):
     assert "file name too long" in refused(*words.replace("N", 300 * "n").split()).lower()

@@ -46,6 +46,7 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
         assert "explanation/trust.md" in (ROOT / "docs" / page).read_text(encoding="utf-8")
 
 
+@pytest.mark.needs("recordings")
 def test_the_page_states_the_bounds():
     from eqt_cli.base.files import RECORD_BYTES, TEXT_BYTES
     from eqt_cli.base.yaml_source import MAX_BYTES

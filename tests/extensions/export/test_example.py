@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_laws import FLAGS, compilers, emulated_arm
+from emulated_arm import emulated_arm
+from exported_laws import FLAGS, compilers
 
 import eqt_cli
 from eqt_cli.api.loading import open_at

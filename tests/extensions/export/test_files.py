@@ -6,17 +6,8 @@ import subprocess
 
 import pytest
 from case_tables import in_ci
-from exported_laws import (
-    FEW,
-    FLAGS,
-    IN_TURN,
-    checked,
-    compilers,
-    emulated_arm,
-    law_of,
-    written,
-    zig,
-)
+from emulated_arm import emulated_arm
+from exported_laws import FEW, FLAGS, IN_TURN, checked, compilers, law_of, written, zig
 
 FAST = ("lee2010", "sliding")
 M4 = "thumb-freestanding-eabihf"
