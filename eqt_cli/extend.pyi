@@ -122,6 +122,7 @@ from eqt_cli.components.references import ReferenceByRates as ReferenceByRates
 from eqt_cli.components.references import SlewReference as SlewReference
 from eqt_cli.components.references import TorqueReference as TorqueReference
 from eqt_cli.components.sensors import Bias as Bias
+from eqt_cli.components.sensors import DynamicSensor as DynamicSensor
 from eqt_cli.components.sensors import Noise as Noise
 from eqt_cli.components.sensors import Sensor as Sensor
 from eqt_cli.components.sensors import SensorLag as SensorLag

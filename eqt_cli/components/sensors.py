@@ -26,9 +26,6 @@ class Sensor(vehicle_parts.VehiclePart):
     They depend on the run and on the instant. Entries of one part share `period`, `offset`, `delay`
     and `dropout`, given at one of them.
 
-    A sensor of a velocity may have states that follow the motion. What it measures is their
-    `reading`, to which the errors of all sensors add.
-
     Attributes
     ----------
     of
@@ -62,22 +59,6 @@ class Sensor(vehicle_parts.VehiclePart):
         Measurements are `period` seconds apart: the sensor's own period, or the control period. The
         first errors do not depend on how many there are.
         """
-
-    def states(self, G: MatrixLieGroup) -> int:
-        """Return the number of states that follow the motion; a sensor of a pose has none."""
-        return 0
-
-    def started(self, V: Array) -> Array:
-        """Return the states at t = 0, from the measured coordinates of V, ``(..., n)``."""
-        return V
-
-    def state_rate(self, V: Array, x: Array) -> Array:
-        """Return the time derivative of the states x."""
-        return x
-
-    def reading(self, V: Array, x: Array) -> Array:
-        """Return the velocity as it is measured before errors, ``(..., n)``."""
-        return V
 
     @property
     def loses(self) -> bool:
@@ -171,11 +152,35 @@ class Bias(Sensor):
         self.check_entries(self.walk, G, problems.at("walk"), deviations=True)
 
 
-# A measured velocity that follows the true one with a first-order lag -----------------------------
+# Sensors of a velocity whose states follow the motion ---------------------------------------------
+
+
+class DynamicSensor(Sensor):
+    """A sensor of a velocity with states x, which follow the motion, ẋ = f(V, x).
+
+    What it measures is their `reading`, to which the errors of all sensors add. V stands for the
+    measured coordinates, ``(..., n)``.
+    """
+
+    @abstractmethod
+    def states(self, G: MatrixLieGroup) -> int:
+        """Return the number of states."""
+
+    def started(self, V: Array) -> Array:
+        """Return the states at t = 0, ``(..., states)``."""
+        return V
+
+    @abstractmethod
+    def state_rate(self, V: Array, x: Array) -> Array:
+        """Return the time derivative of the states, ``(..., states)``."""
+
+    @abstractmethod
+    def reading(self, V: Array, x: Array) -> Array:
+        """Return the velocity as it is measured before errors, ``(..., n)``."""
 
 
 @dataclass(frozen=True)
-class SensorLag(Sensor):
+class SensorLag(DynamicSensor):
     """A lag of first order, as of a gyroscope: ẋ = (V − x) / T from x = V, and x is measured.
 
     Attributes

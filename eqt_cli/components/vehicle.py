@@ -16,7 +16,7 @@ from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
-from eqt_cli.components.sensors import Channel, Errors, Sensor, channels
+from eqt_cli.components.sensors import Channel, DynamicSensor, Errors, Sensor, channels
 from eqt_cli.components.vehicle_parts import Clock, Sampling, TrueInertia
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -74,7 +74,7 @@ class Vehicle:
     pose_sensors, velocity_sensors
         Measurement errors of the signals, which add up.
     moving_sensors
-        For the vehicle of a run, the sensors of the velocity with states that follow the motion.
+        For the vehicle of a run, the sensors whose states follow the motion.
     estimator
         Estimator from which the law reads pose and velocity; None where it reads measurements.
     configured
@@ -91,7 +91,7 @@ class Vehicle:
     control: Sampling | None = field(default=None, metadata=STRUCTURE)
     pose_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
     velocity_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
-    moving_sensors: tuple[Sensor, ...] = field(default=(), kw_only=True)
+    moving_sensors: tuple[DynamicSensor, ...] = field(default=(), kw_only=True)
     estimator: Estimator | None = None
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
     model: InertiaLaw | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
@@ -148,7 +148,7 @@ class Vehicle:
             moving_sensors=tuple(
                 flying(f"{VELOCITY}[{k}]")
                 for k, sensor in enumerate(self.velocity_sensors)
-                if sensor.states(G)
+                if isinstance(sensor, DynamicSensor)
             ),
             estimator=estimator,
             configured=configured,

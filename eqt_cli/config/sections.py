@@ -27,7 +27,7 @@ from eqt_cli.components.inertia import (
 from eqt_cli.components.mechanics import Gains, TimeVarying
 from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
-from eqt_cli.components.sensors import TIMING, Sensor
+from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
@@ -471,7 +471,7 @@ def check_sensors(
     known = [part.name for part in G.parts]
     for index, sensor in enumerate(sensors):
         here = problems.at(index)
-        if signal != "velocity" and sensor.states(G):
+        if signal != "velocity" and isinstance(sensor, DynamicSensor):
             here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
         if sensor.of is not None and sensor.of not in known:
             parts = ", ".join(known)

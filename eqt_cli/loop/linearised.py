@@ -19,7 +19,7 @@ from eqt_cli.components.laws import LinearPlant
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
-from eqt_cli.components.sensors import FIRST, NOTHING, Errors
+from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, PROPELLANT, Vehicle
 from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
@@ -839,7 +839,7 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
         yield LeftOut("the anti-windup (the loop is that off its limits)", stabilises=False)
     for place, sensor in vehicle.sensors().items():
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []
-        if sensor.states(loop.group) and not loses:
+        if isinstance(sensor, DynamicSensor) and not loses:
             continue  # its states are part of the loop
         yield LeftOut(f"{place} ({', '.join([sensor.departs, *loses])})", bool(loses), bool(loses))
     if vehicle.estimator is not None and not (linear and linear.about.loop.vehicle.estimator):
