@@ -97,10 +97,12 @@ from eqt_cli.components.laws import GT as GT
 from eqt_cli.components.laws import Asym as Asym
 from eqt_cli.components.laws import BulloMurray as BulloMurray
 from eqt_cli.components.laws import Controller as Controller
+from eqt_cli.components.laws import Designed as Designed
 from eqt_cli.components.laws import EqT as EqT
 from eqt_cli.components.laws import Family as Family
 from eqt_cli.components.laws import Lee2010 as Lee2010
 from eqt_cli.components.laws import Lee2012 as Lee2012
+from eqt_cli.components.laws import LinearPlant as LinearPlant
 from eqt_cli.components.laws import NoG as NoG
 from eqt_cli.components.lqr import Eqr as Eqr
 from eqt_cli.components.lqr import Lqr as Lqr

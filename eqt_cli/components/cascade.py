@@ -15,7 +15,7 @@ from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import Controller
+from eqt_cli.components.laws import Controller, Designed
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import (
@@ -217,7 +217,7 @@ class Cascade(Controller):
         attitude_group = self.gains_group(G)
         law = self._attitude_law(G, problems.at("attitude"))
         tracks = law is None or "track" in law.tasks or law.commands == "rates"
-        if law is not None and (not tracks or law.pieces):
+        if law is not None and (not tracks or isinstance(law, Designed)):
             problems.at("attitude").add(
                 f"expected a law of {attitude_group.name} that tracks with given gains, such as "
                 f"lee2010, got {law.name}"

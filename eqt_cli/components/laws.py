@@ -1,6 +1,6 @@
 """Control laws: their base class, and the (g, c, n) family with the laws of the paper."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -87,33 +87,6 @@ class CodeCall(NamedTuple):
     begins: int
     reads: tuple[str, ...]
     options: Array
-
-
-class LinearPlant(NamedTuple):
-    """The loop without feedback to first order: ẋ, or x a period later, is A x + B u.
-
-    x = (ε, e, …) with Q = Q_d exp(ε) and e = V − Ad_{Q_L⁻¹}V_d, then the states of actuators and
-    delays; u is added to τ_d.
-
-    Attributes
-    ----------
-    times : (k,)
-        One time where the plant is constant; else knots: begin and end of the horizon or, of a
-        sampled plant, its last instant, and those in between, s.
-    A, B
-        At the knots, of a sampled plant at the middles of the periods that begin there,
-        ``(k, n, n)`` and ``(k, n, m)``.
-    period
-        Control period, s; None for a continuous plant.
-    differs
-        What is not at the end of the horizon as at its begin, in words; "" where all repeats.
-    """
-
-    times: Array
-    A: Array
-    B: Array
-    period: float | None
-    differs: str = ""
 
 
 @dataclass(frozen=True)
@@ -255,11 +228,6 @@ class Controller(TimeVarying, Component):
         self.check(G, problems)
         return not problems
 
-    @property
-    def pieces(self) -> int:
-        """Number of pieces of the horizon for which it is `designed`; 0 where gains are given."""
-        return 0
-
     def with_defaults(self, G: MatrixLieGroup, gains: Gains, configured: Any) -> Self:
         """Return the law with the options that follow its gains, but for those of `configured`."""
         names = configured if isinstance(configured, dict) else {}
@@ -267,12 +235,8 @@ class Controller(TimeVarying, Component):
         return with_fields(self, **{name: value for name, value in defaults if name not in names})
 
     def directions(self, G: MatrixLieGroup) -> Array:
-        """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""
-        return np.eye(G.dimension)[: 0 if self.pieces else None]
-
-    def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
-        """Return the law with the gains that follow from its linearised plant."""
-        raise NotImplementedError(f"{self.name} is not designed for a plant")
+        """Return those in which it asks for a torque, ``(k, m)``."""
+        return np.eye(G.dimension)
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
@@ -436,6 +400,55 @@ def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
             "engine native compiles the law into the loop, and code is called; set "
             "control.period, at which it is called, or use engine solve_ivp"
         )
+
+
+# What only some laws can do: a law derives from Controller, and from the classes of what it can ---
+
+
+class LinearPlant(NamedTuple):
+    """The loop without feedback to first order: ẋ, or x a period later, is A x + B u.
+
+    x = (ε, e, …) with Q = Q_d exp(ε) and e = V − Ad_{Q_L⁻¹}V_d, then the states of actuators and
+    delays; u is added to τ_d.
+
+    Attributes
+    ----------
+    times : (k,)
+        One time where the plant is constant; else knots: begin and end of the horizon or, of a
+        sampled plant, its last instant, and those in between, s.
+    A, B
+        At the knots, of a sampled plant at the middles of the periods that begin there,
+        ``(k, n, n)`` and ``(k, n, m)``.
+    period
+        Control period, s; None for a continuous plant.
+    differs
+        What is not at the end of the horizon as at its begin, in words; "" where all repeats.
+    """
+
+    times: Array
+    A: Array
+    B: Array
+    period: float | None
+    differs: str = ""
+
+
+class Designed(ABC):
+    """A law whose gains follow from its plant, linearised about the reference.
+
+    Attributes
+    ----------
+    pieces
+        Number of pieces of the horizon; the plant is linearised at their ends.
+    known_forces
+        The forces of `model`, which it takes from its torque at the reference.
+    """
+
+    pieces: int
+    known_forces: Any
+
+    @abstractmethod
+    def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
+        """Return the law with the gains that follow from its linearised plant."""
 
 
 # The family of stabilising tracking laws τ(g, c, n, q), for every group ---------------------------

@@ -41,7 +41,7 @@ from eqt_cli.components.initial_states import (
     generator,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, check_calls, controllers, distinct_titles
+from eqt_cli.components.laws import Controller, Designed, check_calls, controllers, distinct_titles
 from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
@@ -745,13 +745,13 @@ def designed_laws(experiment: Experiment, problems: Problems) -> Experiment:
     """Return the experiment with the gains of the laws that are designed for their loops."""
     loops, horizon = dict(experiment.loops), float(experiment.times[-1])
     for index, (label, loop) in enumerate(experiment.loops.items()):
-        if not (count := loop.controller.pieces):
+        if not isinstance(law := loop.controller, Designed):
             continue
         with problems.catching("controllers", index):
-            times = np.linspace(0.0, horizon, count + 1)
+            times = np.linspace(0.0, horizon, law.pieces + 1)
             if (control := loop.vehicle.control) is not None:
                 last = max(1, math.ceil(horizon / control.period - 1e-9)) - 1
-                step = max(1, round(horizon / count / control.period))
+                step = max(1, round(horizon / law.pieces / control.period))
                 middles = control.period * (0.5 + np.unique([*range(0, last, step), last]))
                 times = np.minimum(middles, horizon)
             times = np.array([0.0, *times, horizon])

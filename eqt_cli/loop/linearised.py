@@ -15,7 +15,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
-from eqt_cli.components.laws import LinearPlant
+from eqt_cli.components.laws import Designed, LinearPlant
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
@@ -50,7 +50,8 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     InputError
         If the model has no derivative, or no gain makes it stable.
     """
-    law: Any = loop.controller
+    law = loop.controller
+    assert isinstance(law, Designed)
     clock, forces = loop.vehicle.control, law.known_forces
     actuators = tuple(each.nominal for each in loop.vehicle.actuators)
     known = Vehicle(forces=forces, actuators=actuators, control=clock)

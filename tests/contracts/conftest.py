@@ -22,7 +22,7 @@ from eqt_cli.components.flat import Knot
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.laws import controllers
+from eqt_cli.components.laws import Designed, controllers
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.references import PathFactor, references
 from eqt_cli.components.vehicle import Vehicle
@@ -175,7 +175,7 @@ def loop_with() -> Any:
             controller=law,
             vehicle=Vehicle(actuators=magnets),
         )
-        if not law.pieces:
+        if not isinstance(law, Designed):
             return made_loop
         at_rest = np.broadcast_to(G.identity, (3, *G.identity.shape)), np.zeros((3, m))
         return designed(made_loop, np.zeros(3), *at_rest)

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
-from eqt_cli.components.laws import controllers
+from eqt_cli.components.laws import Designed, controllers
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extensions.firmware.code_evidence import (
     COARSE,
@@ -377,7 +377,8 @@ def _shipped(loop: ClosedLoop, states: States) -> Iterator[Question]:
     G, memory = loop.group, np.hstack([states.inputs.velocity[:, :0], *states.memory.values()])
     code: Any = loop.controller
     for kind in controllers.all():
-        if type(code.formula) is not kind and kind.tasks and kind().fits(G) and not kind().pieces:
+        is_another = type(code.formula) is not kind and not issubclass(kind, Designed)
+        if is_another and kind.tasks and kind().fits(G):
             law: Any = kind().with_defaults(G, loop.gains, None).loaded(None, G, Problems())[0]
             lengths = law.memory(G)
             if [*lengths.values()] in ([], [memory.shape[1]]):
