@@ -96,6 +96,8 @@ from eqt_cli.components.initial_states import VelocityDistribution as VelocityDi
 from eqt_cli.components.laws import GT as GT
 from eqt_cli.components.laws import Asym as Asym
 from eqt_cli.components.laws import BulloMurray as BulloMurray
+from eqt_cli.components.laws import CodeCall as CodeCall
+from eqt_cli.components.laws import CodeFile as CodeFile
 from eqt_cli.components.laws import Controller as Controller
 from eqt_cli.components.laws import Designed as Designed
 from eqt_cli.components.laws import EqT as EqT
@@ -104,6 +106,9 @@ from eqt_cli.components.laws import Lee2010 as Lee2010
 from eqt_cli.components.laws import Lee2012 as Lee2012
 from eqt_cli.components.laws import LinearPlant as LinearPlant
 from eqt_cli.components.laws import NoG as NoG
+from eqt_cli.components.laws import Previews as Previews
+from eqt_cli.components.laws import ReadsLimits as ReadsLimits
+from eqt_cli.components.laws import RunsCode as RunsCode
 from eqt_cli.components.lqr import Eqr as Eqr
 from eqt_cli.components.lqr import Lqr as Lqr
 from eqt_cli.components.matrix_groups import SE2 as SE2

@@ -15,7 +15,7 @@ from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import Controller, Designed
+from eqt_cli.components.laws import Controller, Designed, ReadsLimits
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import (
@@ -153,7 +153,7 @@ class Inside(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cascade(Controller):
+class Cascade(ReadsLimits):
     """A position loop around an attitude law, for a body pushed along one body axis b; SE2 and SE3.
 
     The force F = m (p̈_d − sat(k_x e + k_v ė + k_i ∫e)) − known forces, in space, is to be given by
@@ -197,7 +197,7 @@ class Cascade(Controller):
     bandwidth: Annotated[Positive | None, Scale("bandwidth", "rad/s")] = None
     along: list[Real] | None = None
     inner: Any = field(default=None, init=False, repr=False)  # Controller
-    acting: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
+    acting: Any = field(default=(), init=False, repr=False)
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
     across: Any = field(default=(), init=False, repr=False)  # tuple of drags
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
@@ -290,7 +290,9 @@ class Cascade(Controller):
         if problems:
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
-        kinds = {"position": self.position.anti_windup, "attitude": self.inner.anti_windup}
+        kinds: dict[str, AntiWindup] = {"position": self.position.anti_windup}
+        if isinstance(self.inner, ReadsLimits):
+            kinds["attitude"] = self.inner.anti_windup
         unwinding = [at for at, kind in kinds.items() if kind != "none"]
         acting = [limited_parts(G, plant, problems.at(at)) for at in unwinding]
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None

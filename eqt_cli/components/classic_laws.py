@@ -13,7 +13,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller, published
+from eqt_cli.components.laws import Controller, ReadsLimits, published
 from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
 
 # Base class of laws that shape an energy of the body error and cancel all other forces ------------
@@ -294,7 +294,7 @@ class Maithripala2006(Controller):
 
 
 @dataclass(frozen=True)
-class Goodarzi2013(Controller):
+class Goodarzi2013(ReadsLimits):
     """Geometric PID after Goodarzi, Lee and Lee (2013), on every group; stiffer, so not matched.
 
     τ = τ_ξ + 𝕀 ad_e ξ − L*dΥ(Q_L) − K_d e − k_I b tanh(e_I / b), ė_I = e + c₂ e_R, e_I(0) = 0.
@@ -335,9 +335,8 @@ class Goodarzi2013(Controller):
     ki: Annotated[Positive, Unit(STIFFNESS)] = 0.2
     c2: Annotated[Real, Unit("1/s")] = 0.5
     bound: Annotated[Positive | None, Unit(POSE)] = None
-    anti_windup: AntiWindup = field(default="none", kw_only=True)  # type: ignore[misc]
-    # Of most laws, a constant of the class: mypy refuses a field in its place.
-    acting: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
+    anti_windup: AntiWindup = field(default="none", kw_only=True)
+    acting: Any = field(default=(), init=False, repr=False)
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
         """k_I = 0.1 min H: a fixed one would be too strong for a light body."""

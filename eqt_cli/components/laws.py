@@ -1,6 +1,6 @@
 """Control laws: their base class, and the (g, c, n) family with the laws of the paper."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,60 +33,6 @@ def _sources() -> list[str]:
 def published(key: str) -> str:
     """Return the BibTeX entry of a publication in `sources.bib`."""
     return next(entry for entry in _sources() if f"{{{key}," in entry)
-
-
-@dataclass(frozen=True)
-class RunsCode:
-    """The function that a law runs, as a configuration names it.
-
-    Attributes
-    ----------
-    file
-        The file that defines it, relative to the configuration.
-    prefix
-        X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
-    numbers
-        The fields of ``X_numbers`` that are given, with their lengths.
-    memory
-        The fields of ``X_memory``.
-    real
-        ``double`` or ``float``.
-    """
-
-    file: str
-    prefix: str
-    numbers: tuple[tuple[str, int], ...]
-    memory: tuple[str, ...]
-    real: str
-
-    @property
-    def is_python(self) -> bool:
-        """Whether the file is Python; then the prefix is the expression of its function."""
-        return self.file.endswith(".py")
-
-    @property
-    def function(self) -> str:
-        """The name of the function."""
-        return self.prefix if self.is_python else f"{self.prefix}_torque"
-
-
-class CodeCall(NamedTuple):
-    """The code of a law as C calls it; the function takes the arguments of ``eqt_code``.
-
-    Attributes
-    ----------
-    begins
-        Its second argument.
-    reads
-        The parts of `LawInput` that it is given, in their order.
-    options : (…, numbers)
-        Its numbers, of every run.
-    """
-
-    function: Any
-    begins: int
-    reads: tuple[str, ...]
-    options: Array
 
 
 @dataclass(frozen=True)
@@ -124,8 +70,6 @@ class Controller(TimeVarying, Component):
         How a loop with this law departs from the assumptions of the theorems, in a few words.
     reads_flat_output
         Whether it reads the flat output of the reference.
-    preview
-        The times from now at which it knows the reference, s.
     commands_attitude
         Whether it commands an attitude R_c, to which an attitude law turns the body.
     direction
@@ -133,8 +77,6 @@ class Controller(TimeVarying, Component):
     commands
         What it commands: a torque, the rates that a `rate_loop` takes, or a dipole, for which it
         reads the measured magnetic field; empty where that is not known.
-    acting, anti_windup
-        The actuators whose limits an anti-windup reads, and which it is.
     undefined
         Where it has no command, and the remedy, in words; "" where it always has one.
     reads_gains
@@ -153,12 +95,9 @@ class Controller(TimeVarying, Component):
     weight: ClassVar[Literal["spatial", "body", ""]] = ""
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
-    preview: ClassVar[Any] = ()
     commands_attitude: ClassVar[bool] = False
     commands: ClassVar[str] = "torque"
     direction: ClassVar[Any] = ()
-    acting: ClassVar[Any] = ()
-    anti_windup: ClassVar[Any] = "none"
     undefined: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = True
     inside_reads_gains: ClassVar[bool] = False
@@ -211,9 +150,7 @@ class Controller(TimeVarying, Component):
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows of the plant, after noting what does not fit."""
-        if self.anti_windup == "none":
-            return self
-        return with_fields(self, acting=limited_parts(G, plant, problems))
+        return self
 
     def with_held(self, held: Any) -> Self:
         """Return the law with the numbers that it `held` from one instant to the next."""
@@ -261,32 +198,6 @@ class Controller(TimeVarying, Component):
         """
         return None
 
-    # A law that is not a formula but code of the user.
-
-    @property
-    def code(self) -> RunsCode | None:
-        """The code that the law runs; None for a formula."""
-        return None
-
-    def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
-        """Return what that code is given of an input, ``(states, …)``."""
-        assert self.code_call is not None
-        return x.rows(self.code_call.reads)
-
-    def answer_rows(
-        self, G: MatrixLieGroup, rows: Array, memory: Arrays
-    ) -> tuple[Array, Arrays] | None:
-        """Return what the code answers to its rows; None where they are parts of the input.
-
-        A law that computes its rows answers to those of the engine, so that it has their bits.
-        """
-        return None
-
-    @property
-    def code_call(self) -> CodeCall | None:
-        """How C calls that code without Python; None for a formula."""
-        return None
-
     def loaded(
         self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Self | None, dict[str, str]]:
@@ -300,22 +211,6 @@ class Controller(TimeVarying, Component):
             The place of the configuration, as `config.document.Place`: its folder has the files.
         """
         return self, {}
-
-    def judged(
-        self, label: str, loop: Any, horizon: float, random: Any, flown: Any
-    ) -> Iterable[Any]:
-        """Return rows of `eqt verify` that only this law has.
-
-        Parameters
-        ----------
-        loop
-            The closed loop with this law.
-        random
-            A generator of random numbers.
-        flown
-            Times and flat states of good runs; None if there are none.
-        """
-        return ()
 
     @property
     def formula(self) -> "Controller | None":
@@ -381,28 +276,7 @@ controllers = Registry(
 )
 
 
-def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
-    """Note code that needs a control period, or that an engine, unless it `calls`, cannot call.
-
-    It is called of loops without a control period.
-    """
-    kind = type(law)
-    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
-        problems.add("answers at control instants only; set control.period, at which it is called")
-    elif law.code is None:
-        return
-    elif law.code.memory:
-        problems.at("memory").add(
-            "advances by a period at every call; set control.period, at which the code is called"
-        )
-    elif not calls:
-        problems.add(
-            "engine native compiles the law into the loop, and code is called; set "
-            "control.period, at which it is called, or use engine solve_ivp"
-        )
-
-
-# What only some laws can do: a law derives from Controller, and from the classes of what it can ---
+# What only some laws can do; a law derives from each of these classes that applies ---------------
 
 
 class LinearPlant(NamedTuple):
@@ -432,7 +306,37 @@ class LinearPlant(NamedTuple):
     differs: str = ""
 
 
-class Designed(ABC):
+class ReadsLimits(Controller):
+    """A law whose anti-windup reads the limits of actuators.
+
+    Attributes
+    ----------
+    anti_windup
+        What its integral does at the limits, where that is an option of the law itself.
+    acting
+        The actuators with these limits, in their order; empty where no anti-windup reads them.
+    """
+
+    anti_windup: Any = "none"
+    acting: Any = ()
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with the actuators whose limits it reads."""
+        if self.anti_windup == "none":
+            return self
+        return with_fields(self, acting=limited_parts(G, plant, problems))
+
+
+class Previews(Controller):
+    """A law that knows the reference in advance."""
+
+    @property
+    @abstractmethod
+    def preview(self) -> Sequence[float]:
+        """The times from now at which it knows the reference, s."""
+
+
+class Designed(Controller):
     """A law whose gains follow from its plant, linearised about the reference.
 
     Attributes
@@ -449,6 +353,127 @@ class Designed(ABC):
     @abstractmethod
     def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
         """Return the law with the gains that follow from its linearised plant."""
+
+
+@dataclass(frozen=True)
+class CodeFile:
+    """The function that a law runs, as a configuration names it.
+
+    Attributes
+    ----------
+    file
+        The file that defines it, relative to the configuration.
+    prefix
+        X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
+    numbers
+        The fields of ``X_numbers`` that are given, with their lengths.
+    memory
+        The fields of ``X_memory``.
+    real
+        ``double`` or ``float``.
+    """
+
+    file: str
+    prefix: str
+    numbers: tuple[tuple[str, int], ...]
+    memory: tuple[str, ...]
+    real: str
+
+    @property
+    def is_python(self) -> bool:
+        """Whether the file is Python; then the prefix is the expression of its function."""
+        return self.file.endswith(".py")
+
+    @property
+    def function(self) -> str:
+        """The name of the function."""
+        return self.prefix if self.is_python else f"{self.prefix}_torque"
+
+
+class CodeCall(NamedTuple):
+    """The code of a law as C calls it; the function takes the arguments of ``eqt_code``.
+
+    Attributes
+    ----------
+    begins
+        Its second argument.
+    reads
+        The parts of `LawInput` that it is given, in their order.
+    options : (…, numbers)
+        Its numbers, of every run.
+    """
+
+    function: Any
+    begins: int
+    reads: tuple[str, ...]
+    options: Array
+
+
+class RunsCode(Controller):
+    """A law that is not a formula but runs code: a function of the user, or a network."""
+
+    by_processor: ClassVar[bool] = True  # it is compiled on this machine
+
+    @property
+    @abstractmethod
+    def code(self) -> CodeFile:
+        """The code that the law runs."""
+
+    @property
+    @abstractmethod
+    def code_call(self) -> CodeCall | None:
+        """How C calls that code without Python; None where it needs Python."""
+
+    def code_rows(self, G: MatrixLieGroup, x: LawInput) -> Array:
+        """Return what that code is given of an input, ``(states, …)``."""
+        assert self.code_call is not None
+        return x.rows(self.code_call.reads)
+
+    def answer_rows(
+        self, G: MatrixLieGroup, rows: Array, memory: Arrays
+    ) -> tuple[Array, Arrays] | None:
+        """Return what the code answers to its rows; None where they are parts of the input.
+
+        A law that computes its rows answers to those of the engine, so that it has their bits.
+        """
+        return None
+
+    def judged(
+        self, label: str, loop: Any, horizon: float, random: Any, flown: Any
+    ) -> Iterable[Any]:
+        """Return rows of `eqt verify` that only this law has.
+
+        Parameters
+        ----------
+        loop
+            The closed loop with this law.
+        random
+            A generator of random numbers.
+        flown
+            Times and flat states of good runs; None if there are none.
+        """
+        return ()
+
+
+def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
+    """Note code that needs a control period, or that an engine, unless it `calls`, cannot call.
+
+    It is called of loops without a control period.
+    """
+    kind = type(law)
+    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
+        problems.add("answers at control instants only; set control.period, at which it is called")
+    elif not isinstance(law, RunsCode):
+        return
+    elif law.code.memory:
+        problems.at("memory").add(
+            "advances by a period at every call; set control.period, at which the code is called"
+        )
+    elif not calls:
+        problems.add(
+            "engine native compiles the law into the loop, and code is called; set "
+            "control.period, at which it is called, or use engine solve_ivp"
+        )
 
 
 # The family of stabilising tracking laws τ(g, c, n, q), for every group ---------------------------

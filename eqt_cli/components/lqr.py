@@ -16,7 +16,7 @@ from eqt_cli.base.arrays import Array, Arrays, apply_matrix, as_array, dot
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.option_types import Matrix
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller, Designed, LinearPlant
+from eqt_cli.components.laws import Designed, LinearPlant
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.motions import PlantModel, piece_at
@@ -146,7 +146,7 @@ class RegulatorTable:
 
 
 @dataclass(frozen=True)
-class Lqr(Controller, Designed):
+class Lqr(Designed):
     """The linear-quadratic regulator about the reference, on every group.
 
     τ = τ_d − f_d − K (ε, e, z) with ε = log Q_L, Q_L = Q_d⁻¹Q, and e = V − Ad_{Q_L⁻¹}V_d; f_d are

@@ -23,7 +23,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import EqtError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Scale
-from eqt_cli.components.laws import CodeCall
+from eqt_cli.components.laws import CodeCall, RunsCode
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
 from eqt_cli.engines import compiler, library
@@ -186,6 +186,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
     TraceError
         If a component does what programs cannot, as in `programs`.
     """
+    code = loop.controller if isinstance(loop.controller, RunsCode) else None
 
     def law_input(inputs: Arrays) -> Arrays:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
@@ -199,8 +200,8 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         }
         if loop.changes_by_measuring:
             signals["state"] = state[0]
-        if loop.controller.code_call is not None:
-            signals[ROWS] = loop.controller.code_rows(loop.group, law)[0]
+        if code and code.code_call:
+            signals[ROWS] = code.code_rows(loop.group, law)[0]
         return signals
 
     def after(inputs: Arrays) -> Arrays:
@@ -219,7 +220,7 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
     with _explained(loop):
         return InstantPrograms(
             traced(law_input, measured),
-            None if loop.controller.code else law_program(loop),
+            None if code else law_program(loop),
             traced(after, inputs | {"torque": m, "memory": remembered} | solved),
         )
 
@@ -389,7 +390,8 @@ class Lanes(Integrator):
     def _walking(self, runs: Array) -> library.Walk | None:
         """Return what walks these runs through many spans; None where Python has to take part."""
         loop, around, samples = self.problem.loop, self._law.around_code, self.samples
-        call = None if around is None else self.loop.controller.code_call
+        law = None if around is None else self.loop.controller
+        call = law.code_call if isinstance(law, RunsCode) else None
         program = self._law.after_instant if around is None else around.input if call else None
         if samples is None or program is None:
             return None

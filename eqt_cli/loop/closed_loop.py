@@ -17,7 +17,7 @@ from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import BODY_ENERGY, Controller
+from eqt_cli.components.laws import BODY_ENERGY, Controller, Previews, RunsCode
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
@@ -267,10 +267,13 @@ class ClosedLoop:
             "held_reference": self.reference,
             "held_law": self.controller,
         }
-        return parts | ({"held_ahead": self._ahead} if self.controller.preview else {})
+        return parts if self._ahead is None else parts | {"held_ahead": self._ahead}
 
     @property
-    def _ahead(self) -> ReferenceAhead:
+    def _ahead(self) -> ReferenceAhead | None:
+        """The reference as the law knows it in advance; None without a preview."""
+        if not isinstance(self.controller, Previews) or not self.controller.preview:
+            return None
         reference: Any = self.reference  # a ClosedReference, as the configuration was checked for
         return ReferenceAhead(reference, tuple(self.controller.preview))
 
@@ -376,8 +379,7 @@ class ClosedLoop:
         )
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
-        if self.controller.preview:
-            ahead = self.held_ahead or self._ahead
+        if ahead := self.held_ahead or self._ahead:
             s = dataclasses.replace(s, ahead=partial(ahead.motion, self.group, t, batch))
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
             return s
@@ -507,10 +509,12 @@ class ClosedLoop:
         """
         acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
         memory = self.memory(state)
-        if acts is None or acts.any():  # all runs have the same clocks
-            answer = None if rows is None else self.law.answer_rows(self.group, rows, memory)
-            return answer or self.answer(inputs, memory, self.period)
-        return 0.0 * inputs.velocity, memory
+        if acts is not None and not acts.any():  # all runs have the same clocks
+            return 0.0 * inputs.velocity, memory
+        law, answer = self.law, None
+        if rows is not None and isinstance(law, RunsCode):
+            answer = law.answer_rows(self.group, rows, memory)
+        return answer or self.answer(inputs, memory, self.period)
 
     @property
     def lost_at(self) -> int | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
-from eqt_cli.components.laws import Designed, LinearPlant
+from eqt_cli.components.laws import Designed, LinearPlant, ReadsLimits
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
@@ -28,7 +28,7 @@ from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 def off_limits(loop: ClosedLoop) -> ClosedLoop:
     """Return the loop where no limit is reached, without an estimator."""
     law = loop.controller
-    law = with_fields(law, acting=()) if law.acting else law
+    law = with_fields(law, acting=()) if isinstance(law, ReadsLimits) else law
     return dataclasses.replace(loop, controller=law, vehicle=loop.vehicle.linear_part)
 
 
@@ -836,7 +836,7 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
             what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
             # At a limit no loop is pushed harder: what grows from small errors, grows.
             yield LeftOut(f"{ACTUATORS}[{index}] ({what}{actuator.departs})", not actuator.limits)
-    if loop.controller.acting:
+    if isinstance(loop.controller, ReadsLimits) and loop.controller.acting:
         yield LeftOut("the anti-windup (the loop is that off its limits)", stabilises=False)
     for place, sensor in vehicle.sensors().items():
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BaseModel, FiniteFloat
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import printable
-from eqt_cli.components.laws import Designed
+from eqt_cli.components.laws import Designed, Previews, RunsCode
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.loop.closed_loop import ClosedLoop
 
@@ -123,7 +123,7 @@ def at_rest(loop: ClosedLoop, times: Array, poses: Array) -> AtRest | None:
     """
     inner = loop.inside
     law, G, k, m = inner.controller, inner.group, len(times), inner.group.dimension
-    reads_more = law.reads_flat_output or law.code is not None or np.size(law.preview) > 0
+    reads_more = law.reads_flat_output or isinstance(law, RunsCode | Previews)
     # A law that is designed for a plant has its poles with that plant: `margins` has them.
     if reads_more or isinstance(law, Designed) or law.commands != "torque" or loop.axis:
         return None

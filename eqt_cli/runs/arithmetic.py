@@ -59,6 +59,6 @@ def _dependent(experiment: Experiment) -> str:
     starts = (*getattr(start.poses, "factors", (start.poses,)), start.velocities)
     parts += [LoopPart(each, ("initial",), "the start") for each in starts]
     for part in [*parts, *(LoopPart(metric, (), metric.name) for metric in experiment.metrics)]:
-        if part.is_foreign or any(getattr(part.part, x, False) for x in ("by_processor", "code")):
+        if part.is_foreign or getattr(part.part, "by_processor", False):
             return part.name
     return ""

@@ -9,7 +9,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems, parse_key
 from eqt_cli.base.option_types import Kind, option_names
-from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.components.laws import Controller, RunsCode, controllers
 from eqt_cli.config.designs import Sweep
 from eqt_cli.config.document import with_value
 from eqt_cli.config.experiment import Experiment
@@ -65,7 +65,7 @@ def law_names(study: Study, sweep: Sweep) -> Array | None:
 def _law_of_torque(law: Controller, base: Experiment, torques: Arrays) -> str:
     """Return the first of some laws with the same torque, up to rounding; "" if there is none."""
     # Without memory: at random states, one with memory is compared at none.
-    if not torques or law.code is not None or type(law).memory is not Controller.memory:
+    if not torques or isinstance(law, RunsCode) or type(law).memory is not Controller.memory:
         return ""
     torque = _torque(law, base)
     bound = ROUNDING * np.abs(torque).max()

@@ -19,7 +19,7 @@ from eqt_cli.base.yaml_source import load
 from eqt_cli.components import matrix_groups
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import CodeCall, Controller, RunsCode, controllers
+from eqt_cli.components.laws import CodeCall, CodeFile, Controller, RunsCode, controllers
 from eqt_cli.components.mechanics import LATER, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, trusted_text
@@ -220,7 +220,7 @@ class _Numbers(Controller):
 
 
 @dataclass(frozen=True)
-class Code(_Numbers):
+class Code(_Numbers, RunsCode):
     """Your own function in C, C++ or Python, called at control instants, or by solve_ivp.
 
     The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
@@ -303,7 +303,7 @@ class Code(_Numbers):
         if self.as_ is None:
             return None
         law = Kind(controllers).checked(self.as_, problems.at("as"), G)
-        if law is None or law.code is None:
+        if not isinstance(law, RunsCode):
             return law and law.loaded(None, G, problems)[0]
         problems.at("as").add("expected a law of eqt or of a plugin, got code")
         return None
@@ -318,10 +318,10 @@ class Code(_Numbers):
         return PurePath(self.file).stem if self.function is None else self.function[: -len(TORQUE)]
 
     @property
-    def code(self) -> RunsCode:
+    def code(self) -> CodeFile:
         """The function, and its numbers and memory."""
         counts = ((n, len(v) if isinstance(v, list) else 1) for n, v in self.numbers.items())
-        return RunsCode(self.file, self.prefix, tuple(counts), tuple(self.memory_), self.real)
+        return CodeFile(self.file, self.prefix, tuple(counts), tuple(self.memory_), self.real)
 
     def loaded(
         self, home: Place, G: MatrixLieGroup, problems: Problems

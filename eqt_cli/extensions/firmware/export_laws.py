@@ -15,6 +15,7 @@ from eqt_cli.base.reporting import reporter, step
 from eqt_cli.components.estimators import Estimator, Measurement
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, generator, generator_at
+from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.references import ClosedReference, references
 from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
@@ -621,10 +622,10 @@ def _adapted(law: ExportedLaw, adapter: Adapter) -> ExportedLaw:
 
 def _program(experiment: Experiment, label: str) -> LawProgram:
     loop = experiment.loops[label]
-    if code := loop.controller.code:
-        claimed = ", or export the law that it claims to be" * bool(loop.controller.formula)
+    if isinstance(law := loop.controller, RunsCode):
+        claimed = ", or export the law that it claims to be" * bool(law.formula)
         raise EqtError(
-            f"{label}: the law is code in {code.file}, not a formula",
+            f"{label}: the law is code in {law.code.file}, not a formula",
             Remedy(f"leave it out{claimed}"),
         )
     program = law_of(loop)

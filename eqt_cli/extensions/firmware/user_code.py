@@ -27,7 +27,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
-from eqt_cli.components.laws import RunsCode
+from eqt_cli.components.laws import CodeFile
 from eqt_cli.components.mechanics import LATER, LawInput
 from eqt_cli.components.motions import ORDER
 from eqt_cli.engines import compiler
@@ -306,7 +306,7 @@ _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class UserCode(RunsCode):
+class UserCode(CodeFile):
     """A user's text in C and the names that it has to define.
 
     Attributes

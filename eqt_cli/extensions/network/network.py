@@ -27,7 +27,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import InputError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Keys, Positive, Real, Unit
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import CodeCall, Controller, RunsCode
+from eqt_cli.components.laws import CodeCall, CodeFile, Controller, Previews, RunsCode
 from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
@@ -449,7 +449,7 @@ def call(function: Any, states: Array, rows: Array, outputs: Array) -> None:
 
 
 @dataclass(frozen=True)
-class Network(Controller):
+class Network(RunsCode, Previews):
     """A trained neural network with its weights; it reads no gains.
 
     The file is ONNX (`pip install onnx`, extra network) or a checkpoint of RLtools (`.h5`). It is
@@ -593,9 +593,9 @@ class Network(Controller):
         return None
 
     @property
-    def code(self) -> RunsCode:
+    def code(self) -> CodeFile:
         """The function in C."""
-        return RunsCode(self.file, "eqt_code", (), (), "double")
+        return CodeFile(self.file, "eqt_code", (), (), "double")
 
     @property
     def code_call(self) -> CodeCall:

@@ -18,7 +18,7 @@ from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
 from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.initial_states import Stream, generator
-from eqt_cli.components.laws import EqT
+from eqt_cli.components.laws import EqT, RunsCode
 from eqt_cli.components.mechanics import Gains, as_distance
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.document import document_of
@@ -392,8 +392,9 @@ class _Verifier:
         ]
         # Code is compared with the law that it claims to be.
         for index, (label, loop) in enumerate(loops.items(), start=1):
-            random, flown = _random(self.experiment, index, Stream.CODE), self.flown.get(label)
-            rows += loop.controller.judged(label, loop, horizon, random, flown)
+            if isinstance(law := loop.controller, RunsCode):
+                random, flown = _random(self.experiment, index, Stream.CODE), self.flown.get(label)
+                rows += law.judged(label, loop, horizon, random, flown)
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
         small = gains_flown(self.experiment)
