@@ -106,6 +106,7 @@ from eqt_cli.components.laws import Lee2010 as Lee2010
 from eqt_cli.components.laws import Lee2012 as Lee2012
 from eqt_cli.components.laws import LinearPlant as LinearPlant
 from eqt_cli.components.laws import NoG as NoG
+from eqt_cli.components.laws import OuterLoop as OuterLoop
 from eqt_cli.components.laws import Previews as Previews
 from eqt_cli.components.laws import ReadsLimits as ReadsLimits
 from eqt_cli.components.laws import RunsCode as RunsCode

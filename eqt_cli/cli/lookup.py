@@ -310,8 +310,8 @@ def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
 
     laws, lines = dict[tuple[str, ...], list[str]](), dict[str, list[str]]()
     for title, loop in zip(experiment.titles.values(), experiment.loops.values(), strict=True):
-        law, gains, axes = loop.controller, loop.inside.gains, dict[tuple[str, ...], list[str]]()
-        if not (law.reads_gains or law.inside_reads_gains):
+        inner, gains, axes = loop.inside, loop.inside.gains, dict[tuple[str, ...], list[str]]()
+        if not inner.controller.reads_gains:
             continue
         for axis, (bandwidth, damping) in small_errors(loop).items():
             axes.setdefault((f"{bandwidth:.3g}", f"{damping:.2g}"), []).append(axis)
@@ -319,7 +319,7 @@ def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
             laws.setdefault((", ".join(names), *numbers), []).append(title)
         words, kp, kd = [], gains.K[0, 0], gains.K_d[0, 0]
         multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
-        if multiples and all(part.turns for part in loop.inside.group.parts):
+        if multiples and all(part.turns for part in inner.group.parts):
             words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
         if loop.axis:
             claimed = loop.barrier and loop.claims_decrease

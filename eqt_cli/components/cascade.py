@@ -15,7 +15,7 @@ from eqt_cli.base.option_types import Keys, Kind, Positive, Real, Scale
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, limited_parts, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import Controller, Designed, ReadsLimits
+from eqt_cli.components.laws import Controller, Designed, OuterLoop, ReadsLimits, controllers
 from eqt_cli.components.matrix_groups import rigid, rigid_motions
 from eqt_cli.components.mechanics import Gains, LawInput, Tracking
 from eqt_cli.components.motions import (
@@ -153,7 +153,7 @@ class Inside(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cascade(ReadsLimits):
+class Cascade(OuterLoop, ReadsLimits):
     """A position loop around an attitude law, for a body pushed along one body axis b; SE2 and SE3.
 
     The force F = m (p̈_d − sat(k_x e + k_v ė + k_i ∫e)) − known forces, in space, is to be given by
@@ -188,7 +188,6 @@ class Cascade(ReadsLimits):
     tasks: ClassVar[tuple[str, ...]] = ()
     theorem: ClassVar[str] = ""  # nothing is claimed for the whole
     reads_flat_output: ClassVar[bool] = True
-    commands_attitude: ClassVar[bool] = True
     reads_gains: ClassVar[bool] = False
 
     attitude: str | dict[str, Any]
@@ -201,8 +200,7 @@ class Cascade(ReadsLimits):
     known: Any = field(default=(), init=False, repr=False)  # tuple of forces
     across: Any = field(default=(), init=False, repr=False)  # tuple of drags
     exact: bool = field(default=True, init=False, repr=False, metadata=STRUCTURE)
-    # Of most laws, a constant of the class: mypy refuses a field in its place.
-    direction: Any = field(default=(), init=False, metadata=STRUCTURE)  # type: ignore[misc]
+    direction: Any = field(default=(), init=False, metadata=STRUCTURE)
 
     # What it is made of.
 
@@ -214,13 +212,12 @@ class Cascade(ReadsLimits):
                 f"got {G.name}"
             )
             return
-        attitude_group = self.gains_group(G)
         law = self._attitude_law(G, problems.at("attitude"))
         tracks = law is None or "track" in law.tasks or law.commands == "rates"
-        if law is not None and (not tracks or isinstance(law, Designed)):
+        if not tracks or isinstance(law, Designed):
             problems.at("attitude").add(
-                f"expected a law of {attitude_group.name} that tracks with given gains, such as "
-                f"lee2010, got {law.name}"
+                f"expected a law of {self.gains_group(G).name} that tracks with given gains, such "
+                f"as lee2010, got {law.name}"
             )
         if self.rates == "filter" and self.bandwidth is None:
             problems.at("bandwidth").add("missing; rates: filter needs it, in rad/s")
@@ -233,19 +230,11 @@ class Cascade(ReadsLimits):
         self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Cascade, dict[str, str]]:
         """Return the law with its attitude law."""
-        if not rigid_motions(G):
-            return self, {}
-        return with_fields(self, inner=self._attitude_law(G, Problems())), {}
+        inner = self._attitude_law(G, Problems()) if rigid_motions(G) else None
+        return with_fields(self, inner=inner), {}
 
     def _attitude_law(self, G: MatrixLieGroup, problems: Problems) -> Any:
-        from eqt_cli.components.laws import controllers  # the registry imports this file
-
         return Kind(controllers).checked(self.attitude, problems, self.gains_group(G))
-
-    @property
-    def inside_reads_gains(self) -> bool:  # type: ignore[override]  # a constant of most laws
-        """Whether the attitude law does; laws of plugins may have all their gains as options."""
-        return self.inner is None or bool(self.inner.reads_gains)
 
     @property
     def commands(self) -> str:  # type: ignore[override]  # a constant of most laws
@@ -256,11 +245,10 @@ class Cascade(ReadsLimits):
         """Return the group of rotations."""
         return rigid(G).rotation_group if rigid_motions(G) else G
 
-    def inside(
-        self, G: MatrixLieGroup, inertia: InertiaLaw
-    ) -> tuple[MatrixLieGroup, InertiaLaw, Controller] | None:
-        """Return the attitude law, with the rotations and their inertia."""
-        return self.gains_group(G), _of_rotation(G, inertia.at(0.0)), self.inner
+    def inner_inertia(self, G: MatrixLieGroup, inertia: InertiaLaw) -> Inertia:
+        """Return the inertia of the rotations."""
+        turns, J = slice(0, rigid(G).rotations), inertia.at(0.0)
+        return Inertia(J.matrix[..., turns, turns], J.inverse[..., turns, turns])
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the attitude law with the options that follow its gains."""
@@ -428,7 +416,8 @@ class Cascade(ReadsLimits):
         inputs = LawInput(s.t, R, turning, *desired)
         n = len(ATTITUDE)
         memory = {name[n:]: z for name, z in s.memory.items() if name.startswith(ATTITUDE)}
-        return inputs.tracking(G.rotation_group, _of_rotation(s.G, s.inertia), s.gains, memory)
+        inertia = self.inner_inertia(s.G, s.inertia)
+        return inputs.tracking(G.rotation_group, inertia, s.gains, memory)
 
     def _filter_rate(self, s: Tracking, acceleration: Array) -> Any:
         w: Any = self.bandwidth
@@ -617,11 +606,6 @@ def check_flat_output(plant: PlantModel, problems: Problems) -> None:
             "needs a reference that gives jerk and snap",
             Remedy("use reference: {kind: flat, position: […]}, or {kind: flat, of: …}"),
         )
-
-
-def _of_rotation(G: MatrixLieGroup, inertia: Inertia) -> Inertia:
-    turns = slice(0, rigid(G).rotations)
-    return Inertia(inertia.matrix[..., turns, turns], inertia.inverse[..., turns, turns])
 
 
 def _mass(s: Tracking) -> Array:

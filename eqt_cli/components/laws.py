@@ -16,7 +16,7 @@ from eqt_cli.base.option_types import Real, Scale
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.actuators import limited_parts
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.inertia import InertiaLaw
+from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import structure, with_fields
@@ -70,19 +70,11 @@ class Controller(TimeVarying, Component):
         How a loop with this law departs from the assumptions of the theorems, in a few words.
     reads_flat_output
         Whether it reads the flat output of the reference.
-    commands_attitude
-        Whether it commands an attitude R_c, to which an attitude law turns the body.
-    direction
-        The body axis along which it pushes a rigid body, if there is only one.
     commands
         What it commands: a torque, the rates that a `rate_loop` takes, or a dipole, for which it
         reads the measured magnetic field; empty where that is not known.
-    undefined
-        Where it has no command, and the remedy, in words; "" where it always has one.
     reads_gains
         Whether it reads the section `gains`.
-    inside_reads_gains
-        Whether the law inside it reads gains.
     """
 
     title: ClassVar[str]
@@ -95,12 +87,8 @@ class Controller(TimeVarying, Component):
     weight: ClassVar[Literal["spatial", "body", ""]] = ""
     departs: ClassVar[str] = ""
     reads_flat_output: ClassVar[bool] = False
-    commands_attitude: ClassVar[bool] = False
     commands: ClassVar[str] = "torque"
-    direction: ClassVar[Any] = ()
-    undefined: ClassVar[str] = ""
     reads_gains: ClassVar[bool] = True
-    inside_reads_gains: ClassVar[bool] = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Drop the inherited claims of a class with a torque, and the title of one with a name."""
@@ -128,20 +116,6 @@ class Controller(TimeVarying, Component):
     def gains_group(self, G: MatrixLieGroup) -> MatrixLieGroup:
         """Return the group that its gains are of."""
         return G
-
-    def inside(
-        self, G: MatrixLieGroup, inertia: InertiaLaw
-    ) -> "tuple[MatrixLieGroup, InertiaLaw, Controller] | None":
-        """Return the law that L and the gains are of, if another one, with group and inertia."""
-        return None
-
-    def loop_errors(self, s: Tracking) -> Array | None:
-        """Return errors in which a cascade may not change along a reference, inner loop first."""
-        return None
-
-    def attitude_error(self, s: Tracking) -> Array | None:
-        """Return ‖R − R_c‖_F, ``(...)``, if it `commands_attitude`."""
-        return None
 
     @property
     def counteracts(self) -> bool:
@@ -172,7 +146,7 @@ class Controller(TimeVarying, Component):
         return with_fields(self, **{name: value for name, value in defaults if name not in names})
 
     def directions(self, G: MatrixLieGroup) -> Array:
-        """Return those in which it asks for a torque, ``(k, m)``."""
+        """Return those in which it asks for a torque, ``(k, m)``; of a design, none."""
         return np.eye(G.dimension)
 
     @abstractmethod
@@ -256,10 +230,6 @@ class Controller(TimeVarying, Component):
         """Return the numbers that a result stores, ``(..., length)`` each."""
         return s.memory
 
-    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
-        """Return the states that count control instants, at each instant of the law's cycle."""
-        return [{}]
-
     def memory_gradient(self, s: Tracking) -> Arrays | None:
         """Return ∂L/∂z of all states z; None where it is not known.
 
@@ -277,6 +247,73 @@ controllers = Registry(
 
 
 # What only some laws can do; a law derives from each of these classes that applies ---------------
+
+
+class ReadsLimits(Controller):
+    """A law whose anti-windup reads the limits of actuators.
+
+    Attributes
+    ----------
+    anti_windup
+        What its integral does at the limits, where that is an option of the law itself.
+    acting
+        The actuators with these limits, in their order; empty where no anti-windup reads them.
+    """
+
+    anti_windup: Any = "none"
+    acting: Any = ()
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with the actuators whose limits it reads."""
+        if self.anti_windup == "none":
+            return self
+        return with_fields(self, acting=limited_parts(G, plant, problems))
+
+
+class OuterLoop(Controller):
+    """A law that commands an attitude R_c to an inner law, of which L and the gains are.
+
+    Attributes
+    ----------
+    inner
+        The law of attitudes; None until the law is `loaded`.
+    direction
+        The body axis along which it pushes a rigid body; empty until it knows the plant.
+    undefined
+        Where it has no command, and the remedy, in words; "" where it always has one.
+    """
+
+    inner: Any = None
+    direction: Any = ()
+    undefined: ClassVar[str] = ""
+
+    @abstractmethod
+    def inner_inertia(self, G: MatrixLieGroup, inertia: InertiaLaw) -> Inertia:
+        """Return the inertia of the inner law, on its `gains_group`."""
+
+    @abstractmethod
+    def attitude_error(self, s: Tracking) -> Array:
+        """Return ‖R − R_c‖_F, ``(...)``."""
+
+    @abstractmethod
+    def loop_errors(self, s: Tracking) -> Array:
+        """Return errors that may not change along a reference, inner loop first, ``(..., 2m)``."""
+
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return the states that count control instants, at each instant of the law's cycle."""
+        return [{}]
+
+
+class Previews(Controller):
+    """A law that knows the reference in advance.
+
+    Attributes
+    ----------
+    preview : (k,)
+        The times from now at which it knows the reference, s.
+    """
+
+    preview: ClassVar[Any] = ()
 
 
 class LinearPlant(NamedTuple):
@@ -306,36 +343,6 @@ class LinearPlant(NamedTuple):
     differs: str = ""
 
 
-class ReadsLimits(Controller):
-    """A law whose anti-windup reads the limits of actuators.
-
-    Attributes
-    ----------
-    anti_windup
-        What its integral does at the limits, where that is an option of the law itself.
-    acting
-        The actuators with these limits, in their order; empty where no anti-windup reads them.
-    """
-
-    anti_windup: Any = "none"
-    acting: Any = ()
-
-    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
-        """Return the law with the actuators whose limits it reads."""
-        if self.anti_windup == "none":
-            return self
-        return with_fields(self, acting=limited_parts(G, plant, problems))
-
-
-class Previews(Controller):
-    """A law that knows the reference in advance."""
-
-    @property
-    @abstractmethod
-    def preview(self) -> Sequence[float]:
-        """The times from now at which it knows the reference, s."""
-
-
 class Designed(Controller):
     """A law whose gains follow from its plant, linearised about the reference.
 
@@ -353,6 +360,10 @@ class Designed(Controller):
     @abstractmethod
     def designed(self, G: MatrixLieGroup, plant: LinearPlant) -> Self:
         """Return the law with the gains that follow from its linearised plant."""
+
+    def directions(self, G: MatrixLieGroup) -> Array:
+        """Return none: the weights decide."""
+        return np.empty((0, G.dimension))
 
 
 @dataclass(frozen=True)
@@ -413,6 +424,18 @@ class RunsCode(Controller):
     """A law that is not a formula but runs code: a function of the user, or a network."""
 
     by_processor: ClassVar[bool] = True  # it is compiled on this machine
+    tasks: ClassVar[tuple[str, ...]] = ()
+    theorem: ClassVar[str] = ""
+    reads_gains: ClassVar[bool] = False
+
+    @property
+    def formula(self) -> Controller | None:
+        """The law that the code claims to be; None if it claims nothing."""
+        return None
+
+    def torque(self, s: Tracking) -> Array:
+        """Return the torque of one call of the code."""
+        return self.answer(s, 0.0)[0]
 
     @property
     @abstractmethod
@@ -453,27 +476,6 @@ class RunsCode(Controller):
             Times and flat states of good runs; None if there are none.
         """
         return ()
-
-
-def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
-    """Note code that needs a control period, or that an engine, unless it `calls`, cannot call.
-
-    It is called of loops without a control period.
-    """
-    kind = type(law)
-    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
-        problems.add("answers at control instants only; set control.period, at which it is called")
-    elif not isinstance(law, RunsCode):
-        return
-    elif law.code.memory:
-        problems.at("memory").add(
-            "advances by a period at every call; set control.period, at which the code is called"
-        )
-    elif not calls:
-        problems.add(
-            "engine native compiles the law into the loop, and code is called; set "
-            "control.period, at which it is called, or use engine solve_ivp"
-        )
 
 
 # The family of stabilising tracking laws τ(g, c, n, q), for every group ---------------------------

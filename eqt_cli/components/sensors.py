@@ -162,9 +162,9 @@ class DynamicSensor(Sensor):
     measured coordinates, ``(..., n)``.
     """
 
-    @abstractmethod
     def states(self, G: MatrixLieGroup) -> int:
-        """Return the number of states."""
+        """Return the number of states; by default one for each measured coordinate."""
+        return self.coordinates(G)
 
     def started(self, V: Array) -> Array:
         """Return the states at t = 0, ``(..., states)``."""
@@ -198,10 +198,6 @@ class SensorLag(DynamicSensor):
     def errors(self, G: MatrixLieGroup, instants: int, period: float, random: Generator) -> Array:
         """Return 0: the lag depends on the motion."""
         return np.zeros((instants, self.coordinates(G)))
-
-    def states(self, G: MatrixLieGroup) -> int:
-        """Return the number of states, one for each coordinate."""
-        return self.coordinates(G)
 
     def state_rate(self, V: Array, x: Array) -> Array:
         """Return (V − x) / T."""

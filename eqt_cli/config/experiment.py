@@ -41,7 +41,7 @@ from eqt_cli.components.initial_states import (
     generator,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, Designed, check_calls, controllers, distinct_titles
+from eqt_cli.components.laws import Controller, Designed, OuterLoop, controllers, distinct_titles
 from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
@@ -440,7 +440,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     if vehicle.control is None:
         calls = config.solver.engine.calls_laws or config.solver.is_auto
         for law in laws.values():
-            check_calls(law.law, calls, problems.at("controllers", law.index))
+            sections.check_calls(law.law, calls, problems.at("controllers", law.index))
     config, gains = gains_of(config, laws, G, problems)
     if isinstance(thresholds := config.settling_threshold, dict):
         check_thresholds(thresholds, G, problems.at("settling_threshold"))
@@ -564,7 +564,7 @@ def gains_of(
         group = law.law.gains_group(G)
         if group is G and not law.gains:
             gains = shared(axes)
-            if gains is None and not (law.law.reads_gains or law.law.inside_reads_gains):
+            if gains is None and not law.law.reads_gains:
                 gains = _unread_gains(G)
         elif group is G:
             gains = sections.gains_from(section | law.gains, G, at_law, axes)
@@ -577,7 +577,9 @@ def gains_of(
 
 def _gains_of_inner(law: Law, group: MatrixLieGroup, axes: Any, problems: Problems) -> Gains | None:
     """Return the gains of a law on its own group, or None after noting its problems."""
-    if not (law.gains or law.law.reads_gains or law.law.inside_reads_gains):
+    outer = law.law.formula
+    inner = outer.inner if isinstance(outer, OuterLoop) else law.law
+    if not (law.gains or law.law.reads_gains or inner is None or inner.reads_gains):
         return _unread_gains(group)
     for name in {"kp", "kd"} - law.gains.keys():
         problems.at(name).add(
@@ -603,7 +605,7 @@ def with_model(
     problems: Problems,
 ) -> tuple[dict[str, Law], DesiredTrajectory]:
     """Return the laws and the reference with what they know of the plant."""
-    laws, pushes = dict(laws), vehicle.pushes(G)
+    laws, pushes, directions = dict(laws), vehicle.pushes(G), list[Any]()
     acts, model = config.plant, config.model
     acting = acts is not None and acts.forces and not (model and model.forces == "plant")
     plant = PlantModel(
@@ -628,13 +630,14 @@ def with_model(
             which = takes if commands == "torque" else commands
             put = f"only {TAKEN_BY[which]} takes {which}"
             here.add(f"commands {commands}, and actuators take {takes}; {put}")
-        push = laws[label].law.direction
+        outer = laws[label].law.formula
+        push = outer.direction if isinstance(outer, OuterLoop) else ()
+        directions.append(push)
         turned = config.task.axis if isinstance(config.task, PointSection) else None
         if turned and push and abs(np.dot(turned, push)) < 1 - 1e-9:
             problems.at("task", "axis").add(f"expected the direction of the push, {list(push)}")
     if problems:
         return laws, desired
-    directions: list[Any] = [entry.law.direction for entry in laws.values()]
     along = next(filter(None, directions), None)
     if along is None and pushes is not None:
         along = only_direction(pushes)

@@ -15,7 +15,6 @@ from eqt_cli.base.reporting import reporter
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
-from eqt_cli.components.laws import Controller, Designed
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem
@@ -71,11 +70,6 @@ Placed = Iterator[tuple[KeyPath, str]]
 """Remarks, each with the key that it is about."""
 
 
-def _directions(law: Controller, G: MatrixLieGroup) -> Array:
-    """Return those in which a law asks for a torque, ``(k, m)``; of a design, none."""
-    return np.eye(G.dimension)[:0] if isinstance(law, Designed) else law.directions(G)
-
-
 def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     """Yield the remarks of the reference, the actuators, the forces and the estimator."""
     loops, G = experiment.loops.values(), experiment.group
@@ -84,7 +78,7 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
     yield from (
         (("initial", "file"), text) for text in getattr(experiment.start.poses, "notes", ())
     )
-    wanted = max((_directions(loop.controller, G) for loop in loops), key=len)
+    wanted = max((loop.controller.directions(G) for loop in loops), key=len)
     for index, actuator in enumerate(loop.vehicle.actuators if len(wanted) else ()):
         for text in actuator.remarks(G, wanted):
             yield (ACTUATORS, index), f"{actuator.name} {text}"

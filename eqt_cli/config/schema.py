@@ -72,7 +72,7 @@ from eqt_cli.components.initial_states import (
     pose_distributions,
     velocity_distributions,
 )
-from eqt_cli.components.laws import Controller, controllers
+from eqt_cli.components.laws import Controller, OuterLoop, controllers
 from eqt_cli.components.matrix_groups import distance_of_turn
 from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.pose_notation import pose_from, vector
@@ -369,7 +369,8 @@ class PointSection(Section):
     def refusal(self, law: Controller, G: MatrixLieGroup) -> str:
         """Return why a law cannot do it; "" if it can."""
         G_of, remedy = law.gains_group(G), "use a law with its error in the body, such as lee2010"
-        weight = (getattr(law, "inner", None) or law).weight  # of a cascade, its attitude law's
+        inner = law.inner if isinstance(law, OuterLoop) else None
+        weight = (inner or law).weight  # of a cascade, its attitude law's
         if G_of.dimension != 3 or not G_of.compact or (self.at and G_of is not G):
             return f"{law.name} on {G.name} does not: use SO3, or a cascade with along: reference"
         if not weight:

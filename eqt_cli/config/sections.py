@@ -24,6 +24,7 @@ from eqt_cli.components.inertia import (
     matrices_at,
     with_other_products,
 )
+from eqt_cli.components.laws import Controller, RunsCode
 from eqt_cli.components.mechanics import Gains, TimeVarying
 from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
@@ -459,6 +460,28 @@ def _as_floats(value: Any) -> Any:
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]
     return float(value) if isinstance(value, int) else value
+
+
+# The section `controllers`: when a law is called --------------------------------------------------
+
+
+def check_calls(law: Controller, calls: bool, problems: Problems) -> None:
+    """Note code that needs a control period, or that an engine, unless it `calls`, cannot call.
+
+    It is called of loops without a control period.
+    """
+    kind = type(law)
+    if kind.answer is not Controller.answer and kind.memory_rate is Controller.memory_rate:
+        problems.add("answers at control instants only; set control.period, at which it is called")
+    elif isinstance(law, RunsCode) and law.code.memory:
+        problems.at("memory").add(
+            "advances by a period at every call; set control.period, at which the code is called"
+        )
+    elif isinstance(law, RunsCode) and not calls:
+        problems.add(
+            "engine native compiles the law into the loop, and code is called; set "
+            "control.period, at which it is called, or use engine solve_ivp"
+        )
 
 
 # The sections `plant`, `actuators`, `control`, `sensors` and `estimator`: the vehicle -------------

@@ -21,6 +21,7 @@ from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import CountOrNone, Positive
 from eqt_cli.base.registry import Component, Registry
+from eqt_cli.components.laws import OuterLoop
 from eqt_cli.components.sensors import Errors
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
@@ -688,8 +689,9 @@ def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: F
     if np.isnan(failure.t):
         known = problem.times[~lost]
         at = f"after t = {known[-1] if len(known) else problem.times[0]:.6g} s"
-    law = problem.loop.controller if failure.status is Status.NON_FINITE else None
-    reason = "; ".join(filter(None, [failure.reason, law.undefined if law else ""]))
+    law = problem.loop.controller.formula if failure.status is Status.NON_FINITE else None
+    undefined = law.undefined if isinstance(law, OuterLoop) else ""
+    reason = "; ".join(filter(None, [failure.reason, undefined]))
     solution.status[run] = failure.status
     solution.messages[run] = f"{at}: {reason}"
 

@@ -17,7 +17,7 @@ from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import BODY_ENERGY, Controller, Previews, RunsCode
+from eqt_cli.components.laws import BODY_ENERGY, Controller, OuterLoop, Previews, RunsCode
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
@@ -131,12 +131,12 @@ class ClosedLoop:
     @property
     def inside(self) -> "ClosedLoop":
         """The loop that L and the gains are of: for a cascade that of its attitude, else itself."""
-        inner = self.controller.inside(self.group, self.inertia)
-        if inner is None:
+        outer = self.controller.formula
+        if not isinstance(outer, OuterLoop):
             return self
-        G, inertia, law = inner
+        G, inertia = outer.gains_group(self.group), outer.inner_inertia(self.group, self.inertia)
         reference = TorqueReference([0.5] * G.dimension)
-        return ClosedLoop(G, inertia, self.gains, reference, law, axis=self.axis)
+        return ClosedLoop(G, inertia, self.gains, reference, outer.inner, axis=self.axis)
 
     @property
     def free_rows(self) -> list[int]:
@@ -263,19 +263,16 @@ class ClosedLoop:
     @property
     def over_time(self) -> dict[str, TimeVarying]:
         """The parts that may hold numbers, by the field of their held version."""
-        parts: dict[str, TimeVarying] = {
-            "held_reference": self.reference,
-            "held_law": self.controller,
-        }
+        parts: dict[str, TimeVarying] = {"held_reference": self.reference}
+        parts["held_law"] = self.controller
         return parts if self._ahead is None else parts | {"held_ahead": self._ahead}
 
     @property
     def _ahead(self) -> ReferenceAhead | None:
         """The reference as the law knows it in advance; None without a preview."""
-        if not isinstance(self.controller, Previews) or not self.controller.preview:
-            return None
+        preview = self.controller.preview if isinstance(self.controller, Previews) else ()
         reference: Any = self.reference  # a ClosedReference, as the configuration was checked for
-        return ReferenceAhead(reference, tuple(self.controller.preview))
+        return ReferenceAhead(reference, tuple(preview)) if preview else None
 
     @cached_property
     def holds(self) -> bool:

@@ -9,13 +9,13 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
-from eqt_cli.components.laws import Designed, LinearPlant, ReadsLimits
+from eqt_cli.components.laws import Designed, LinearPlant, OuterLoop, ReadsLimits
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
@@ -389,7 +389,8 @@ class _About:
         vehicle = self.loop.vehicle
         if vehicle.control is None:
             return [{}]
-        of_law, law = self.loop.controller.cycle(vehicle.control.period), vehicle.control.clock
+        outer, law = self.loop.controller.formula, vehicle.control.clock
+        of_law = outer.cycle(vehicle.control.period) if isinstance(outer, OuterLoop) else [{}]
         ticks = math.lcm(law.every * len(of_law), *(each.every for each in vehicle.clocks.values()))
         rows = []
         for tick in range(ticks):
@@ -458,19 +459,19 @@ class _About:
         T[:, m : 2 * m, :m] = rate[:, :m, :m] = rate[:, m : 2 * m, m : 2 * m] = F @ ad
         rate[:, m : 2 * m, :m] = F @ (ad @ ad + G.ad_matrix(s.Vd_dot))
         yield T, rate, n
-        if n == 2 * m and self.loop.controller.loop_errors(s) is not None:
+        if n == 2 * m and isinstance(law := self.loop.controller, OuterLoop):
             # Forward differences: a reference begins at its first time.
-            T, *later = (self._slope_of_errors(k * STEP) for k in range(3))
+            T, *later = (self._slope_of_errors(law, k * STEP) for k in range(3))
             yield (T, (4 * later[0] - 3 * T - later[1]) / (2 * STEP), 2 * rigid(G).rotations)
 
-    def _slope_of_errors(self, step: float) -> Array:
+    def _slope_of_errors(self, law: OuterLoop, step: float) -> Array:
         """Return ∂/∂x of the law's errors, a step later along a reference in closed form."""
         loop, times = self.loop, self.times + step
         s = loop.tracking(times, self.states)
         about = type(self).reference(loop, times, s.Qd, s.Vd)
 
         def errors(x: Array) -> Array:
-            return cast(Array, loop.controller.loop_errors(loop.tracking(times, about._flat(x))))
+            return law.loop_errors(loop.tracking(times, about._flat(x)))
 
         return about._derivative(errors, with_command=False).slope
 

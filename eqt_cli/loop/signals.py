@@ -17,7 +17,7 @@ from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import Controller
+from eqt_cli.components.laws import Controller, OuterLoop
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
 from eqt_cli.components.mechanics import Tracking, part_error
 from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states
@@ -66,11 +66,10 @@ class LoopState(NamedTuple):
         """Evaluate a loop in a state, of floats or symbols."""
         vehicle, command = loop.vehicle, loop.command(s)
         torque = loop.torque(s) if vehicle.actuators or vehicle.control else command
-        attitude = loop.controller.attitude_error(s)
         with np.errstate(invalid="ignore"):  # symbols compare NaN
-            unknown = s.P[..., 0] * 0.0 + np.nan
-        attitude = unknown if attitude is None else attitude
-        pointing = unknown
+            attitude = pointing = s.P[..., 0] * 0.0 + np.nan
+        if isinstance(law := loop.controller.formula, OuterLoop):
+            attitude = law.attitude_error(s)
         if loop.axis:
             distance = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis)
             pointing = turn_of_distance(distance) * (180 / np.pi)
@@ -288,7 +287,7 @@ def heading_error(x: LoopState) -> Array:
 @_signal(
     r"\|R - R_c\|_{\mathrm{F}}",
     "1",
-    exists_for=attrgetter("controller.commands_attitude"),
+    exists_for=lambda loop: isinstance(loop.controller.formula, OuterLoop),
     plain="‖R − R_c‖",
 )
 def attitude_command_error(x: LoopState) -> Array:

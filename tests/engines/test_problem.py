@@ -47,7 +47,7 @@ def loop_with_instants(*instants):
         moving_length=1,
         vehicle=SimpleNamespace(control=None),
         instants=lambda until: np.array(instants),
-        controller=SimpleNamespace(undefined=""),
+        controller=SimpleNamespace(formula=None),
     )
 
 

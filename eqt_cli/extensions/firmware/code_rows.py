@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
-from eqt_cli.components.laws import Designed, controllers
+from eqt_cli.components.laws import Designed, OuterLoop, controllers
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.extensions.firmware.code_evidence import (
     COARSE,
@@ -502,7 +502,7 @@ def _description(
     more = {} if question.memory else {n: z for n, z in states.memory.items() if z.any()}
     last = [z for z in more.values() if z.shape == torque.shape]
     signs = limits(loop.group, torque, last, loop.period)
-    is_cascade = question.loop.controller.commands_attitude
+    is_cascade = isinstance(question.loop.controller, OuterLoop)
     is_claimed = is_cascade or _is(question, torque, real, signs)
     for other in () if is_claimed else _shipped(loop, states):
         if all(z.any() for z in other.memory.values()) and _is(other, torque, real, signs):

@@ -257,7 +257,6 @@ class Code(_Numbers, RunsCode):
     """
 
     name: ClassVar[str] = "code"
-    tasks: ClassVar[tuple[str, ...]] = ()
     commands: ClassVar[str] = ""  # the code does not say
 
     file: str
@@ -396,10 +395,6 @@ class Code(_Numbers, RunsCode):
         reads, function = tuple(self.called.code.inputs), self.called.library.eqt_code
         return CodeCall(function, 2 * self.called.fills, reads, np.asarray(self.values))
 
-    def torque(self, s: Tracking) -> Array:
-        """Return the torque of one call of the function."""
-        return self.answer(s, 0.0)[0]
-
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self._rows(s)
@@ -453,16 +448,9 @@ class Code(_Numbers, RunsCode):
 
     # The claims.
 
-    @property
-    def reads_gains(self) -> bool:  # type: ignore[override]  # a constant of all other laws
-        """Whether the law that it claims to be reads gains."""
-        return self.claimed is not None and self.claimed.reads_gains
-
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the law that it claims to be with the options that follow its gains."""
-        if self.claimed is None:
-            return {}
-        return {"claimed": self.claimed.with_defaults(G, gains, self.as_)}
+        return {"claimed": self.claimed and self.claimed.with_defaults(G, gains, self.as_)}
 
     @property
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
@@ -504,11 +492,6 @@ class Code(_Numbers, RunsCode):
 
         yield from code_rows(label, loop, horizon, random, flown)
 
-    @property
-    def theorem(self) -> str:  # type: ignore[override]  # a constant of all other laws
-        """As for the law that it claims to be."""
-        return self.claimed.theorem if self.claimed else ""
-
 
 def _of_claimed(name: str) -> property:
     def get(law: Any) -> Any:
@@ -519,8 +502,7 @@ def _of_claimed(name: str) -> property:
 
 for _name in (
     "energy matched claims_decrease claims feedforward_torque lyapunov velocity_error dissipation "
-    "memory_rate memory_gradient gains_group inside commands_attitude attitude_error direction "
-    "cycle undefined inside_reads_gains weight"
+    "memory_rate memory_gradient weight theorem reads_gains gains_group"
 ).split():
     setattr(Code, _name, _of_claimed(_name))
 

@@ -470,9 +470,6 @@ class Network(RunsCode, Previews):
     """
 
     name: ClassVar[str] = "network"
-    title: ClassVar[str] = "network"
-    tasks: ClassVar[tuple[str, ...]] = ()
-    reads_gains: ClassVar[bool] = False
     reader: ClassVar[str] = "eqt_cli.extensions.network.reader.network_text"
 
     file: str
@@ -588,11 +585,6 @@ class Network(RunsCode, Previews):
         return "rates" if self.commands_.as_ == "rates" else "torque"
 
     @property
-    def formula(self) -> None:
-        """None: nothing is claimed of a network."""
-        return None
-
-    @property
     def code(self) -> CodeFile:
         """The function in C."""
         return CodeFile(self.file, "eqt_code", (), (), "double")
@@ -640,10 +632,6 @@ class Network(RunsCode, Previews):
         """Return the states of recurrent units at the start."""
         start = np.array(self.network.initial)
         return {"hidden": start + 0.0 * s.P[..., :1]} if len(start) else {}
-
-    def torque(self, s: Tracking) -> Array:
-        """Return the command of one call of the network."""
-        return self.answer(s, 0.0)[0]
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Return the command, and the memory a period later."""
