@@ -14,7 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from eqt_cli.base.errors import ComponentError
+from eqt_cli.base.errors import ComponentError, EqtWarning, suggestion
+from eqt_cli.base.reporting import reporter
 
 GROUP = "eqt.extensions"
 """Group of the entry points of other distributions."""
@@ -24,6 +25,25 @@ COMPUTE = "Compute"
 READ = "Look at results"
 LOOK_UP = "Configurations, recordings and components"
 """Panels of the help, in which commands stand."""
+
+
+KINDS = {
+    "groups": "eqt_cli.components.groups",
+    "controllers": "eqt_cli.components.laws",
+    "references": "eqt_cli.components.references",
+    "forces": "eqt_cli.components.forces",
+    "actuators": "eqt_cli.components.actuators",
+    "sensors": "eqt_cli.components.sensors",
+    "estimators": "eqt_cli.components.estimators",
+    "engines": "eqt_cli.engines.engine",
+    "poses": "eqt_cli.components.initial_states",
+    "velocities": "eqt_cli.components.initial_states",
+    "metrics": "eqt_cli.loop.signals",
+    "designs": "eqt_cli.config.designs",
+    "executors": "eqt_cli.runs.executors",
+    "figures": "eqt_cli.figures.figure",
+}
+"""The modules of the registries of components, in the order of `eqt list`."""
 
 
 class CommandPlace(NamedTuple):
@@ -73,7 +93,15 @@ class Extension:
         """Name a component by the plural of its kind, ``controllers``, and its module.
 
         Without a module, it is in the package itself.
+
+        Raises
+        ------
+        ComponentError
+            If there is no such kind.
         """
+        if kind not in KINDS:
+            hint = suggestion(kind, KINDS) or f"; known: {', '.join(KINDS)}"
+            raise ComponentError(f"unknown kind '{kind}' of the component '{name}'{hint}")
         self.components.setdefault(kind, {})[name] = f"{self.package}.{module}".rstrip(".")
 
     def add_command(
@@ -128,6 +156,16 @@ def _registered(extension: Extension, register: Callable[[Extension], None]) -> 
     return extension
 
 
+@lru_cache(maxsize=1)
+def usable() -> tuple[Extension, ...]:
+    """Return all extensions; only eqt's, with a remark, if another one cannot be loaded."""
+    try:
+        return *shipped(), *installed()
+    except ComponentError as error:
+        reporter().remark(EqtWarning(str(error)))
+        return shipped()
+
+
 def imported(place: str) -> Any:
     """Import an object by its place, ``package.module.name``."""
     module, _, name = place.rpartition(".")
@@ -136,7 +174,7 @@ def imported(place: str) -> Any:
 
 def functions_for(purpose: str) -> Iterator[Callable[..., Any]]:
     """Import the functions that extensions have for a purpose, those of eqt first."""
-    for extension in (*shipped(), *installed()):
+    for extension in usable():
         if purpose in extension.functions:
             yield imported(extension.functions[purpose])
 
@@ -153,3 +191,8 @@ def function_for(purpose: str) -> Callable[..., Any]:
         if purpose in extension.functions:
             return imported(extension.functions[purpose])
     raise ComponentError(f"{purpose}: its extension is not installed; install eqt again")
+
+
+for _extension in shipped():
+    KINDS |= _extension.kinds
+KINDS["claims"] = "eqt_cli.analysis.compare"  # listed last

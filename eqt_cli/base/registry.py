@@ -336,31 +336,7 @@ def blamed() -> Iterator[None]:
         raise ComponentError(f"{described(error)} at {place}") from error
 
 
-# Every kind of component by its name in `eqt list` ------------------------------------------------
-
-KINDS = {
-    "groups": "eqt_cli.components.groups",
-    "controllers": "eqt_cli.components.laws",
-    "references": "eqt_cli.components.references",
-    "forces": "eqt_cli.components.forces",
-    "actuators": "eqt_cli.components.actuators",
-    "sensors": "eqt_cli.components.sensors",
-    "estimators": "eqt_cli.components.estimators",
-    "engines": "eqt_cli.engines.engine",
-    "poses": "eqt_cli.components.initial_states",
-    "velocities": "eqt_cli.components.initial_states",
-    "metrics": "eqt_cli.loop.signals",
-    "designs": "eqt_cli.config.designs",
-    "executors": "eqt_cli.runs.executors",
-    "figures": "eqt_cli.figures.figure",
-}
-for _extension in extensions.shipped():
-    KINDS |= _extension.kinds
-KINDS["claims"] = "eqt_cli.analysis.compare"
-"""The modules of the registries, in the order of `eqt list`."""
-
-
 def registry(kind: str) -> Registry[Any]:
     """Return the registry of a kind, by its plural."""
-    importlib.import_module(KINDS[kind])
+    importlib.import_module(extensions.KINDS[kind])
     return next(registry for registry in _registries if registry.plural == kind)

@@ -7,12 +7,13 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Annotated, Any
 
 import typer
 from typer.main import get_group
 
-from eqt_cli.base.errors import ComponentError, EqtError, suggestion
+from eqt_cli.base.errors import EqtError, EqtWarning, suggestion
 from eqt_cli.base.extensions import (
     COMPUTE,
     LOOK_UP,
@@ -21,10 +22,11 @@ from eqt_cli.base.extensions import (
     CommandPlace,
     Extension,
     imported,
-    installed,
     shipped,
+    usable,
 )
 from eqt_cli.base.process import drop_stdout
+from eqt_cli.base.reporting import reporter
 from eqt_cli.base.version import __version__
 from eqt_cli.cli.options import Command, Group, example, spread
 
@@ -121,22 +123,15 @@ _CORE = {
 
 
 def with_commands(extensions: Iterable[Extension]) -> dict[str, CommandPlace]:
-    """Return the commands of eqt and of extensions, in the order of the help.
-
-    Raises
-    ------
-    ComponentError
-        If two commands have one name.
-    """
+    """Return the commands of eqt and of extensions, in the order of the help."""
     listed = [(name, CommandPlace(*row)) for name, row in _CORE.items()]
     for extension in extensions:
         for name, place in extension.commands.items():
             names = [other for other, _ in listed]
             if name in names:
-                raise ComponentError(
-                    f"extension '{extension.name}': the command '{name}' already exists in eqt; "
-                    "give yours another name"
-                )
+                exists = f"extension '{extension.name}': eqt has a command '{name}'; rename yours"
+                reporter().remark(EqtWarning(exists))
+                continue
             panels = [other.panel for _, other in listed]
             last = len(panels) - panels[::-1].index(place.panel)
             at = names.index(place.after) + 1 if place.after in names else last
@@ -148,6 +143,12 @@ COMMANDS = with_commands(shipped())
 """The commands of eqt, in the order of the help."""
 
 
+@cache
+def all_commands() -> dict[str, CommandPlace]:
+    """Return the commands, also those of other distributions."""
+    return with_commands(usable())
+
+
 class _Commands(Group):
     """The commands, each built when it is asked for, since all of them take 0.1 s.
 
@@ -156,9 +157,8 @@ class _Commands(Group):
 
     @property
     def commands(self) -> Any:
-        """All commands by name, also those of other distributions."""
-        names = with_commands((*shipped(), *installed()))
-        return {name: self.get_command(None, name) for name in names}
+        """All commands by name."""
+        return {name: self.get_command(None, name) for name in all_commands()}
 
     @commands.setter
     def commands(self, none: Any) -> None:
@@ -168,9 +168,7 @@ class _Commands(Group):
         """Return a command; None if there is none of this name."""
         if cmd_name not in self._built:
             # Other distributions are looked for last, since that takes 30 ms.
-            commands = COMMANDS
-            if cmd_name not in commands:
-                commands = with_commands((*shipped(), *installed()))
+            commands = COMMANDS if cmd_name in COMMANDS else all_commands()
             if cmd_name in commands:
                 self._built[cmd_name] = _command(cmd_name, commands[cmd_name])
         return self._built.get(cmd_name)

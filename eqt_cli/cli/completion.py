@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eqt_cli.base.errors import EqtError
+from eqt_cli.base.extensions import KINDS
 from eqt_cli.base.files import read_record, write_record
-from eqt_cli.base.registry import KINDS, registry, summary
+from eqt_cli.base.registry import registry, summary
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
-from eqt_cli.base.extensions import functions_for
+from eqt_cli.base.extensions import KINDS, functions_for
 from eqt_cli.base.files import new_file, refusals
-from eqt_cli.base.registry import KINDS, load_plugin, registry, summary
+from eqt_cli.base.registry import load_plugin, registry, summary
 from eqt_cli.cli import completion, options, output
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import print_findings

@@ -7,8 +7,9 @@ import sys
 import pytest
 from case_tables import from_yaml
 
+from eqt_cli.base.extensions import KINDS
 from eqt_cli.base.option_types import option_names
-from eqt_cli.base.registry import KINDS, summary
+from eqt_cli.base.registry import summary
 from eqt_cli.cli import completion
 from eqt_cli.cli.show import FORMATS
 from eqt_cli.config import shipped

@@ -5,8 +5,7 @@ import json
 import pytest
 import yaml
 
-from eqt_cli.base import registry
-from eqt_cli.base import registry as catalogue
+from eqt_cli.base import extensions, registry
 from eqt_cli.base.yaml_source import LONGEST
 from eqt_cli.components.laws import controllers
 from eqt_cli.config import shipped
@@ -120,8 +119,8 @@ def test_options(eqt, kind, name, options):
 
 @pytest.mark.needs("proofs")
 def test_every_registry_is_listed():
-    assert list(catalogue.KINDS) == KINDS
-    listed = {catalogue.registry(kind).kind for kind in KINDS}
+    assert list(extensions.KINDS) == KINDS
+    listed = {registry.registry(kind).kind for kind in KINDS}
     assert {one.kind for one in registry._registries} == listed
 
 

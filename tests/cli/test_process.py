@@ -228,19 +228,26 @@ def fail(): raise KeyError("nothing")
 
 @pytest.mark.ci("starts interpreters")
 @pytest.mark.parametrize(
-    ("name", "function", "arguments", "code", "printed"),
+    ("added", "command", "code", "printed"),
     [
-        ("greet", "greet", "greet", 0, "hello"),
-        ("greet", "greet", "--help", 0, "greet"),
-        ("greet", "fail", "greet", 2, "KeyError: 'nothing' at mine.py:5"),
-        ("greet", "greet", "greed", 2, "unknown command 'greed'; did you mean 'greet'?"),
-        ("run", "greet", "--help", 2, "extension 'x': the command 'run' already exists in eqt"),
+        ("command('greet', 'greet')", "greet", 0, "hello"),
+        ("command('greet', 'greet')", "--help", 0, "greet"),
+        ("command('greet', 'fail')", "greet", 2, "KeyError: 'nothing' at mine.py:5"),
+        ("command('greet', 'greet')", "greed", 2, "unknown command 'greed'; did you mean 'greet'?"),
+        ("command('run', 'greet')", "--help", 0, "extension 'x': eqt has a command 'run'; rename"),
+        (
+            "component('controler', 'law')",
+            "--help",
+            0,
+            "extension 'x' of the entry point 'mine:register' cannot be loaded: unknown kind "
+            "'controler' of the component 'law'; did you mean 'controllers'?; fix or uninstall",
+        ),
     ],
 )
-def test_commands_of_other_distributions(process, folder, name, function, arguments, code, printed):
-    register = f"\n\ndef register(extension):\n    extension.add_command({name!r}, {function!r})\n"
+def test_what_other_distributions_add(process, folder, added, command, code, printed):
     environment = install(folder, {}, COMMANDS)
+    register = f"\n\ndef register(extension):\n    extension.add_{added}\n"
     (folder / "site/mine.py").write_text(COMMANDS + register, encoding="utf-8")
-    done = process(arguments, **environment)
+    done = process(command, **environment)
     assert done.code == code
-    assert printed in (done.err if code else done.out)
+    assert " ".join((done.out + done.err).split()).count(printed) == 1

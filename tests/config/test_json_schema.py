@@ -8,8 +8,9 @@ import yaml
 from case_tables import from_yaml, table_of
 
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.base.extensions import KINDS
 from eqt_cli.base.option_types import Scale, option_names
-from eqt_cli.base.registry import KINDS, Registry, registry
+from eqt_cli.base.registry import Registry, registry
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components.initial_states import pose_distributions, velocity_distributions
 from eqt_cli.components.laws import controllers

@@ -17,7 +17,8 @@ import pytest
 from plugin_sources import forget_plugins
 
 from eqt_cli.base.arrays import FUNCTIONS, register_symbols
-from eqt_cli.base.registry import KINDS, load_plugin, registry
+from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.registry import load_plugin, registry
 from eqt_cli.components.flat import Knot
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import group_named

@@ -4,7 +4,8 @@ import re
 from uuid import uuid4
 
 from eqt_cli.base import registry as registries
-from eqt_cli.base.registry import KINDS, registry
+from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.registry import registry
 from eqt_cli.config import document
 
 
