@@ -124,15 +124,18 @@ class Fronts(Figure[ShownFronts]):
         lines, seen = [], []
         for front, of in zip(shown.fronts, shown.looks, strict=True):
             look = line_style(of)
-            points = [_intervals(values) for values in shown.values(front)]
+            means = [intervals_of_means(values.T, RESAMPLING) for values in shown.values(front)]
+            points = [np.stack([ends.mean, ends.low, ends.high], axis=-1) for ends in means]
             best = front.best
-            others = np.setdiff1d(np.arange(len(front.labels)), best)
+            dominated = np.setdiff1d(np.arange(len(front.labels)), best)
             style: dict[str, Any] = look | {"marker": of.marker, "markersize": _SMALL}
-            x, y = (each[best, 0] for each in points)
+            (x, left, right), (y, low, high) = (ends[best].T for ends in points)
             lines += panel.plot(x, y, label=front.law, **style)
-            _crosses(panel, points, best, look["color"], f"{front.law}, intervals")
-            if len(others):
-                x, y = (each[others, 0] for each in points)
+            crosses: dict[str, Any] = {"xerr": [x - left, right - x], "yerr": [y - low, high - y]}
+            crosses |= {"fmt": "none", "ecolor": (look["color"], 0.5), "elinewidth": 0.5}
+            panel.errorbar(x, y, label=f"{front.law}, intervals", **crosses)
+            if len(dominated):
+                x, y = (ends[dominated, 0] for ends in points)
                 hollow = style | {"linestyle": "", "markerfacecolor": "none"}
                 panel.plot(x, y, label=f"{front.law}, dominated", **hollow)
             half = style | {"linestyle": "", "fillstyle": "left", "markersize": 1.4 * _SMALL}
@@ -145,20 +148,6 @@ class Fronts(Figure[ShownFronts]):
         panel.set_ylabel(metric_label(shown.results, shown.objectives[1], 36))
         add_legend(drawing, lines, shown.titles)
         return drawing
-
-
-def _intervals(values: Array) -> Array:
-    """Return the mean and the interval of each row, ``(rows, 3)``."""
-    means = intervals_of_means(values.T, RESAMPLING)
-    return np.stack([means.mean, means.low, means.high], axis=-1)
-
-
-def _crosses(panel: Axes, points: list[Array], rows: Array, colour: str, name: str) -> None:
-    """Draw intervals along both scales."""
-    (x, left, right), (y, low, high) = (each[rows].T for each in points)
-    ends: dict[str, Any] = {"xerr": [x - left, right - x], "yerr": [y - low, high - y]}
-    bars: dict[str, Any] = {"fmt": "none", "ecolor": (colour, 0.5), "elinewidth": 0.5}
-    panel.errorbar(x, y, label=name, **ends, **bars)
 
 
 # Figure of a search for the worst run: the worst along each key -----------------------------------

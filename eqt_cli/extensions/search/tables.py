@@ -206,7 +206,9 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
                 label, best = winner["label"], values_text(winner["values"])
                 k = result.labels.index(label)
                 several = [means.mean[result.labels.index(each)] for each in seed_labels(law)]
-                over = _range(several, (means.high[k] - means.low[k]) / 2)
+                half = (means.high[k] - means.low[k]) / 2
+                ends = in_one_form(half, min(several), max(several)) if several else ["-"]
+                over = " to ".join(dict.fromkeys(ends))  # one number for one search
                 rows.append([result.titles[k], best, before, spreads[label], over])
             if not law["winners"]:
                 rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
@@ -298,11 +300,6 @@ def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iter
                 str(int(beyond[k].sum())),
                 "holds" if over[k] == 0 else f"violated{by}",
             ]
-
-
-def _range(means: Sequence[float], half: float) -> str:
-    """Format a range: ``0.1790 to 0.1812``; one number for one search, - for none."""
-    return " to ".join(dict.fromkeys(in_one_form(half, min(means), max(means)))) if means else "-"
 
 
 def worst_tables(result: Result, record: Record) -> list[TextTable]:

@@ -151,6 +151,7 @@ class WorstSearch(Searches[WorstSection]):
         reporter().note("runs", self.judging)
         along = compute(self.along(lines), folder.path, executor)
         at = self._worst_points(centres, costs, lines, along)
+        ends = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
         for law in self.laws:
             document = law.at(at[law.label])
             compute(document, folder.run_of(law), executor)
@@ -166,7 +167,11 @@ class WorstSearch(Searches[WorstSection]):
                     **worst_run,
                     **_search_record(self, law, folder, costs[law.label], at[law.label]),
                     "in_profile": at[law.label] != centres[law.label],
-                    "lines": _line_ranges(lines, law.label),
+                    "lines": [
+                        {"key": line.key, "points": [ends[k], ends[k + 1]]}
+                        for k, line in enumerate(lines)
+                        if line.law == law.label
+                    ],
                 }
             )
         return along, {"objective": self.objective, "laws": laws}
@@ -272,16 +277,6 @@ def _search_record(
         "agreeing": sum(agree(cost, max(costs.values())) for cost in costs.values()),
         "first": {"runs": points * search.base.config.ensemble.runs, "unsettled": unsettled},
     }
-
-
-def _line_ranges(lines: list[Line], label: str) -> list[dict[str, Any]]:
-    """Return the ranges of points that the lines of a law occupy in the sweep."""
-    ends = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
-    return [
-        {"key": line.key, "points": [ends[k], ends[k + 1]]}
-        for k, line in enumerate(lines)
-        if line.law == label
-    ]
 
 
 def _value_record(search: WorstSearch, cost: float) -> dict[str, Any]:
