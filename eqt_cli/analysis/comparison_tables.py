@@ -22,9 +22,10 @@ def records(comparison: Comparison, *against: str) -> dict[str, list[Record]]:
 
     Differences are first minus second: the one of `against`, or that stands first in the result.
     """
+    of_level = "controller runs failed undefined censored mean low high standard_deviation median"
     return {
         "verdict": [_answer(answer) for answer in answers(comparison, *against[:1])],
-        "controllers": [_level(level) for level in comparison.levels],
+        "controllers": [_record(x.measured, x, of_level) for x in comparison.levels],
         "pairs": [
             _pair(pair)
             | {"runs_to_decide": pair.runs_to_decide, "word": str(pair.word(comparison.negligible))}
@@ -58,11 +59,6 @@ def _record(measured: PerRun, row: Level | Pair | Judgement, fields: str) -> Rec
         "units": measured.unit,
         **{name: getattr(row, name) for name in fields.split()},
     }
-
-
-def _level(level: Level) -> Record:
-    counts = "controller runs failed undefined censored"
-    return _record(level.measured, level, f"{counts} mean low high standard_deviation median")
 
 
 def _pair(pair: Pair) -> Record:

@@ -225,7 +225,8 @@ def compare_map(
     decision = decide(counted, lost, how.confidence, counts=quantity.counts)
     # The law that is better in most runs is the best one, unless the means contradict.
     agrees = (decision.winner != NOBODY) & ~failing[points, decision.winner]
-    order = np.where(agrees[:, None], _first(order, decision.winner), order)
+    moved = np.argsort(order != decision.winner[:, None], axis=-1, kind="stable")
+    order = np.where(agrees[:, None], np.take_along_axis(order, moved, -1), order)
     best, runner_up = order[:, 0], order[:, 1]
     lacks = ~result.good[:, chosen, : values.shape[-1]]
     leads = [
@@ -302,7 +303,13 @@ def decide(costs: Array, failed: Array, confidence: float, *, counts: bool = Fal
     ahead, raw = _better_in_most_runs(costs, counts=counts)
     adjusted = np.minimum(1.0, points * raw) if runs >= fewest else np.full(points, np.nan)
     most = np.where(adjusted <= 1 - confidence, ahead, NOBODY)
-    winner = np.where(_better_in_the_mean(costs, failed, most), most, NOBODY)
+    # No more failed runs than any other, and the smaller paired means
+    at = np.arange(points), most
+    means = mean_over_runs(resolved_differences(costs[at][:, None], costs))
+    means[at] = -np.inf
+    # Of a law that failed in every run in which the other one did not, no mean is left.
+    agrees = (failed[at] == failed.min(axis=-1)) & ~(means >= 0).any(axis=-1)
+    winner = np.where(agrees, most, NOBODY)
     return Decision(winner, most, adjusted, fewest, UNDECIDED if runs >= fewest else TOO_FEW_RUNS)
 
 
@@ -343,22 +350,6 @@ def _better_in_most_runs(costs: Array, *, counts: bool) -> tuple[Array, Array]:
         leads = (better > worse).all(axis=-1)
         ahead[leads], p_values[leads] = law, p[leads]
     return ahead, p_values
-
-
-def _better_in_the_mean(costs: Array, failed: Array, ahead: Array) -> Array:
-    """Return whether a law has no more failed runs than any other, and the smaller paired means."""
-    points = np.arange(len(costs))
-    differences = resolved_differences(costs[points, ahead][:, None], costs)
-    means = mean_over_runs(differences)
-    fewest = failed[points, ahead] == failed.min(axis=-1)
-    means[points, ahead] = -np.inf
-    # Of a law that failed in every run in which the other one did not, no mean is left.
-    return (ahead != NOBODY) & fewest & ~(means >= 0).any(axis=-1)
-
-
-def _first(order: Array, law: Array) -> Array:
-    """Return the same order of laws at each point with one of them moved to the front."""
-    return np.take_along_axis(order, np.argsort(order != law[:, None], axis=-1, kind="stable"), -1)
 
 
 MOST_POINTS = 60

@@ -120,8 +120,11 @@ def lines(comparison: Comparison, against: str = "") -> list[str]:
 
 def premises(comparison: Comparison) -> list[str]:
     """Return what a reader must know before any verdict."""
-    alike = [too_few(comparison)] * comparison.identical
-    return [*comparison.between, *alike, *_gains(comparison)]
+    alike, laws = [too_few(comparison)] * comparison.identical, dict[str, list[str]]()
+    for label, words in comparison.gains.items():
+        laws.setdefault(words, []).append(comparison.titles[label])
+    gains = [f"gains are not matched: {', '.join(who)}: {words}" for words, who in laws.items()]
+    return [*comparison.between, *alike, *gains]
 
 
 def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) -> TextTable:
@@ -205,7 +208,10 @@ def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -
     if alone := ", ".join(titles[label] for label in untold):
         tuning = "`eqt tune CONFIG` tunes all laws alike"
         sentences.append(f"gains are not tuned alike: {alone}; {tuning}")
-    sentences += _within(conclusions, comparison)
+    within = [x.pair.measured for x in conclusions if unresolved(x.pair, comparison.resolution)]
+    if names := ", ".join(dict.fromkeys(_names(within, comparison))):
+        estimate = f"the error estimate of {comparison.resolution:.1g}"
+        sentences.append(f"not judged, as both are within {estimate}: {names}")
     failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
     if failed:
         sentences.append(f"failed runs, no part of means: {', '.join(failed)}")
@@ -247,24 +253,6 @@ def _topic(answer: Answer) -> str:
     [signal, *_] = answer.pair.measured.quantity.signals or ("",)
     is_of_pose = signal.startswith(("pose_error", "attitude_angle", "position_error", AXIS))
     return "pose" if is_of_pose else signal.partition("_norm")[0]
-
-
-def _gains(comparison: Comparison) -> Iterator[str]:
-    """Name the laws that fly with other gains, before any verdict."""
-    laws = dict[str, list[str]]()
-    for label, words in comparison.gains.items():
-        laws.setdefault(words, []).append(comparison.titles[label])
-    for words, titles in laws.items():
-        yield f"gains are not matched: {', '.join(titles)}: {words}"
-
-
-def _within(conclusions: Sequence[Answer], comparison: Comparison) -> Iterator[str]:
-    """Name the errors that are within their estimate."""
-    within = [x for x in conclusions if unresolved(x.pair, comparison.resolution)]
-    measured = [answer.pair.measured for answer in within]
-    if names := ", ".join(dict.fromkeys(_names(measured, comparison))):
-        estimate = f"the error estimate of {comparison.resolution:.1g}"
-        yield f"not judged, as both are within {estimate}: {names}"
 
 
 def _headline(conclusions: Sequence[Answer]) -> list[Answer]:
