@@ -26,7 +26,7 @@ from eqt_cli.figures.layout import (
     rows_of,
 )
 from eqt_cli.figures.shown import MOST_COLOURS, MetricValues, ShownMetrics, ShownSweep
-from eqt_cli.figures.style import WIDTHS, Look, Width, ink, line_style, size_of_type
+from eqt_cli.figures.style import WIDTHS, Width, ink, line_style, size_of_type
 from eqt_cli.results.conclusion import side_by_side
 from eqt_cli.results.result import Result
 
@@ -336,8 +336,13 @@ class Forest(OfDifferences):
         name = free_text(f"{first} − {second}, % of {second}", _LONGEST_SCALE[width])
         left.set_xlabel(f"{words}\n{name}")
         for k, look in enumerate(swept.looks):
-            share = shares(settled[:, k].astype(float), self.confidence)
-            _draw_shares(right, rows + (2 * k - 1) * _FOREST_BESIDE, share, look, swept.titles[k])
+            share, low, high = shares(settled[:, k].astype(float), self.confidence).T
+            beside, ends = rows + (2 * k - 1) * _FOREST_BESIDE, [share - low, high - share]
+            marks: Settings = {"marker": look.marker, "markersize": _SMALL, "color": look.colour}
+            right.plot(share, beside, label=swept.titles[k], linestyle="", **marks)
+            bars: Settings = {"fmt": "none", "ecolor": look.colour, "elinewidth": 0.8}
+            name = f"{swept.titles[k]}, intervals"
+            right.errorbar(share, beside, xerr=ends, label=name, **bars)
         right.set_xlim(-0.04, 1.04)
         right.set_xlabel("share settled (%)")
         right.xaxis.set_major_formatter(PercentFormatter(1, decimals=0, symbol=""))
@@ -381,12 +386,3 @@ def _draw_differences(panel: Axes, rows: Array, differences: Array, name: str) -
         if some.any():
             panel.plot(mean[some], rows[some], label=f"{name}, {which}", **style)
     panel.margins(x=0.06)
-
-
-def _draw_shares(panel: Axes, rows: Array, shares: Array, of: Look, title: str) -> None:
-    share, low, high = shares.T
-    look: Settings = {"marker": of.marker, "markersize": _SMALL, "color": of.colour}
-    panel.plot(share, rows, label=title, linestyle="", **look)
-    bars: Settings = {"fmt": "none", "ecolor": of.colour, "elinewidth": 0.8}
-    ends = [share - low, high - share]
-    panel.errorbar(share, rows, xerr=ends, label=f"{title}, intervals", **bars)

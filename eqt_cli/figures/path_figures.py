@@ -304,11 +304,6 @@ def _eye(view: str, places: Array) -> Array:
     return np.stack([right, up, np.cross(right, up)])
 
 
-def _columns(width: Width, laws: int) -> int:
-    """Return how many laws stand side by side; on a slide, they have at most three rows."""
-    return {"column": 2, "page": 4, "slide": max(4, -(-laws // 3))}[width]
-
-
 def _sheet(
     width: Width, eyes: Mapping[str, Array], laws: int, ends: Array, unit: str, signs: Array
 ) -> tuple[Drawing, dict[str, Axes]]:
@@ -326,7 +321,9 @@ def _sheet(
         boxes[view] = (seen.min(axis=0) + seen.max(axis=0)) / 2 + np.array([-half, half])
     mosaic = [[f"{view} {k}" for k in range(laws)] for view in eyes]
     if len(eyes) == 1:
-        mosaic = layout.rows_of(mosaic[0], _columns(width, laws) // (2 if "space" in eyes else 1))
+        # On a slide, the laws have at most three rows.
+        columns = {"column": 2, "page": 4, "slide": max(4, -(-laws // 3))}[width]
+        mosaic = layout.rows_of(mosaic[0], columns // (2 if "space" in eyes else 1))
     elif laws > 2 if width == "column" else laws == 1:  # a row per law
         mosaic = [list(row) for row in zip(*mosaic, strict=True)]
     sizes = np.array([[np.ptp(boxes[name.split()[0]], axis=0) for name in row] for row in mosaic])
@@ -466,7 +463,8 @@ class PoseFigure(OverTime):
         G = runs.known_group()
         first_laws(runs, _most_together(runs))
         parts = sorted(G.parts, key=lambda part: part.turns)
-        shown_in = {part.name: runs.results[0].shown_in("", _unit(part)) for part in parts}
+        units = {part.name: "deg" if part.turns else part.pose_unit for part in parts}
+        shown_in = {name: runs.results[0].shown_in("", unit) for name, unit in units.items()}
         ends = {part.name: f"_{part.name}" if len(parts) > 1 else "" for part in parts}
         errors = {x: runs.in_space(f"pose_error{y}") for x, y in ends.items() if y in runs.parts}
         drawn = {
@@ -518,10 +516,6 @@ class PoseFigure(OverTime):
 def _most_together(runs: ShownRuns) -> int:
     """Return how many laws share a panel at most."""
     return MOST_COLOURS * len(runs.results)
-
-
-def _unit(part: Part) -> str:
-    return "deg" if part.turns else part.pose_unit
 
 
 def _euler(R: Array) -> Array:

@@ -151,8 +151,9 @@ def curves(drawing: Drawing) -> list[Curve]:
         formatters = (axis.get_major_formatter() for axis in (axes.xaxis, axes.yaxis))
         wide, tall = (getattr(numbers, "factor", 1.0) for numbers in formatters)
         for name, x, y in _shown(axes):
-            x, y, chosen = wide * x, tall * y, _sample_indices(len(x))
-            curves_of.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
+            every = max(1, -(-(len(x) - 1) // (MOST_SAMPLES - 1)))
+            chosen = np.unique(np.append(np.arange(0, len(x), every), len(x) - 1))
+            curves_of.append(Curve(panel, name, across, up, wide * x[chosen], tall * y[chosen]))
     return curves_of
 
 
@@ -202,11 +203,6 @@ def _name(label: object, otherwise: str) -> str:
 def _numbers(values: object) -> Array:
     """Return numbers, with NaN where Matplotlib masks them."""
     return np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
-
-
-def _sample_indices(count: int) -> Array:
-    step = max(1, -(-(count - 1) // (MOST_SAMPLES - 1)))
-    return np.unique(np.append(np.arange(0, count, step), count - 1))
 
 
 def to_json(curves: Sequence[Curve]) -> bytes:
@@ -291,7 +287,9 @@ def render(
         arranged=set(wanted) != {NUMBERS},
         captions=None if of_width == "slide" else captions,
     )
-    title = f"{', '.join(_names(results))}: {figure.name}"
+    of_results = names([one for one in results if isinstance(one, Result)])
+    of_motions = [one.name for one in results if isinstance(one, DesiredMotion)]
+    title = f"{', '.join([*of_results, *of_motions])}: {figure.name}"
     digests = ", ".join(
         one.digest if isinstance(one, DesiredMotion) else str(one.attributes.get("digest", ""))
         for one in results
@@ -310,11 +308,6 @@ def render(
         files[folder / f"{figure.name}-caption.tex"] = text.encode()
     write_all(files, folder)
     return list(files)
-
-
-def _names(shown: Sequence[Result | DesiredMotion]) -> list[str]:
-    results = [one for one in shown if isinstance(one, Result)]
-    return names(results) + [one.name for one in shown if isinstance(one, DesiredMotion)]
 
 
 def first_figure(shown: Result | DesiredMotion) -> str:
