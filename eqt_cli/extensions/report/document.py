@@ -418,7 +418,14 @@ def report(
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown)
     concluded = conclusion_of(result)
-    of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result, against)
+    if result.is_sweep:
+        of_kind: dict[str, Any] = {"table": summary.point_table(result)}
+        if not concluded.id:  # no means, since one over all points means little
+            of_kind["best"] = sweep_tables(result, SWEPT_METRICS)
+    else:
+        of_kind = {"picker": summary.curves(result), "table": summary.run_table(result)}
+        of_kind |= {} if concluded.figures else _compared(result, against)
+        of_kind |= _animated(result)
     return page(
         "report.html.j2",
         ["report.css"],
@@ -453,23 +460,6 @@ def _default(result: Result) -> Sequence[Wanted]:
         mapped = len(result.labels) > 1 and len(result.swept_keys) in (1, 2)
         return (*SWEPT, COMPARED) if mapped else SWEPT
     return DEFAULT
-
-
-def _of_experiment(result: Result, against: str) -> dict[str, Any]:
-    return {
-        "picker": summary.curves(result),
-        "table": summary.run_table(result),
-        **({} if conclusion_of(result).figures else _compared(result, against)),
-        **_animated(result),
-    }
-
-
-def _of_sweep(result: Result) -> dict[str, Any]:
-    """Return the parts of a sweep; no means, since one over all points means little."""
-    parts: dict[str, Any] = {"table": summary.point_table(result)}
-    if not conclusion_of(result).id:
-        parts["best"] = sweep_tables(result, SWEPT_METRICS)
-    return parts
 
 
 def _compared(result: Result, against: str) -> dict[str, Any]:
