@@ -12,7 +12,7 @@ from eqt_cli.analysis.comparison_tables import text_tables
 from eqt_cli.analysis.intervals import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.maps import NOBODY, RULE, decide
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import Block, TextTable, brief, listed, significant
+from eqt_cli.base.reporting import Block, TextTable, brief, count_of, listed, significant
 from eqt_cli.extensions.search import fronts
 from eqt_cli.extensions.search.fronts import SHARES, Constraint, cases_of, equal_cost_table
 from eqt_cli.extensions.search.record import AGREEING, agree, values_text
@@ -40,7 +40,7 @@ def measured(result: Result, name: str) -> str:
 def _means_over(result: Result) -> str:
     """``means over 6 held-out runs ± half the 95 % interval``; few runs have no interval."""
     interval = " ± half the 95 % interval" if result.runs >= FEWEST else ""
-    return f"means over {result.runs} held-out run{'s' * (result.runs > 1)}{interval}"
+    return f"means over {count_of(result.runs, 'held-out run')}{interval}"
 
 
 def seed_labels(law: Record) -> list[str]:
@@ -205,7 +205,7 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
             for winner in law["winners"]:
                 label, best = winner["label"], values_text(winner["values"])
                 k = result.labels.index(label)
-                several = [means.mean[result.labels.index(each)] for each in seed_labels(law)]
+                several = [means.mean[result.labels.index(seed)] for seed in seed_labels(law)]
                 half = (means.high[k] - means.low[k]) / 2
                 ends = in_one_form(half, min(several), max(several)) if several else ["-"]
                 over = " to ".join(dict.fromkeys(ends))  # one number for one search
@@ -252,9 +252,9 @@ def searched(record: Record) -> str:
     generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
     cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
     return (
-        f"Searched: {generations} generation{'s' if generations > 1 else ''} of "
-        f"{record['population']} points, each of {runs} run{'s' if runs > 1 else ''}{cases}, for "
-        f"every law, with the seed{'s' if len(seeds) > 1 else ''} {listed([*map(str, seeds)])}."
+        f"Searched: {count_of(generations, 'generation')} of {record['population']} points, each "
+        f"of {count_of(runs, 'run')}{cases}, for every law, with the seed{'s' * (len(seeds) > 1)} "
+        f"{listed([*map(str, seeds)])}."
     )
 
 
@@ -273,33 +273,29 @@ def _counted(result: Result, labels: Collection[str]) -> Iterator[str]:
 
 def _bounds(cases: Mapping[str, Result], record: Record) -> TextTable:
     """Return the table of the bounds on the held-out runs, in each case."""
-    rows: list[list[str]] = []
-    for entry in record["constraints"]:
-        for case, result in cases.items():
-            rows += _rows(Constraint(**entry), result, record, f", {case}" if case else "")
+    rows = []
+    labels = [
+        label
+        for law in record["laws"]
+        for label in (*(winner["label"] for winner in law["winners"]), law["start"])
+    ]
+    for entry, (case, result) in product(record["constraints"], cases.items()):
+        bound = Constraint(**entry)
+        values = result.counted(bound.metric)
+        over = fronts.excess(bound, values)
+        worst = np.max if bound.above else np.min
+        reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
+        beyond = ~(values <= bound.bound if bound.above else values >= bound.bound)
+        for k in map(result.labels.index, labels):
+            has_value = np.isfinite(reached[k])
+            by = f" by {100 * over[k]:.2g} %" if has_value else ": a run has no value"
+            title = f"{result.titles[k]}, {case}" if case else result.titles[k]
+            verdict = "holds" if over[k] == 0 else f"violated{by}"
+            number = significant(float(reached[k]))
+            rows.append([title, str(bound), number, str(int(beyond[k].sum())), verdict])
     header = ["law", "constraint", "measured", "runs beyond", "verdict"]
     blocks = [Block("", rows)] if rows else []
     return TextTable("bounds", "Constraints on the held-out runs", header, blocks)
-
-
-def _rows(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
-    values = result.counted(bound.metric)
-    over = fronts.excess(bound, values)
-    worst = np.max if bound.above else np.min
-    reached = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
-    beyond = ~(values <= bound.bound if bound.above else values >= bound.bound)
-    for law in record["laws"]:
-        for label in [*(winner["label"] for winner in law["winners"]), law["start"]]:
-            k = result.labels.index(label)
-            known = np.isfinite(reached[k])
-            by = f" by {100 * over[k]:.2g} %" if known else ": a run has no value"
-            yield [
-                f"{result.titles[k]}{where}",
-                str(bound),
-                significant(float(reached[k])),
-                str(int(beyond[k].sum())),
-                "holds" if over[k] == 0 else f"violated{by}",
-            ]
 
 
 def worst_tables(result: Result, record: Record) -> list[TextTable]:
