@@ -13,6 +13,7 @@ from matplotlib.colors import is_color_like, to_hex, to_rgba
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
+from eqt_cli.base.reporting import count_of
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
@@ -167,8 +168,7 @@ class ShownControllers:
         if most and max(counts.values()) > most:
             return f"the first {most} runs"
         if len(set(counts.values())) == 1:
-            count = next(iter(counts.values()))
-            return f"{count} run{'s' * (count != 1)}"
+            return count_of(next(iter(counts.values())), "run")
         return f"runs: {', '.join(f'{count} ({title})' for title, count in counts.items())}"
 
     def unit(self, name: str) -> str:
@@ -552,7 +552,7 @@ class ShownSweep:
             without = failed.any(axis=-1)
             left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
             what = "counted as not settled" if self._shares else left_out
-            notes.append(f"{number} run{'s' * (number != 1)} failed; {what}.")
+            notes.append(f"{count_of(number, 'run')} failed; {what}.")
         for name in dict.fromkeys(self._shown):
             late = int(np.count_nonzero(self.results.censored(name)[:, self.controllers]))
             if late and horizon is None:
@@ -565,7 +565,7 @@ class ShownSweep:
     @property
     def count(self) -> str:
         """Number of runs of each point: ``20 runs``."""
-        return f"{self.results.runs} run{'s' * (self.results.runs != 1)}"
+        return count_of(self.results.runs, "run")
 
     def settled(self, by: float) -> Array:
         """Return whether each run has settled by a time, or by its end if 0; failed runs have not.

@@ -14,6 +14,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, KeyPath, suggestion
+from eqt_cli.base.reporting import count_of
 from eqt_cli.base.units import factor, offered
 from eqt_cli.components import pose_tables
 from eqt_cli.components.pose_notation import QUATERNION_TOLERANCE
@@ -241,7 +242,7 @@ class Sheet:
     def notes(self, table: LogTable) -> Iterator[str]:
         """Yield the rows that are dropped, and the columns that are not used."""
         for kind, lines in table.dropped.items():
-            rows = f"{len(lines)} {kind} row{'s' * (len(lines) > 1)}"
+            rows = count_of(len(lines), f"{kind} row")
             yield f"{rows} left out, the first in line {lines[0]}"
         pairs = zip(self.names, self.headings, strict=True)
         if unused := [heading for name, heading in pairs if name not in table.columns]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
-from eqt_cli.base.reporting import Block, TextTable, brief, fixed, percent
+from eqt_cli.base.reporting import Block, TextTable, brief, count_of, fixed, percent
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.motions import Pieces, through
 from eqt_cli.extensions.recordings.recording import WRENCH, recorded_names
@@ -470,7 +470,7 @@ class MeasuredRun:
     def notes(self) -> list[str]:
         """Notes on the rows, the clock, the gaps, and missing measurements."""
         seen, gaps = self.recording, len(self.recording.gaps)
-        missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
+        missing = f", {count_of(gaps, 'gap')}" if gaps else ""
         first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
         count = f"{len(seen.times)} of " * (self.rows > len(seen.times)) + f"{self.rows} rows"
         notes = [
