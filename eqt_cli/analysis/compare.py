@@ -182,8 +182,8 @@ class Hampsey2025(ClaimSet):
 def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Window]]:
     """Return the measures that test a row; empty if the result cannot test it."""
     if isinstance(row, AtMost):
-        known = result.comparable
-        return [(known[row.measure], WHOLE)] if row.measure in known else []
+        measures = result.comparable
+        return [(measures[row.measure], WHOLE)] if row.measure in measures else []
     return [
         (quantity, row.window)
         for quantity in result.by_parts(row.measure)
@@ -440,18 +440,18 @@ def compare_two(
         other = wanted(quantity.name)
         if other is None or not second.covers(other, window) or "lyapunov" in quantity.signals:
             continue
-        one = first.per_run(quantity, window.within(first.times))
-        two = second.per_run(other, window.within(second.times))
-        if one.unit == two.unit:
-            measured.append(_beside(one, two, runs))
+        of_first = first.per_run(quantity, window.within(first.times))
+        of_second = second.per_run(other, window.within(second.times))
+        if of_first.unit == of_second.unit:
+            measured.append(_beside(of_first, of_second, runs))
     if identical := first.repeats and second.repeats:
         measured = [_first_run(numbers) for numbers in measured]
     levels, pairs, resamples = statistics(measured, list(laws), good, how)
     same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
     bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
     titles = {k: f"{result.title_of[law]} ({name})" for k, (name, result, law) in laws.items()}
-    known = {k: (result.described.small_errors, law) for k, (_, result, law) in laws.items()}
-    small = {label: errors[law] for label, (errors, law) in known.items() if law in errors}
+    errors_of = {k: (result.described.small_errors, law) for k, (_, result, law) in laws.items()}
+    small = {label: errors[law] for label, (errors, law) in errors_of.items() if law in errors}
     of_base = dict.fromkeys(bases.values(), f"the law in {names[0]}")
     gains = _gains(small, {label: bases.get(label, label) for label in laws}, titles | of_base)
     return _with_answer(

@@ -82,7 +82,7 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     """
     both = first, second
     configuration, texts, renamings = _configurations(both)
-    arrays = [_datasets(each) for each in both]
+    arrays = [_datasets(result) for result in both]
     names = list(dict.fromkeys(chain(*arrays)))
     compared = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
     attributes = [
@@ -93,8 +93,8 @@ def differences(first: KnownResult, second: KnownResult) -> Differences:
     return Differences(
         configuration,
         _changes(*attributes),
-        _changes(*(dict(_leaves(each.provenance)) for each in both)),
-        [each for each in compared if each is not None],
+        _changes(*(dict(_leaves(result.provenance)) for result in both)),
+        [dataset for dataset in compared if dataset is not None],
         len(names),
     )
 
@@ -111,9 +111,9 @@ Texts = list[dict[str, str]]
 def _configurations(both: Sequence[KnownResult]) -> tuple[list[dict[str, Any]], Texts, Texts]:
     """Return the changed keys, the texts of stored files, and their names in the first result."""
     documents = [document_of(result) for result in both]
-    texts = [{**(one.home.plugins or {}), **one.home.files} for one in documents]
-    known = {text: name for name, text in texts[0].items()}
-    renamings = [{name: known.get(text, name) for name, text in each.items()} for each in texts]
+    texts = [{**(x.home.plugins or {}), **x.home.files} for x in documents]
+    in_first = {text: name for name, text in texts[0].items()}
+    renamings = [{name: in_first.get(text, name) for name, text in x.items()} for x in texts]
     renaming = zip(documents, renamings, strict=True)
     keys = [dict(_leaves(renamed(document.data, names))) for document, names in renaming]
     return _changes(*keys), texts, renamings

@@ -543,8 +543,8 @@ def sweep_tables(result: Result, more: Sequence[str] = ()) -> list[TextTable]:
             map_tables(compare_map(result, name, Resampling()), result, Plain())[1]
             for name in result.compared_first
         ]
-    others = [each for name in more if result.has(name) for each in result.in_parts(name)]
-    table = extreme_points(result, [*result.compared_first, *others])
+    further = [part for name in more if result.has(name) for part in result.in_parts(name)]
+    table = extreme_points(result, [*result.compared_first, *further])
     return [replace(table, notes=[*table.notes, *map(_won, winners(result))])]
 
 

@@ -167,7 +167,7 @@ class Distributions(OfMetrics):
 
     def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
         """Draw two panels per row in a column, three on a page."""
-        if all(one.runs < 2 or one.repeats for one in metrics.results):
+        if all(result.runs < 2 or result.repeats for result in metrics.results):
             raise metrics.error("shows how runs differ, and here all runs of a law are alike")
         if self.kind == "ecdf":
             first_laws(metrics, MOST_COLOURS * len(metrics.results))

@@ -64,14 +64,14 @@ class ShownRuns(ShownControllers):
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
         super().__init__(results, figure, chosen)
         self._chosen = chosen
-        for one in results:
-            self._check_stored(one, "lyapunov")
-            if len(one.times) < 2:
+        for result in results:
+            self._check_stored(result, "lyapunov")
+            if len(result.times) < 2:
                 message = (
                     "needs trajectories of two samples or more, and the result holds one; "
                     "decrease store.decimate and run the experiment again"
                 )
-                raise error_of(one, figure, message)
+                raise error_of(result, figure, message)
         self.ensembles = [
             replace(e, good=e.results.good[e.controller][e.results.stored_runs])
             for e in self.ensembles
@@ -91,7 +91,7 @@ class ShownRuns(ShownControllers):
     @property
     def span(self) -> tuple[float, float]:
         """First and last time of all results."""
-        ends = [one.times[self._samples(one)[[0, -1]]] for one in self.results]
+        ends = [result.times[self._samples(result)[[0, -1]]] for result in self.results]
         return float(np.min(ends)), float(np.max(ends))
 
     def times(self, ensemble: Ensemble) -> Array:
@@ -169,11 +169,12 @@ class ShownRuns(ShownControllers):
         The usual estimate over the runs; else the difference of the cross-check, or the tolerance.
         """
         errors = []
-        for one in self.results:
-            known = one.metric("error_estimate") if one.has("error_estimate") else np.empty(0)
-            compared = one.attributes.get("cross_check_difference") or one.described.rtol or 0.0
-            finite = known[np.isfinite(known)]
-            errors.append(float(np.median(finite) if finite.size else compared))
+        for result in self.results:
+            has_estimate = result.has("error_estimate")
+            estimates = result.metric("error_estimate") if has_estimate else np.empty(0)
+            compared = result.attributes.get("cross_check_difference") or result.described.rtol
+            finite = estimates[np.isfinite(estimates)]
+            errors.append(float(np.median(finite) if finite.size else compared or 0.0))
         largest = max(*errors, float(np.finfo(float).eps))
         if signal == "attitude_angle" or (degrees and signal in self.results[0].attitude_errors):
             return float(np.degrees(turn_of_distance(np.array(largest))))
@@ -215,7 +216,7 @@ class ShownRuns(ShownControllers):
         torque = np.empty_like(velocities)
         for k, t in enumerate(self.times(ensemble)):
             inertia = loop.inertia.at(t)
-            Qd, Vd, tau_d = (each[k] for each in desired)
+            Qd, Vd, tau_d = (values[k] for values in desired)
             state = Tracking(
                 G=loop.group,
                 inertia=inertia,
@@ -301,14 +302,14 @@ class ShownRuns(ShownControllers):
             If a vehicle has none, or its names differ from the first vehicle's.
         """
         member = MEMBERS[signal]
-        for one in self.results:
-            if not one.has(signal):
+        for result in self.results:
+            if not result.has(signal):
                 message = f"finds no {member}s on this vehicle; leave out the option '{member}s'"
                 if member == OUTPUT:
                     message = "finds no numbers of laws: none has memory, or store.memory is off"
-                raise error_of(one, self.figure, message)
-        names = [[str(name) for name in one.coordinate(member)] for one in self.results]
-        if any(each != names[0] for each in names):
+                raise error_of(result, self.figure, message)
+        names = [[str(name) for name in result.coordinate(member)] for result in self.results]
+        if any(of_result != names[0] for of_result in names):
             raise self.error(f"has a row for each {member}, and the results have other {member}s")
         return names[0]
 
@@ -479,11 +480,11 @@ class Figure(Component, Generic[S]):
         validated(type(self), vars(self), problems)
         self.check(problems)
         problems.raise_if_any()
-        for one in results if self.needs_runs else ():
-            if isinstance(one, DesiredMotion):
+        for source in results if self.needs_runs else ():
+            if isinstance(source, DesiredMotion):
                 others = [name for name in figures.names() if not figures.get(name).needs_runs]
                 raise EqtError(
-                    f"{one.path}: figure '{self.name}' shows results, and this is a "
+                    f"{source.path}: figure '{self.name}' shows results, and this is a "
                     f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
                 )
         with house_style(replace(style or HOUSE, width=width)), replaced(layout, "own_axes", axes):
@@ -569,13 +570,13 @@ class Panelled:
         EqtError
             If there is no panel of a chosen name.
         """
-        plain = {each.translate(_TYPED): each for each in known}
-        wanted = [plain.get(each.translate(_TYPED), "") for each in self.panels]
-        for each, chosen in zip(self.panels, wanted, strict=True):
+        plain = {panel.translate(_TYPED): panel for panel in known}
+        wanted = [plain.get(panel.translate(_TYPED), "") for panel in self.panels]
+        for panel, chosen in zip(self.panels, wanted, strict=True):
             if not chosen:
-                hint = suggestion(each, list(plain)) or f"; there are: {', '.join(plain)}"
-                raise EqtError(f"figure '{self.name}': panels: no panel '{each}'{hint}")
-        return [each for each in known if not wanted or each in wanted]
+                hint = suggestion(panel, list(plain)) or f"; there are: {', '.join(plain)}"
+                raise EqtError(f"figure '{self.name}': panels: no panel '{panel}'{hint}")
+        return [panel for panel in known if not wanted or panel in wanted]
 
 
 @dataclass(frozen=True)

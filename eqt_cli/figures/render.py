@@ -287,12 +287,12 @@ def render(
         arranged=set(wanted) != {NUMBERS},
         captions=None if of_width == "slide" else captions,
     )
-    of_results = names([one for one in results if isinstance(one, Result)])
-    of_motions = [one.name for one in results if isinstance(one, DesiredMotion)]
+    of_results = names([x for x in results if isinstance(x, Result)])
+    of_motions = [x.name for x in results if isinstance(x, DesiredMotion)]
     title = f"{', '.join([*of_results, *of_motions])}: {figure.name}"
     digests = ", ".join(
-        one.digest if isinstance(one, DesiredMotion) else str(one.attributes.get("digest", ""))
-        for one in results
+        x.digest if isinstance(x, DesiredMotion) else str(x.attributes.get("digest", ""))
+        for x in results
     )
     said = map(plain, [summary(type(figure)), *captions])
     description = f"{' '.join(said)} Experiment {digests}"

@@ -138,22 +138,22 @@ class ShownControllers:
     def __init__(self, results: Sequence[Result], figure: str, chosen: Chosen = ALL) -> None:
         self.results, self.figure, self.note = results, figure, ""
         self.remarks: list[str] = []
-        for one in results:
-            one.single(f"figure '{figure}' shows single experiments")
-            if one.group_name != results[0].group_name:
+        for result in results:
+            result.single(f"figure '{figure}' shows single experiments")
+            if result.group_name != results[0].group_name:
                 message = (
-                    f"shows results on one group; this is on {one.group_name}, and "
+                    f"shows results on one group; this is on {result.group_name}, and "
                     f"{results[0].path} on {results[0].group_name}"
                 )
-                raise error_of(one, figure, message)
+                raise error_of(result, figure, message)
         places_of = positions(results, figure, chosen.controllers)
         self.ensembles: list[Ensemble] = []
         look = iter(looks(results, places_of, figure, chosen))
-        for one, places, name in zip(results, places_of, names(results), strict=True):
+        for result, places, name in zip(results, places_of, names(results), strict=True):
             end = f", {name}" if len(results) > 1 else ""
             for k in places:
-                label, title = one.labels[k] + end, one.titles[k] + end
-                self.ensembles.append(Ensemble(one, k, next(look), label, title, one.good[k]))
+                label, title = result.labels[k] + end, result.titles[k] + end
+                self.ensembles.append(Ensemble(result, k, next(look), label, title, result.good[k]))
         if not self.shown:
             raise self.error("has nothing to show, since every run failed; see `eqt show`")
 
@@ -193,8 +193,8 @@ class ShownControllers:
 
 def names(results: Sequence[Result]) -> list[str]:
     """Return distinct names of results: titles, else folders, else numbered titles."""
-    titles = [one.title for one in results]
-    folders = [one.path.parent.resolve().name for one in results]
+    titles = [result.title for result in results]
+    folders = [result.path.parent.resolve().name for result in results]
     for candidates in (titles, folders):
         if len(set(candidates)) == len(results):
             return candidates
@@ -203,15 +203,15 @@ def names(results: Sequence[Result]) -> list[str]:
 
 def positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> list[list[int]]:
     """Return the indices of the chosen controllers in each result; all if none is chosen."""
-    known = list(dict.fromkeys(label for one in results for label in one.labels))
-    wanted = [{one.label_of(name) for name in chosen} for one in results]
+    labels = list(dict.fromkeys(label for result in results for label in result.labels))
+    wanted = [{result.label_of(name) for name in chosen} for result in results]
     for label in chosen:
-        if not any(one.label_of(label) in one.labels for one in results):
-            hint = suggestion(label, known) or f"; the result holds: {', '.join(known)}"
+        if not any(result.label_of(label) in result.labels for result in results):
+            hint = suggestion(label, labels) or f"; the result holds: {', '.join(labels)}"
             raise error_of(results[0], figure, f"finds no controller '{label}'{hint}")
     return [
-        [k for k, label in enumerate(one.labels) if not chosen or label in here]
-        for one, here in zip(results, wanted, strict=True)
+        [k for k, label in enumerate(result.labels) if not chosen or label in of_result]
+        for result, of_result in zip(results, wanted, strict=True)
     ]
 
 
@@ -234,7 +234,7 @@ def looks(
     variants
         Whether the variants of a law differ in their dashes, and not the laws.
     """
-    laws = [_laws(one) for one in results]
+    laws = [_laws(result) for result in results]
     every = list(dict.fromkeys(law for of in laws for law, _ in of))
     most = 1 + max(variant for of in laws for _, variant in of)
     places = [
@@ -283,9 +283,9 @@ def _law(
     purpose: str,
 ) -> str:
     """Return the law that a user names for a purpose."""
-    for one, of in zip(results, laws, strict=True):
-        if (label := one.label_of(name)) in one.labels:
-            return of[one.labels.index(label)][0]
+    for result, of in zip(results, laws, strict=True):
+        if (label := result.label_of(name)) in result.labels:
+            return of[result.labels.index(label)][0]
         if any(law == name for law, _ in of):
             return name
     hint = suggestion(name, results[0].labels) or f"; there are: {', '.join(results[0].labels)}"
@@ -381,7 +381,7 @@ class ShownMetrics(ShownControllers):
         besides = [row.name for row in RANKED if row.role != "error"]
         parts = [part for name in besides for part in results[0].in_parts(name)]
         wanted = dict.fromkeys([*results[0].compared_first, *parts])
-        held = [name for name in wanted if all(name in one.metrics for one in results)]
+        held = [name for name in wanted if all(name in result.metrics for result in results)]
         without = [name for name in held if not any(_sample(name, e).seen.size for e in self.shown)]
         self.metrics = list(dict.fromkeys(metrics)) or [n for n in held if n not in without] or held
         if without and not metrics:
@@ -389,9 +389,9 @@ class ShownMetrics(ShownControllers):
         if not self.metrics:
             message = f"finds none of the metrics {', '.join(besides)}"
             raise self.error(f"{message}; choose others with the option 'metrics'")
-        for one in results:
-            unknown = [name for name in self.metrics if name not in one.comparable]
-            one.check_metrics(unknown, who=f"figure '{figure}'")
+        for result in results:
+            unknown = [name for name in self.metrics if name not in result.comparable]
+            result.check_metrics(unknown, who=f"figure '{figure}'")
 
     @cached_property
     def samples(self) -> dict[tuple[str, str], MetricValues]:

@@ -95,8 +95,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     bounds = _bounds(cases, record)
     if len(record["objectives"]) > 1:
         equal_cost = equal_cost_table(result, record, _WRITE, Resampling())
-        made = [equal_cost, _front_points(result, record), bounds]
-        return [table for table in made if table.blocks]
+        tables = [equal_cost, _front_points(result, record), bounds]
+        return [table for table in tables if table.blocks]
     tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
     sought = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
     pairs = dict[str, TextTable]()
@@ -109,8 +109,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     names = list(dict.fromkeys([*record["objectives"], *result.compared_first]))
     winners = _winners(result, record, names)
     searches = searches_table(result, record)
-    made = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
-    return [table for table in made if table.blocks]
+    tables = [winners, _by_case(cases, record), bounds, *pairs.values(), searches]
+    return [table for table in tables if table.blocks]
 
 
 def tuning_answer(result: Result, record: Record) -> list[TextTable]:
@@ -180,8 +180,8 @@ def _front_points(result: Result, record: Record) -> TextTable:
     cells = [_spreads(result.counted(name)) for name in record["objectives"]]
     rows = []
     for law in record["laws"]:
-        known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}
-        for label, values in known.items():
+        winners = {w["label"]: values_text(w["values"]) for w in law["winners"]}
+        for label, values in ({law["start"]: ""} | winners).items():
             k = result.labels.index(label)
             rows.append([result.titles[k], values, *(column[k] for column in cells)])
     names = [

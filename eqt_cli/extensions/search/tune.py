@@ -161,12 +161,12 @@ class Search(Searches[TuneSection]):
 
     @classmethod
     def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
-        for each in [base, *_build_cases(section, base, problems)]:
-            _check_objectives(section, each, problems)
+        for experiment in [base, *_build_cases(section, base, problems)]:
+            _check_objectives(section, experiment, problems)
             for name in section.subject_to:
                 with problems.catching("subject_to", name):
-                    law_search.require_metric(name, each)
-            if each.config.initial.file is not None:
+                    law_search.require_metric(name, experiment)
+            if experiment.config.initial.file is not None:
                 problems.add(
                     "initial.file sets the states of all runs, so none can be held out; draw them"
                 )
