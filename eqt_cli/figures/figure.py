@@ -81,10 +81,9 @@ class ShownRuns(ShownControllers):
 
     def with_function(self) -> list[Ensemble]:
         """Return the controllers whose L is drawn; add a remark that names the others."""
-        others = [e.title for e in self.shown if e.law in e.results.without_function]
-        named = ", ".join(others)
-        remark = f"Without L, since the law does not claim that it falls: {named}."
-        if others and remark not in self.remarks:
+        without = ", ".join(e.title for e in self.shown if e.law in e.results.without_function)
+        remark = f"Without L, since the law does not claim that it falls: {without}."
+        if without and remark not in self.remarks:
             self.remarks.append(remark)
         return [e for e in self.shown if e.law not in e.results.without_function]
 

@@ -578,14 +578,14 @@ def _best_aligned(recording: Recording, courses: Mapping[str, Course]) -> Alignm
     alignments, errors = [], []
     for title, course in courses.items():
         try:
-            one = aligned(recording, course.times, course.pieces)
+            alignment = aligned(recording, course.times, course.pieces)
         except InputError as error:
             errors.append(error)
         else:
-            alignments.append(replace(one, by=f"{one.by} of {title}"))
+            alignments.append(replace(alignment, by=f"{alignment.by} of {title}"))
     if not alignments:
         raise errors[0]
-    return max(alignments, key=lambda each: each.correlation)
+    return max(alignments, key=lambda alignment: alignment.correlation)
 
 
 ShownIn = Callable[[str, str], tuple[str, float]]
@@ -713,9 +713,8 @@ def findings(
         spare=("simulated",),
         keys=2,
     )
-    remarks = []
-    if several and not whole:
-        remarks.append("next: --verbose prints every axis, --against LAW one law")
+    next_step = "next: --verbose prints every axis, --against LAW one law"
+    remarks = [next_step] * (several and not whole)
     document = {"measured": str(measured), "controllers": list(map(asdict, explanations))}
     return document, records, [table], remarks
 

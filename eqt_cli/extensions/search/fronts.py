@@ -180,10 +180,8 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
         name: result.counted(name)[:, 0]
         for name in {*objectives, *(bound.metric for bound in constraints)}
     }
-    missing = ~good
-    for each in values.values():
-        missing = missing | ~np.isfinite(each)
-    violation = missing.mean(axis=1)
+    complete = good & np.isfinite([*values.values()]).all(axis=0)
+    violation = (~complete).mean(axis=1)
     for bound in constraints:
         violation = violation + excess(bound, values[bound.metric])
     means = [quantity_of(name).cost(mean_over_runs(values[name])) for name in objectives]
