@@ -121,9 +121,8 @@ def shipped() -> tuple[Extension, ...]:
     folder = Path(__file__).parents[1] / "extensions"
     extensions = []
     for name in sorted(module.name for module in pkgutil.iter_modules([str(folder)])):
-        package = f"eqt_cli.extensions.{name}"
-        register = importlib.import_module(package).register
-        extensions.append(_registered(Extension(name, package), register))
+        extensions.append(Extension(name, f"eqt_cli.extensions.{name}"))
+        importlib.import_module(extensions[-1].package).register(extensions[-1])
     return tuple(extensions)
 
 
@@ -140,20 +139,15 @@ def installed() -> tuple[Extension, ...]:
 
     extensions = []
     for point in entry_points(group=GROUP):
-        extension = Extension(point.name, point.module)
+        extensions.append(Extension(point.name, point.module))
         try:
-            extensions.append(_registered(extension, point.load()))
+            point.load()(extensions[-1])
         except Exception as error:
             raise ComponentError(
                 f"extension '{point.name}' of the entry point '{point.value}' cannot be loaded: "
                 f"{error}; fix or uninstall the distribution that declares it"
             ) from error
     return tuple(extensions)
-
-
-def _registered(extension: Extension, register: Callable[[Extension], None]) -> Extension:
-    register(extension)
-    return extension
 
 
 @lru_cache(maxsize=1)

@@ -9,5 +9,4 @@ def register(extension: Extension) -> None:
     example = "configs/paper.yaml --controller eqt --out law"
     extension.add_command("export", "commands.export", COMPUTE, example, after="pack")
     extension.add_function("verify --code", "controllers.with_code")
-    extension.add_function("file of --code", "controllers.file_and_function")
     extension.add_function("answers on code", "code_rows.answers")

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, transpose
-from eqt_cli.base.errors import InputError, Problems, Remedy, TraceError
+from eqt_cli.base.errors import EqtError, InputError, Problems, Remedy, TraceError
 from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Kind, Real, shown
 from eqt_cli.base.units import size_of
@@ -541,8 +541,15 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     claimed
         The law that the code claims to be: a kind, or the label of an entry, with its options and
         gains; None to keep the statement of the entry, if any.
+
+    Raises
+    ------
+    EqtError
+        If there is no such file.
     """
     file, function = file_and_function(code)
+    if not file.is_file():
+        raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
     name, beside = os.path.relpath(file, document.home.folder), file.with_suffix(".adapter.yaml")
     adapter = adapter or (beside if beside.is_file() else None)
     listed = document.data.get("controllers")

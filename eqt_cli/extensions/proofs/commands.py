@@ -80,8 +80,8 @@ def verify(
     is_result = target.suffix == ".h5" or target.is_dir()
     if fail_on not in (None, *FINDINGS):
         raise EqtError(f"--fail-on: expected lacks or differs, got '{fail_on}'")
-    of_code = {"--as": as_, "--adapter": adapter}
-    _check_options(target, is_result, set_ or engine or runs, code, of_code)
+    changes, of_code = set_ or engine or runs or code, {"--as": as_, "--adapter": adapter}
+    _check_options(target, is_result, changes, code, of_code)
     if file and is_result:
         return _verify_files(target, json=json)
     if not is_result:
@@ -136,19 +136,17 @@ def _verify_files(target: Path, *, json: bool) -> None:
 
 
 def _check_options(
-    target: Path, is_result: bool, changes: object, code: str | None, others: Mapping[str, object]
+    target: Path, is_result: bool, changes: object, code: str | None, of_code: Mapping[str, object]
 ) -> None:
     """Raise an `EqtError` for options that do not go together."""
-    if is_result and (changes or code):
+    if is_result and changes:
         raise EqtError(
             f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
             "a configuration"
         )
-    for name, value in others.items():
+    for name, value in of_code.items():
         if value and not code:
             raise EqtError(f"{name} is about a law in code; give its file with --code")
-    if code and not function_for("file of --code")(code)[0].is_file():
-        raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
