@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,28 +16,47 @@ from eqt_cli.cli.output import laid_out, print_findings, say
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
 
 if TYPE_CHECKING:
+    from eqt_cli.config.document import Document
     from eqt_cli.extensions.recordings.logs import LogCheck
 
 Measured = Annotated[Path, options.option("--measured")]
-Hold = Annotated[str, options.option("--hold", known=("zero", "linear"))]
-Delay = Annotated[float, options.option("--delay")]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """How a recording and the wrench in it are read."""
+
+    mapping: options.Mapping = None
+    format: options.LogFormat = "csv"
+    hold: Annotated[str, options.option("--hold", known=("zero", "linear"))] = "zero"
+    delay: Annotated[float, options.option("--delay")] = 0.0
+    horizon: Annotated[float | None, options.option("--horizon")] = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """The changes of the model, the folder of the outcome, and what is printed."""
+
+    set_: options.Set = None
+    engine: options.Engine = None
+    out: options.Out = None
+    trust_plugins: options.TrustPlugins = False
+    json: options.Json = False
+    quiet: options.Quiet = False
+
+    def document(self, config: Path) -> Document:
+        """Return the configuration with the changes, not yet checked."""
+        trusted = self.trust_plugins
+        return options.document_of(config, self.set_, self.engine, trust_plugins=trusted)
 
 
 def replay(
     config: options.Config,
     measured: Measured,
-    mapping: options.Mapping = None,
-    log_format: options.LogFormat = "csv",
-    hold: Hold = "zero",
-    delay: Delay = 0.0,
-    horizon: Annotated[float | None, options.option("--horizon")] = None,
+    recorded: Recorded,
     windows: Annotated[int, options.option("--windows", min=1)] = 50,
-    set_: options.Set = None,
-    engine: options.Engine = None,
-    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    *,
+    model: Model,
 ) -> None:
     """Replay a recorded wrench and print the prediction error against the horizon.
 
@@ -59,37 +78,19 @@ def replay(
     from eqt_cli.base.option_types import plain_data
     from eqt_cli.extensions.recordings.prediction import growth_table
 
-    growth = api.replay(
-        options.document_of(config, set_, engine, trust_plugins=trust_plugins),
-        measured,
-        mapping,
-        format=log_format,
-        hold=hold,
-        delay=delay,
-        horizon=horizon,
-        windows=windows,
-        out=out,
-    )
-    print_findings(plain_data(growth), laid_out(growth_table(growth)), json=json)
-    if out is not None:
-        say(f"figure in {out}")
+    how = {**vars(recorded), "windows": windows, "out": model.out}
+    growth = api.replay(model.document(config), measured, **how)
+    print_findings(plain_data(growth), laid_out(growth_table(growth)), json=model.json)
+    if model.out is not None:
+        say(f"figure in {model.out}")
 
 
 def fit(
     config: options.Config,
     measured: Measured,
     over: Annotated[str, options.option("--over")],
-    mapping: options.Mapping = None,
-    log_format: options.LogFormat = "csv",
-    hold: Hold = "zero",
-    delay: Delay = 0.0,
-    horizon: Annotated[float | None, options.option("--horizon")] = None,
-    set_: options.Set = None,
-    engine: options.Engine = None,
-    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
-    trust_plugins: options.TrustPlugins = False,
-    json: options.Json = False,
-    quiet: options.Quiet = False,
+    recorded: Recorded,
+    model: Model,
 ) -> None:
     """Estimate parameters of the plant from a recording, with 95 % intervals.
 
@@ -115,20 +116,11 @@ def fit(
     if "=" in over:
         key = over.partition("=")[0].strip()
         raise EqtError(f"--over: expected keys without values, such as '{key}', got '{over}'")
-    fitted = api.fit(
-        options.document_of(config, set_, engine, trust_plugins=trust_plugins),
-        measured,
-        [key.strip() for key in over.split(",") if key.strip()],
-        mapping,
-        format=log_format,
-        hold=hold,
-        delay=delay,
-        horizon=horizon,
-        out=out,
-    )
+    keys = [key.strip() for key in over.split(",") if key.strip()]
+    fitted = api.fit(model.document(config), measured, keys, **vars(recorded), out=model.out)
     numbers, residuals = map(laid_out, fit_tables(fitted))
     findings = plain_data({k: v for k, v in vars(fitted).items() if k != "document"})
-    print_findings(findings, numbers, "", residuals, "", str(fitted.config), json=json)
+    print_findings(findings, numbers, "", residuals, "", str(fitted.config), json=model.json)
 
 
 # `eqt log` ----------------------------------------------------------------------------------------
@@ -188,23 +180,32 @@ def check_log(
         raise typer.Exit(2)
 
 
+@dataclass(frozen=True)
+class Errors:
+    """Which motions are compared, when and how, and the folder of the outcome."""
+
+    second_mapping: Annotated[Path | None, options.option("--second-mapping")] = None
+    second_format: Annotated[str | None, options.option("--second-format", known=FORMATS)] = None
+    topic: Annotated[str | None, options.option("--topic")] = None
+    setpoint: Annotated[str | None, options.option("--setpoint")] = None
+    association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear"
+    align: Annotated[str | None, options.option("--align", known=ALIGNMENTS)] = None
+    relative: Annotated[str | None, options.option("--relative")] = None
+    begin: Annotated[str | None, options.option("--begin")] = None
+    end: Annotated[str | None, options.option("--end")] = None
+    disarmed: Annotated[bool, options.option("--disarmed")] = False
+    out: options.Out = None
+
+
 @log_app.command("errors", cls=Command, epilog=example("eqt log errors", "flown.ulg"))
+@options.spread
 def log_errors(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording, as for eqt log check.")],
     second: Annotated[Path | None, typer.Argument(metavar="SECOND", help="Desired motion.")] = None,
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
     format_: Annotated[str, options.option("--format", known=FORMATS)] = "csv",
-    second_mapping: Annotated[Path | None, options.option("--second-mapping")] = None,
-    second_format: Annotated[str | None, options.option("--second-format", known=FORMATS)] = None,
-    topic: Annotated[str | None, options.option("--topic")] = None,
-    setpoint: Annotated[str | None, options.option("--setpoint")] = None,
-    association: Annotated[str, options.option("--association", known=ASSOCIATIONS)] = "linear",
-    align: Annotated[str | None, options.option("--align", known=ALIGNMENTS)] = None,
-    relative: Annotated[str | None, options.option("--relative")] = None,
-    begin: Annotated[str | None, options.option("--begin")] = None,
-    end: Annotated[str | None, options.option("--end")] = None,
-    disarmed: Annotated[bool, options.option("--disarmed")] = False,
-    out: Annotated[Path | None, options.option("--out", parser=options.folder)] = None,
+    *,
+    how: Errors,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
@@ -236,21 +237,14 @@ def log_errors(
     from eqt_cli import api
     from eqt_cli.extensions.recordings.logs import error_table
 
-    how: dict[str, Any] = {"topic": topic, "setpoint": setpoint, "disarmed": disarmed}
-    how |= {"association": association, "align": align, "relative": relative, "out": out}
-    how |= {
-        "begin": begin or "-inf",
-        "end": end or "inf",
-        "second_mapping": second_mapping,
-        "second_format": second_format,
-    }
-    errors = api.log_errors(file, second, mapping, format=format_, **how)
+    span = {"begin": how.begin or "-inf", "end": how.end or "inf"}
+    errors = api.log_errors(file, second, mapping, format=format_, **vars(how) | span)
     sizes = [one._asdict() for one in errors.sizes]
     document = {"headline": errors.headline, "topics": errors.topics, "sizes": sizes}
     document |= {"notes": errors.notes}
     print_findings(document, laid_out(error_table(errors)), json=json)
-    if out is not None:
-        say(f"figure and CSV in {out}")
+    if how.out is not None:
+        say(f"figure and CSV in {how.out}")
 
 
 def _print_log(checked: LogCheck) -> None:
