@@ -27,7 +27,7 @@ LOOK_UP = "Configurations, recordings and components"
 """Panels of the help, in which commands stand."""
 
 
-KINDS = {
+_KINDS = {
     "groups": "eqt_cli.components.groups",
     "controllers": "eqt_cli.components.laws",
     "references": "eqt_cli.components.references",
@@ -43,7 +43,7 @@ KINDS = {
     "executors": "eqt_cli.runs.executors",
     "figures": "eqt_cli.figures.figure",
 }
-"""The modules of the registries of components, in the order of `eqt list`."""
+"""The modules of the registries of components, but for those of extensions and of claims."""
 
 
 class CommandPlace(NamedTuple):
@@ -93,15 +93,7 @@ class Extension:
         """Name a component by the plural of its kind, ``controllers``, and its module.
 
         Without a module, it is in the package itself.
-
-        Raises
-        ------
-        ComponentError
-            If there is no such kind.
         """
-        if kind not in KINDS:
-            hint = suggestion(kind, KINDS) or f"; known: {', '.join(KINDS)}"
-            raise ComponentError(f"unknown kind '{kind}' of the component '{name}'{hint}")
         self.components.setdefault(kind, {})[name] = f"{self.package}.{module}".rstrip(".")
 
     def add_command(
@@ -127,6 +119,15 @@ def shipped() -> tuple[Extension, ...]:
 
 
 @lru_cache(maxsize=1)
+def all_kinds() -> dict[str, str]:
+    """Return the module of the registry of each kind by its plural, as `eqt list` sorts them."""
+    modules = dict(_KINDS)
+    for extension in shipped():
+        modules |= extension.kinds
+    return {**modules, "claims": "eqt_cli.analysis.compare"}
+
+
+@lru_cache(maxsize=1)
 def installed() -> tuple[Extension, ...]:
     """Return the extensions of other distributions.
 
@@ -142,6 +143,8 @@ def installed() -> tuple[Extension, ...]:
         extensions.append(Extension(point.name, point.module))
         try:
             point.load()(extensions[-1])
+            for kind in extensions[-1].components.keys() - all_kinds():
+                raise ComponentError(f"unknown kind '{kind}'{suggestion(kind, all_kinds())}")
         except Exception as error:
             raise ComponentError(
                 f"extension '{point.name}' of the entry point '{point.value}' cannot be loaded: "
@@ -185,8 +188,3 @@ def function_for(purpose: str) -> Callable[..., Any]:
         if purpose in extension.functions:
             return imported(extension.functions[purpose])
     raise ComponentError(f"{purpose}: its extension is not installed; install eqt again")
-
-
-for _extension in shipped():
-    KINDS |= _extension.kinds
-KINDS["claims"] = "eqt_cli.analysis.compare"  # listed last

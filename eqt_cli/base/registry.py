@@ -338,5 +338,5 @@ def blamed() -> Iterator[None]:
 
 def registry(kind: str) -> Registry[Any]:
     """Return the registry of a kind, by its plural."""
-    importlib.import_module(extensions.KINDS[kind])
+    importlib.import_module(extensions.all_kinds()[kind])
     return next(registry for registry in _registries if registry.plural == kind)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.files import read_record, write_record
 from eqt_cli.base.registry import registry, summary
 
@@ -34,7 +34,7 @@ def words(known: str | Sequence[str], incomplete: str) -> Completions:
 
 def listed(incomplete: str) -> Completions:
     """Complete a kind of components or, from its first letter, the name of a component."""
-    kinds = dict.fromkeys((*KINDS, "configs"), "")
+    kinds = dict.fromkeys((*all_kinds(), "configs"), "")
     names = {name: text for of_kind in _known()["names"].values() for name, text in of_kind.items()}
     return _starting(incomplete, kinds | names if incomplete else kinds)
 
@@ -147,7 +147,9 @@ def _known() -> dict[str, Any]:
 
     collected = {
         "state": state,
-        "names": {kind: {one.name: summary(one) for one in registry(kind).all()} for kind in KINDS},
+        "names": {
+            kind: {one.name: summary(one) for one in registry(kind).all()} for kind in all_kinds()
+        },
         "keys": {each.key: each.meaning for each in keys_of(json_schema())},
         "figure_options": {one.name: option_names(one) for one in registry("figures").all()},
     }

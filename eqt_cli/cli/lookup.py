@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.base.errors import ConfigError, EqtError, Problems, suggestion
-from eqt_cli.base.extensions import KINDS, functions_for
+from eqt_cli.base.extensions import all_kinds, functions_for
 from eqt_cli.base.files import new_file, refusals
 from eqt_cli.base.registry import load_plugin, registry, summary
 from eqt_cli.cli import completion, options, output
@@ -35,8 +35,8 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND|NAME",
-            help=f"{', '.join(KINDS)}, configs, laws or starts, in singular or plural; or the name "
-            "of a component. Default: counts all kinds.",
+            help=f"{', '.join(all_kinds())}, configs, laws or starts, in singular or plural; "
+            "or the name of a component. Default: counts all kinds.",
             autocompletion=completion.listed,
         ),
     ] = None,
@@ -47,9 +47,9 @@ def list_components(
     json: options.Json = False,
 ) -> None:
     """List the available components, such as laws and sensors, or the options of one of them."""
-    kinds = [*KINDS, "configs"]
+    kinds = [*all_kinds(), "configs"]
     if plugin:
-        for name in KINDS:
+        for name in all_kinds():
             registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
@@ -83,7 +83,7 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
 
     components = _of_name(name)
     if not components:
-        names = [*kinds, *(each for kind in KINDS for each in registry(kind).names())]
+        names = [*kinds, *(each for kind in all_kinds() for each in registry(kind).names())]
         hint = suggestion(name, names) or f"; kinds: {', '.join(kinds)}"
         raise EqtError(f"unknown kind or component '{name}'{hint}")
     config, part = shipped.using(name)
@@ -105,7 +105,9 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
 
 def _of_name(name: str) -> dict[str, Any]:
     """Return the components of this name by their kind."""
-    return {kind: registry(kind).get(name) for kind in KINDS if name in registry(kind).names()}
+    return {
+        kind: registry(kind).get(name) for kind in all_kinds() if name in registry(kind).names()
+    }
 
 
 def _described(kind: str) -> list[dict[str, Any]]:

@@ -68,3 +68,11 @@ def test_plain_files_are_read_without_them(session):
     done = session(FILES)
     assert done.stdout == "2\n", done.stderr
     assert done.stderr.endswith("initial.file: its extension is not installed; install eqt again\n")
+
+
+@pytest.mark.ci("starts an interpreter")
+@pytest.mark.needs("search")
+def test_a_module_of_an_extension_may_be_imported_first():
+    first = "import eqt_cli.extensions.search.api as api; print(api.tune.__name__)"
+    done = subprocess.run([sys.executable, "-c", first], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "tune\n"), done.stderr

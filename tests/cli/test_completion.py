@@ -7,7 +7,7 @@ import sys
 import pytest
 from case_tables import from_yaml
 
-from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import summary
 from eqt_cli.cli import completion
@@ -81,7 +81,7 @@ def test_the_options_are_those_of_the_figures(complete):
 def test_words_are_what_is_accepted(complete):
     assert complete("eqt show out --format ") == list(FORMATS)
     assert complete("eqt plot out --format ") == [*PICTURES, "json"]
-    assert complete("eqt list ") == [*KINDS, "configs"]
+    assert complete("eqt list ") == [*all_kinds(), "configs"]
     assert complete("eqt config new --from ") == shipped.names()
 
 

@@ -240,7 +240,7 @@ def fail(): raise KeyError("nothing")
             "--help",
             0,
             "extension 'x' of the entry point 'mine:register' cannot be loaded: unknown kind "
-            "'controler' of the component 'law'; did you mean 'controllers'?; fix or uninstall",
+            "'controler'; did you mean 'controllers'?; fix or uninstall",
         ),
     ],
 )

@@ -8,7 +8,7 @@ import yaml
 from case_tables import from_yaml, table_of
 
 from eqt_cli.base.errors import ConfigError
-from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.option_types import Scale, option_names
 from eqt_cli.base.registry import Registry, registry
 from eqt_cli.base.yaml_source import load
@@ -27,7 +27,7 @@ from eqt_cli.engines.engine import SolverChecks, engines
 def schema():
     """Without plugins that other tests have loaded."""
     with pytest.MonkeyPatch.context() as patch:
-        for kind in KINDS:
+        for kind in all_kinds():
             patch.setattr(registry(kind), "_plugins", {})
         return json_schema()
 

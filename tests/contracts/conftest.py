@@ -17,7 +17,7 @@ import pytest
 from plugin_sources import forget_plugins
 
 from eqt_cli.base.arrays import FUNCTIONS, register_symbols
-from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import load_plugin, registry
 from eqt_cli.components.flat import Knot
 from eqt_cli.components.forces import Force
@@ -34,10 +34,10 @@ from eqt_cli.loop.linearised import designed
 
 TESTS = Path(__file__).parents[1]
 PLUGINS = [*sorted(TESTS.glob("plugins/*.py")), TESTS.parent / "examples" / "runge_kutta.py"]
-if "certificates" not in KINDS:  # its extension is away
+if "certificates" not in all_kinds():  # its extension is away
     PLUGINS.remove(TESTS / "plugins/certificates.py")
 
-collect_ignore = [] if "certificates" in KINDS else ["test_certificates.py"]
+collect_ignore = [] if "certificates" in all_kinds() else ["test_certificates.py"]
 
 ARGUMENTS = {"velocities": "velocity"}
 """Singulars that are not the plural without its s."""
@@ -104,12 +104,12 @@ def components() -> dict[str, list[type]]:
                 for each in registry(kind).all()
                 if getattr(each, "tasks", True) and getattr(each, "at", None) != ""
             ]
-            for kind in KINDS
+            for kind in all_kinds()
         }
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    for kind in KINDS:
+    for kind in all_kinds():
         argument = f"{ARGUMENTS.get(kind, kind[:-1])}_class"
         if argument in metafunc.fixturenames:
             found = [

@@ -4,7 +4,7 @@ import re
 from uuid import uuid4
 
 from eqt_cli.base import registry as registries
-from eqt_cli.base.extensions import KINDS
+from eqt_cli.base.extensions import all_kinds
 from eqt_cli.base.registry import registry
 from eqt_cli.config import document
 
@@ -14,7 +14,7 @@ def forget_plugins(monkeypatch, *, stranger=True):
     if stranger:
         monkeypatch.setattr(document, "EXECUTED", f".{uuid4().hex}")
     monkeypatch.setattr(registries, "_loaded_plugins", {})
-    for kind in KINDS:
+    for kind in all_kinds():
         monkeypatch.setattr(registry(kind), "_plugins", {})
 
 
@@ -23,7 +23,7 @@ def begin_as_a_stranger():
     document.EXECUTED = f".{uuid4().hex}"
     if registries._loaded_plugins:
         registries._loaded_plugins = {}
-        for kind in KINDS:
+        for kind in all_kinds():
             registry(kind)._plugins = {}
 
 
