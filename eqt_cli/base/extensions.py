@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import sys
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -136,7 +137,11 @@ def installed() -> tuple[Extension, ...]:
     ComponentError
         If one cannot be loaded.
     """
-    from importlib.metadata import entry_points  # which takes 20 ms
+    # A look at the files takes 2 ms, the import of importlib.metadata 20.
+    files = (file for folder in sys.path for file in Path(folder).glob("*-info/entry_points.txt"))
+    if not any(GROUP.encode() in file.read_bytes() for file in files):
+        return ()
+    from importlib.metadata import entry_points
 
     extensions = []
     for point in entry_points(group=GROUP):
