@@ -641,10 +641,10 @@ def is_eqts(path: Path) -> bool:
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 """Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
 
-FORMAT = 2
+FORMAT = 3
 """Number of the file layout; a reader refuses every other number.
 
-In 2, results hold what readers show of the experiment, and need no configuration."""
+In 3, strings have a fixed length, and variables number the texts of a table."""
 
 FORMAT_ATTRIBUTE = "eqt_format"
 """The root attribute that marks a file as eqt's and holds its `FORMAT`."""
@@ -670,11 +670,14 @@ LAW = "law"
 POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
 """Names of the groups of points, one for each, in a sweep whose points differ in shape."""
 
+TEXTS = "_text"
+"""End of the name of a table in the root with the texts that a variable numbers."""
+
 COORDINATES = "coordinates"
 """The CF attribute that names further coordinates of a variable, separated by blanks."""
 
 _OF_HDF5 = "CLASS NAME DIMENSION_LABELS DIMENSION_LIST REFERENCE_LIST".split()
-_OF_NETCDF = "_Netcdf4Dimid _Netcdf4Coordinates _NCProperties _nc3_strict".split()
+_OF_NETCDF = "_Netcdf4Dimid _Netcdf4Coordinates _NCProperties _nc3_strict _Encoding".split()
 RESERVED = {FORMAT_ATTRIBUTE, VERSION_ATTRIBUTE, COORDINATES, *_OF_HDF5, *_OF_NETCDF}
 """Attributes that hold the structure of the file, and are never a user's."""
 

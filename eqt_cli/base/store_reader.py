@@ -6,9 +6,7 @@ larger than the file, other types, and dimensions that do not fit.
 
 import io
 import operator
-import os
 import re
-import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -39,7 +37,6 @@ _FILTERS: tuple[list[int], ...] = ([], [_DEFLATE], [_SHUFFLE, _DEFLATE])
 _DEFLATE_RATIO = 1032
 _ATTACHMENT = np.dtype([("address", "<u8"), ("axis", "<u4"), ("padding", "<u4")])
 _VERSION = re.compile(rb"[0-9A-Za-z.+-]{1,32}")
-_REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4")])
 
 
 MOST_DATASETS = 1000
@@ -72,28 +69,13 @@ def _outside_heaps(file: Any, name: str) -> Any:
 
 
 class CheckedStream(io.BufferedReader):
-    """A file for HDF5 to read, except for heaps that it would read for ever.
-
-    HDF5 keeps strings in heaps, which have no checksum. It walks from object to object by their
-    sizes, and never ends at one that takes no bytes (its issue 1707, open in 2.0).
-    """
+    """A file for HDF5 to read."""
 
     def readinto(self, buffer: Any) -> int:
-        """Fill the buffer from the present position on, where a heap would start."""
-        start, count = self.tell(), super().readinto(buffer)
+        """Fill the buffer, or fail where the file has become shorter."""
+        count = super().readinto(buffer)
         if count < len(buffer):
             raise EOFError("the file became shorter")
-        if bytes(buffer[:5]) == b"GCOL\x01":
-            self.seek(start)
-            size_of_file = os.fstat(self.fileno()).st_size
-            heap = self.read(min(int.from_bytes(buffer[8:16], "little"), size_of_file))
-            place = 16
-            while place + 16 <= len(heap):
-                index, size = struct.unpack_from("<H6xQ", heap, place)
-                taken = (16 + -(-size // 8) * 8) % 2**64 if index else size
-                if not taken:
-                    raise Refusal("its strings are damaged")
-                place += taken
         return count
 
 
@@ -145,16 +127,13 @@ def attribute(owner: Any, name: str) -> Attribute:
     """Return an attribute, which must be a single number or string."""
     handle = h5py.h5a.open(owner.id, name.encode())
     kind = handle.get_type()
-    is_plain = kind.get_class() == h5py.h5t.STRING or _is_number(kind)
+    # Not of variable length: HDF5 walks for ever in a heap of strings that is damaged (issue 1707).
+    is_plain = _is_text(kind) or _is_number(kind)
     if handle.get_space().get_simple_extent_npoints() != 1 or not is_plain:
         where = f" of '{_path(owner)}'" if _path(owner) else ""
-        raise Refusal(f"its attribute {name!r}{where} is not one number or string")
+        raise Refusal(f"its attribute {name!r}{where} is not one number or string of fixed length")
     value = np.asarray(owner.attrs[name]).item()
-    if isinstance(value, bytes):
-        return value.decode()
-    if isinstance(value, str):
-        value.encode()  # fails for bytes that are not UTF-8, which h5py accepts
-    return value
+    return value.decode() if isinstance(value, bytes) else value
 
 
 def _path(owner: Any) -> str:
@@ -165,9 +144,8 @@ def _is_number(kind: Any) -> bool:
     return kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT) and kind.get_size() <= 8
 
 
-def _is_text(dataset: Any) -> bool:
-    kind = dataset.id.get_type()
-    return kind.get_class() == h5py.h5t.STRING and kind.is_variable_str()
+def _is_text(kind: Any) -> bool:
+    return kind.get_class() == h5py.h5t.STRING and not kind.is_variable_str()
 
 
 def _object(group: Any, name: str) -> Any:
@@ -199,9 +177,10 @@ def _dataset(group: Any, name: str) -> Any:
         raise Refusal(f"'{path}' keeps its data in another file")
     if [creation.get_filter(k)[0] for k in range(creation.get_nfilters())] not in _FILTERS:
         raise Refusal(f"'{path}' uses filters other than shuffle and gzip")
-    if not (_is_text(dataset) or _is_number(dataset.id.get_type())):
-        raise Refusal(f"'{path}' holds neither numbers nor variable-length strings")
-    if _is_text(dataset) and dataset.chunks:
+    is_text = _is_text(dataset.id.get_type())
+    if not (is_text or _is_number(dataset.id.get_type())):
+        raise Refusal(f"'{path}' holds neither numbers nor strings of fixed length")
+    if is_text and dataset.chunks:
         raise Refusal(f"'{path}' does not hold its strings in one piece")
     if dataset.shape is None:
         raise Refusal(f"'{path}' has no shape")
@@ -262,19 +241,6 @@ def _attached(scale: Any) -> list[tuple[int, int]]:
     raw = np.empty(handle.shape, f"V{_ATTACHMENT.itemsize}")
     handle.read(raw, kind)  # as bytes, so that no reference is followed
     return [(int(address), int(axis)) for address, axis, _ in raw.view(_ATTACHMENT)]
-
-
-def require_short_text(dataset: Any, view: mmap) -> None:
-    """Refuse strings that declare more text than the file has.
-
-    Many references to one long string could fill the memory from a small file.
-    """
-    if (offset := dataset.id.get_offset()) is None:
-        return  # the dataset has no elements
-    references = np.frombuffer(view[offset : offset + dataset.id.get_storage_size()], _REFERENCE)
-    total = int(references["length"].sum())
-    if total > len(view):
-        raise Refusal(f"'{_path(dataset)}' declares {total} bytes of text in a file of {len(view)}")
 
 
 # Results of eqt -----------------------------------------------------------------------------------
@@ -350,13 +316,14 @@ class ResultFile:
     def _show(self, contents: Contents, fixed: Mapping[str, int] | None = None) -> None:
         """Show the root or a group, at a position along the `fixed` dimensions."""
         self._fixed = fixed or {}
+        hidden = {*self._fixed, *(dim for dim in contents.dimensions if dim.endswith(files.TEXTS))}
         self._entries = {
             name: entry
             for name, entry in contents.entries.items()
-            if not (self._fixed and set(entry.dims) <= set(self._fixed))
+            if not (entry.dims and hidden.issuperset(entry.dims))
         }
         self.dimensions: Mapping[str, int] = MappingProxyType(
-            {dim: size for dim, size in contents.dimensions.items() if dim not in self._fixed}
+            {dim: size for dim, size in contents.dimensions.items() if dim not in hidden}
         )
         self.coordinates = tuple(k for k in self._entries if k in contents.coordinates)
         self.names = tuple(k for k in self._entries if k not in contents.coordinates)
@@ -493,10 +460,10 @@ class ResultFile:
         if not self._file:
             raise ResultError(f"{self.path}: is closed; read within its `with` block")
         with _guard(self.path, name):
-            if _is_text(entry.dataset):
-                require_short_text(entry.dataset, self._view)
-                return _read(entry.dataset.asstr(), positions).astype(object)
-            return _read(entry.dataset, positions)
+            data = _read(entry.dataset, positions)
+            if table := self._root.entries.get(name + files.TEXTS):
+                return np.asarray(_decoded(table.dataset[()])[data], dtype=object)
+            return _decoded(data) if data.dtype.kind == "S" else data
 
     def _chosen(self, name: str, dim: str, selection: Selection | None) -> Chosen:
         """Return a selection in a form that h5py accepts: in range, with rising slices."""
@@ -521,7 +488,7 @@ class ResultFile:
     def _position(self, place: str, dim: str, selected: int | str) -> int:
         """Return the position of a label or number."""
         if isinstance(selected, str):
-            if dim not in self.coordinates or not _is_text(self._entry(dim).dataset):
+            if dim not in self.coordinates or self._entry(dim).dataset.dtype.kind != "S":
                 raise ResultError(
                     f"{place}: has no labels, so '{selected}' selects nothing; use positions"
                 )
@@ -679,6 +646,10 @@ def _check_format(path: Path, file: Any, oldest: int) -> None:
             f"{path}: has format {number}, but eqt {__version__} reads format {files.FORMAT}; "
             f"read it with {writer}"
         )
+
+
+def _decoded(texts: NDArray[np.bytes_]) -> NDArray[Any]:
+    return np.char.decode(texts, "utf-8").astype(object)
 
 
 def _read(dataset: Any, selection: Sequence[Chosen]) -> NDArray[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -196,6 +196,29 @@ def _refused(target: Path, error: OSError) -> ResultError:
     return ResultError(reason, remedy)
 
 
+def _fixed(texts: Iterable[str], encoding: int) -> tuple[NDArray[np.bytes_], Any]:
+    """Encode texts, and return their type in HDF5, where each ends with a NUL, as in C.
+
+    A string of one byte would be a character to netCDF.
+    """
+    encoded = np.array([text.encode() for text in texts], np.bytes_)
+    if any("\0" in text for text in texts):
+        raise ValueError("texts in results hold no NUL")
+    kind = h5py.h5t.C_S1.copy()
+    kind.set_size(encoded.itemsize + 1)
+    kind.set_cset(encoding)
+    return encoded.astype(kind.dtype), h5py.Datatype(kind)
+
+
+def _describe(owner: Any, attributes: Mapping[str, Attribute]) -> None:
+    for name, value in attributes.items():
+        if isinstance(value, str):
+            (text,), kind = _fixed([value], h5py.h5t.CSET_UTF8)
+            owner.attrs.create(name, text, dtype=kind)
+        else:
+            owner.attrs[name] = value
+
+
 _CHUNK_BYTES = 2**20
 
 
@@ -227,11 +250,9 @@ class Assembly:
         The open HDF5 file, or a group of it.
     sizes, coordinates, variables, compression
         As in `assemble`; the compression also applies to groups.
-
-    Attributes
-    ----------
-    replaces : bool
-        Whether writes may replace earlier data, even text by empty text.
+    texts
+        The numbers of the texts of variables, and their datasets, which the file shares with its
+        groups.
     """
 
     def __init__(
@@ -241,9 +262,9 @@ class Assembly:
         coordinates: Mapping[str, Variable],
         variables: Mapping[str, Blank | Variable],
         compression: Literal["gzip"] | None,
+        texts: dict[str, tuple[dict[str, int], list[Any]]],
     ) -> None:
-        self._file, self._sizes, self._compression = file, sizes, compression
-        self.replaces = False
+        self._file, self._sizes, self._compression, self._texts = file, sizes, compression, texts
         self._datasets: dict[str, Any] = {}  # kept open: opening one takes as long as writing it
         for dim, size in sizes.items():
             if dim in coordinates:
@@ -257,6 +278,8 @@ class Assembly:
         for name, variable in extra.items():
             self._attach(self._add(name, variable), variable.dims, {})
         for name, entry in variables.items():
+            if entry.dtype is None:
+                texts.setdefault(name, ({"": 0}, []))
             self._attach(self._add(name, entry, compression), entry.dims, extra)
 
     def group(
@@ -269,7 +292,7 @@ class Assembly:
         """Add a group with its own dimensions and variables, as `assemble` does for the file."""
         creation = _creation(h5py.h5p.GROUP_CREATE)
         group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
-        return Assembly(group, sizes, coordinates, variables, self._compression)
+        return Assembly(group, sizes, coordinates, variables, self._compression, self._texts)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Return the shape of a variable."""
@@ -277,15 +300,27 @@ class Assembly:
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: `positions` along its first axes, and all of the other axes."""
-        # Unwritten strings read as empty ones. So millions of runs without a message need only a
-        # reference each, and no object in a heap.
-        is_empty = data.dtype == object and bool((data == "").all())
-        if data.size and (self.replaces or not is_empty):
+        if name in self._texts:
+            numbers, _ = self._texts[name]
+            data = np.vectorize(lambda x: numbers.setdefault(x, len(numbers)), [np.int32])(data)
+        if data.size:
             self._datasets[name][positions] = data
+
+    def put_texts(self) -> None:
+        """Write the texts that complete variables number, in alphabetical order."""
+        for name, (numbers, datasets) in self._texts.items():
+            texts, used = np.array([*numbers], dtype=object), (np.unique(x[()]) for x in datasets)
+            texts[[*set(range(len(texts))).difference(*map(np.ndarray.tolist, used))]] = ""
+            texts, places = np.unique(texts, return_inverse=True)
+            for dataset in datasets:
+                dataset[...] = places[dataset[...]]
+            table, about = name + files.TEXTS, {"long_name": f"texts that '{name}' numbers"}
+            self._sizes = {table: len(texts)}
+            self._add(table, Variable((table,), texts, about)).make_scale(table)
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
         """Add attributes of the file, or of the group."""
-        self._file.attrs.update(attributes)
+        _describe(self._file, attributes)
 
     def _add(
         self, name: str, entry: Blank | Variable, compression: Literal["gzip"] | None = None
@@ -293,19 +328,25 @@ class Assembly:
         """Create a dataset; for a variable, write its data."""
         shape = tuple(self._sizes[dim] for dim in entry.dims)
         options: dict[str, Any] = {}
-        if entry.dtype is None:  # not compressed, which would affect only references to strings
-            dtype = h5py.string_dtype("utf-8")
+        data = entry.data if isinstance(entry, Variable) else None
+        is_coordinate = entry.dtype is None and name not in self._texts
+        if data is not None and is_coordinate:
+            # Declared as ASCII, because Octave's `load` stops at UTF-8.
+            data, dtype = _fixed(data.tolist(), h5py.h5t.CSET_ASCII)
         else:
-            dtype = entry.dtype.newbyteorder("<")
+            dtype = (entry.dtype or np.dtype(np.int32)).newbyteorder("<")
             if compression and shape and 0 not in shape:
                 options = _compressed(shape, dtype)
         dataset = self._file.create_dataset(name, shape=shape, dtype=dtype, **options)
         self._datasets[name] = dataset
-        if entry.dtype is None and 0 not in shape:
-            dataset[(0,) * len(shape)] = ""  # allocates the dataset
-        dataset.attrs.update(entry.attributes)
-        if isinstance(entry, Variable):
-            self.put(name, entry.data.astype(object) if entry.dtype is None else entry.data)
+        _describe(dataset, entry.attributes)
+        if name in self._texts:
+            self._texts[name][1].append(dataset)
+        if is_coordinate:
+            # For h5netcdf, as an array of one, which netCDF skips: xarray would decode text again.
+            dataset.attrs.create("_Encoding", [b"utf-8"], (1,), "(1,)S5")
+        if data is not None:
+            self.put(name, data)
         return dataset
 
     def _attach(self, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
@@ -314,7 +355,7 @@ class Assembly:
             dataset.dims[axis].attach_scale(self._datasets[dim])
         described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
         if described:
-            dataset.attrs[files.COORDINATES] = " ".join(described)
+            _describe(dataset, {files.COORDINATES: " ".join(described)})
 
 
 @contextmanager
@@ -355,7 +396,9 @@ def assemble(
             with Sink(written) as sink, _create(sink) as file:
                 file.attrs[files.FORMAT_ATTRIBUTE] = files.FORMAT
                 file.attrs[files.VERSION_ATTRIBUTE] = np.bytes_(__version__)
-                yield Assembly(file, sizes, coordinates, variables, compression)
+                assembly = Assembly(file, sizes, coordinates, variables, compression, {})
+                yield assembly
+                assembly.put_texts()
             files.seal(written)
     except OSError as error:
         raise _refused(target, error) from error

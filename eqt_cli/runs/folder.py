@@ -274,8 +274,8 @@ def _value_text(value: Any) -> str:
 MOST_OUTPUTS = 32
 """Most numbers of laws that are stored over time where `store.memory` does not say."""
 
-TEXT_BYTES = 16
-"""Size of a reference to a string in HDF5, bytes."""
+TEXT_BYTES = 4
+"""Size of the number of a text, bytes."""
 
 
 # The rows of the table for a configuration -------------------------------------------------------

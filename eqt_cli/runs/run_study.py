@@ -460,8 +460,6 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         _copy(file.root, old, in_root(layouts))
         for point, group in enumerate(file.groups):
             _copy(group, old.at(point), layouts[0].quantities)
-        for written in (file.root, *file.groups):
-            written.replaces = True
         with step(PACKING, len(task)):
             _put_parts(task, file.places)
         file.root.describe({**old.attributes, **attributes})

@@ -1,9 +1,11 @@
 import errno
 import io
 import os
+import shutil
 import stat
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -27,16 +29,18 @@ def test_xarray_opens_it_with_names_units_and_labels(path, table, compression):
 
     write(path, table, compression)
     with xarray.open_dataset(path, engine="h5netcdf") as dataset:
-        assert dict(dataset.sizes) == {"controller": 2, "time": 11, "run": 5, "axis": 3}
+        sizes = {"controller": 2, "time": 11, "run": 5, "axis": 3, "message_text": 5}
+        assert dict(dataset.sizes) == sizes
         assert set(dataset.data_vars) == set(table.variables)
-        assert set(dataset.coords) == {"controller", "time"}
+        assert set(dataset.coords) == {"controller", "time", "message_text"}
         assert dataset.torque.dims == ("controller", "run", "time", "axis")
         assert dataset.torque.attrs == {"units": "N m", "long_name": "control torque τ"}
         assert dataset.attrs["config"] == "name: paper\n"
         assert dataset.time.dtype == np.float64
         chosen = dataset.sel(controller="gt")
         np.testing.assert_array_equal(chosen.torque, table.variables["torque"].data[1])
-        np.testing.assert_array_equal(chosen.message, table.variables["message"].data[1])
+        messages = chosen.message_text.values[chosen.message]
+        np.testing.assert_array_equal(messages, table.variables["message"].data[1])
 
 
 def test_further_coordinates_are_coordinates_of_every_variable_along_them(path):
@@ -79,12 +83,57 @@ def test_layout_is_that_of_hdf5_1_8(path, table):
         assert file.id.get_create_plist().get_version()[0] == 2  # of the superblock; 3 is 1.10's
 
 
-def test_strings_are_variable_length_utf8(path, table):
+def test_strings_have_one_length_and_numbers_stand_for_those_of_variables(path, table):
     write(path, table, "gzip")
     with h5py.File(path) as file:
-        for name in ("controller", "message"):
-            assert h5py.check_string_dtype(file[name].dtype) == ("utf-8", None)
-            assert file[name].chunks is None
+        assert file["controller"].dtype == "S4"  # each ends with a NUL, as in C
+        assert file["controller"].chunks is None
+        assert file["controller"].asstr()[()].tolist() == ["eqt", "gt"]
+        assert file["message"].dtype == "<i4"
+        texts = file["message_text"].asstr("utf-8")[()]
+        assert texts[file["message"][1]].tolist() == ["", "ok", "‖Q‖ = ∞", "a", "b"]
+        assert file.attrs["config"] == b"name: paper\n"
+        assert file["torque"].attrs["long_name"].decode() == "control torque τ"
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "netcdf4"])
+def test_both_engines_of_xarray_return_text(path, table, engine):
+    import xarray
+
+    if engine == "netcdf4":
+        pytest.importorskip("netCDF4")
+    labels = {"controller": Variable(("controller",), np.array(["", "ω₁"]))}
+    write(path, replace(table, coordinates=labels))
+    with xarray.open_dataset(path, engine=engine) as dataset:
+        assert dataset.controller.values.tolist() == ["", "ω₁"]
+        assert dataset.message_text.values.tolist() == ["", "a", "b", "ok", "‖Q‖ = ∞"]
+        assert dataset.settling_time.attrs["units"] == "s"  # not a character
+
+
+def test_octave_loads_the_whole_file(path, table):
+    if not (octave := shutil.which("octave-cli")):
+        pytest.skip("needs Octave")
+    write(path, table)
+    show = "printf('%s;', fieldnames(s){:}); printf('%.17g;', s.torque); disp(s.message_text(5, :))"
+    command = [octave, "--norc", "--eval", f"s = load('{path}'); {show}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "warning" not in done.stderr
+    *words, text = done.stdout.split(";")
+    names = ["controller", "time", *table.variables, "run", "axis", "message_text"]
+    assert sorted(words[: len(names)]) == sorted(names)
+    torque = table.variables["torque"].data.ravel()
+    np.testing.assert_array_equal(np.array(words[len(names) :], float), torque)
+    assert text.strip() == "‖Q‖ = ∞"
+
+
+@pytest.mark.parametrize("text", ["a\0b", "a\0"])
+def test_a_nul_would_end_a_text(path, text):
+    about = Table({}, attributes={"title": text})
+    labels = Table({}, {"x": Variable(("x",), np.array([text], dtype=object))})
+    for wrong in (about, labels):
+        with pytest.raises(ValueError, match="texts in results hold no NUL"):
+            write(path, wrong)
+    assert list(path.parent.iterdir()) == []
 
 
 def test_attributes_may_exceed_64_kb(path):
@@ -244,13 +293,14 @@ def test_a_folder_that_does_not_reach_the_disk_is_a_failure(path, table, folder_
         write(path, table)
 
 
-def test_empty_strings_take_only_their_references(tmp_path):
+def test_a_text_takes_four_bytes_wherever_it_stands_again(tmp_path):
     for count in (1000, 2000):
-        write(tmp_path / f"{count}.h5", Table({"x": Variable(("run",), np.full(count, ""))}))
+        text = np.full(count, "after t = 1 s: a step became too small")
+        write(tmp_path / f"{count}.h5", Table({"x": Variable(("run",), text)}))
     sizes = [(tmp_path / f"{count}.h5").stat().st_size for count in (1000, 2000)]
-    assert sizes[1] - sizes[0] == 1000 * 16  # length, address and index of each
+    assert sizes[1] - sizes[0] == 1000 * 4
     with open_results(tmp_path / "1000.h5") as results:
-        assert results["x"].tolist() == [""] * 1000
+        assert results["x"].tolist() == [text[0]] * 1000
 
 
 def test_dimensions_come_with_the_coordinates_first():

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from scipy.stats import ttest_rel
+from stored import fixed
 
 from eqt_cli.engines.native import Native
 from eqt_cli.results.result import open_result
@@ -163,7 +164,7 @@ def test_two_engines_fly_pairs(invoke, tmp_path):
 def test_laws_are_compared_although_the_stored_configuration_is_damaged(invoke, changed, tmp_path):
     path = shutil.copytree(changed / "soft", tmp_path / "damaged") / "results.h5"
     with h5py.File(path, "a") as file:
-        file.attrs["config"] = "gains: [1, 2"
+        file.attrs["config"] = fixed("gains: [1, 2")
     assert "20 runs per law from the same starts; " in invoke("compare", path).stdout
     said = invoke("show", path, "--config", code=2).stderr.splitlines()[-1]
     assert said == f"{path}[config]:1:8: the '[' is never closed"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from small_experiment import configuration
+from stored import fixed
 
 COMMON = {
     "controllers": "[eqt]",
@@ -136,7 +137,7 @@ def test_a_cross_check_that_is_not_whole(result, invoke, name, command):
 )
 def test_an_attribute_of_another_type(result, invoke, name, value, expected):
     with h5py.File(result, "a") as file:
-        file.attrs[name] = value
+        file.attrs[name] = fixed(value)
     refused(invoke, result, "show", f"its attribute '{name}' is not {expected}")
 
 
@@ -150,7 +151,7 @@ def test_an_attribute_of_another_type(result, invoke, name, value, expected):
 )
 def test_an_attribute_about_a_controller_that_is_not_there(result, invoke, value):
     with h5py.File(result, "a") as file:
-        file.attrs["experiment"] = value
+        file.attrs["experiment"] = fixed(value)
     reason = "its attribute 'experiment' names 'uaternion', which is not a controller"
     refused(invoke, result, "show", reason)
 

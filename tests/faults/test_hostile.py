@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from small_experiment import configuration, study_of
+from stored import fixed, retext
 
 from eqt_cli.runs.run_study import execute
 
@@ -120,20 +121,19 @@ def strange(good, tmp_path_factory):
     path = tmp_path_factory.mktemp("strange") / "results.h5"
     path.write_bytes(good)
     with h5py.File(path, "a") as file:
-        config = file.attrs["config"].replace("label: eqt", f"label: {json.dumps(UNSEEN)}")
-        file.attrs["config"] = config
-        file.attrs["title"] = file.attrs["group"] = UNSEEN
+        config = file.attrs["config"].decode().replace("label: eqt", f"label: {json.dumps(UNSEEN)}")
+        file.attrs["config"] = fixed(config)
+        file.attrs["title"] = file.attrs["group"] = fixed(UNSEEN)
         texts = dict.fromkeys(("signal_path", "loop", "departures"), UNSEEN)
         maps = {name: {UNSEEN: UNSEEN} for name in ("titles", "kinds")}
-        file.attrs["experiment"] = json.dumps(texts | maps)
-        file.attrs["plugins"] = f"{json.dumps(UNSEEN)}: {json.dumps(UNSEEN)}\n"
-        file.attrs["provenance"] = json.dumps(
-            json.loads(file.attrs["provenance"]) | {"started": UNSEEN, "eqt": UNSEEN}
-        )
-        file["controller"][...] = UNSEEN
-        file["message"][...] = UNSEEN
+        file.attrs["experiment"] = fixed(json.dumps(texts | maps))
+        file.attrs["plugins"] = fixed(f"{json.dumps(UNSEEN)}: {json.dumps(UNSEEN)}\n")
+        told = json.loads(file.attrs["provenance"]) | {"started": UNSEEN, "eqt": UNSEEN}
+        file.attrs["provenance"] = fixed(json.dumps(told))
+        retext(file, "controller", [UNSEEN] * len(file["controller"]))
+        retext(file, "message_text", [UNSEEN] * len(file["message_text"]))
         file["status"][...] = 1
-        file["effort"].attrs["long_name"] = UNSEEN
+        file["effort"].attrs["long_name"] = fixed(UNSEEN)
     return path
 
 

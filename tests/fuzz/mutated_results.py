@@ -9,6 +9,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from stored import fixed
 
 HOSTILE_NUMBERS = [0, -1, 1, 2**31 - 1, 1e308, -1e308, 1e-320, np.nan, np.inf, -np.inf]
 HOSTILE_ATTRIBUTES: list[Any] = [
@@ -76,11 +77,18 @@ def _attribute(file: Any, rng: random.Random) -> None:
     if name in file.attrs and rng.random() < 0.3:
         del file.attrs[name]
     elif rng.random() < 0.6 or name not in file.attrs:
-        file.attrs[name] = rng.choice(HOSTILE_ATTRIBUTES)
+        file.attrs[name] = _hostile(rng)
     else:  # part of what was there
-        text = str(file.attrs[name])
+        value = file.attrs[name]
+        text = value.decode() if isinstance(value, bytes) else str(value)
         start = rng.randrange(len(text) + 1)
-        file.attrs[name] = text[:start] + text[start + rng.randint(1, 30) :]
+        file.attrs[name] = fixed(text[:start] + text[start + rng.randint(1, 30) :])
+
+
+def _hostile(rng: random.Random) -> Any:
+    """A value, whose text has a variable length once in ten."""
+    value = rng.choice(HOSTILE_ATTRIBUTES)
+    return value if rng.random() < 0.1 else fixed(value)
 
 
 def _numeric(file: Any, rng: random.Random) -> str:
@@ -95,8 +103,8 @@ def _values(file: Any, rng: random.Random) -> None:
     if name not in file or not isinstance(file[name], h5py.Dataset) or not file[name].size:
         return
     dataset = file[name]
-    if dataset.dtype == object:
-        dataset[...] = rng.choice(["", "\u202e", "x" * 1000])
+    if dataset.dtype.kind == "S":
+        dataset[...] = rng.choice([b"", "\u202e".encode(), b"\xff", b"x" * 1000])
         return
     value = rng.choice(HOSTILE_NUMBERS)
     if dataset.dtype.kind in "iu":
@@ -119,4 +127,4 @@ def _inner(file: Any, rng: random.Random) -> None:
     dataset = file[_numeric(file, rng)]
     names = sorted(n for n in dataset.attrs if n in ("units", "long_name", "coordinates"))
     if names:
-        dataset.attrs[rng.choice(names)] = rng.choice(HOSTILE_ATTRIBUTES)
+        dataset.attrs[rng.choice(names)] = _hostile(rng)

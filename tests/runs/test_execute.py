@@ -16,6 +16,7 @@ from faults_harness import Losing, assert_equal, assert_same, contents
 from plugin_sources import component
 from said import error_of
 from small_experiment import configuration, study_of
+from stored import fixed
 
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.reporting import reporting
@@ -356,12 +357,12 @@ def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
 def edit(path, change):
     """Give a finished part other names for its rows of numbers, or other rows."""
     with h5py.File(path, "r+") as file:
-        rows, names = file["numbers"][()], file.attrs["rows_of_numbers"].split()
+        rows, names = file["numbers"][()], file.attrs["rows_of_numbers"].decode().split()
         file["numbers"][()], names = change(rows, names)
         if names is None:
             del file.attrs["rows_of_numbers"]
         else:
-            file.attrs["rows_of_numbers"] = " ".join(names)
+            file.attrs["rows_of_numbers"] = fixed(" ".join(names))
 
 
 def exchanged(rows, names):
