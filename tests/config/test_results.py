@@ -5,6 +5,7 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 from plugin_sources import ESCAPE, component
+from stored import of_variable_length
 
 from eqt_cli.base.store_reader import open_results
 
@@ -120,6 +121,12 @@ def test_rotation_and_translation_have_norms_of_their_own(run):
         assert mixed["settling_time"] == (RUN, "s")
         sizes = {"controller": 2, "run": 3, "time": 11, "row": 4, "col": 4, "axis": 6}
         assert dict(found.dimensions) == sizes
+
+
+def test_no_string_has_a_variable_length(paper_result, swept_result):
+    """At one, Octave's `load` stops."""
+    for result in (paper_result, swept_result):
+        assert of_variable_length(result / "results.h5") == []
 
 
 def test_xarray_opens_it_with_labels_units_and_long_names(default_result):

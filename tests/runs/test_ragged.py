@@ -9,6 +9,7 @@ from case_tables import from_yaml
 from faults_harness import Losing, assert_equal, contents
 from said import error_of
 from small_experiment import configuration, study_of
+from stored import of_variable_length
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.store_reader import open_results
@@ -171,6 +172,15 @@ def test_xarray_opens_root_and_groups(finished):
             late = group.pose_error.sel(controller="gt").isel(time=-1)
             np.testing.assert_array_equal(late, group.final_pose_error.sel(controller="gt"))
             np.testing.assert_array_equal(group.effort, effort[point])
+    if not hasattr(xarray, "open_datatree"):  # added in 2024.10
+        return
+    with xarray.open_datatree(file, engine="h5netcdf") as tree:  # whose dimensions fit each other
+        np.testing.assert_array_equal(tree["point_1"].effort, effort[1])
+        assert tree["point_1"].message_text.values.tolist() == [""]
+
+
+def test_no_string_has_a_variable_length(finished):
+    assert of_variable_length(finished[0] / "results.h5") == []
 
 
 def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from stored import of_variable_length
 
 from eqt_cli import api
 from eqt_cli.analysis.maps import RULE
@@ -319,3 +320,9 @@ def test_a_record_with_other_searches_is_none(searched, searches):
     with open_result(folder) as result:
         assert fits_tuning(record, result)
         assert not fits_tuning(record | {"laws": laws}, result)
+
+
+def test_no_string_has_a_variable_length(searched):
+    files = [*searched[1].rglob("*.h5")]
+    assert files
+    assert [of_variable_length(file) for file in files] == [[]] * len(files)
