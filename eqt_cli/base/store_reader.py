@@ -461,9 +461,11 @@ class ResultFile:
             raise ResultError(f"{self.path}: is closed; read within its `with` block")
         with _guard(self.path, name):
             data = _read(entry.dataset, positions)
-            if table := self._root.entries.get(name + files.TEXTS):
-                return np.asarray(_decoded(table.dataset[()])[data], dtype=object)
-            return _decoded(data) if data.dtype.kind == "S" else data
+            table = self._root.entries.get(name + files.TEXTS)
+            texts = data if table is None else table.dataset[()]
+            if texts.dtype.kind == "S":
+                texts = np.char.decode(texts, "utf-8").astype(object)
+            return texts if table is None else np.asarray(texts[data], texts.dtype)
 
     def _chosen(self, name: str, dim: str, selection: Selection | None) -> Chosen:
         """Return a selection in a form that h5py accepts: in range, with rising slices."""
@@ -646,10 +648,6 @@ def _check_format(path: Path, file: Any, oldest: int) -> None:
             f"{path}: has format {number}, but eqt {__version__} reads format {files.FORMAT}; "
             f"read it with {writer}"
         )
-
-
-def _decoded(texts: NDArray[np.bytes_]) -> NDArray[Any]:
-    return np.char.decode(texts, "utf-8").astype(object)
 
 
 def _read(dataset: Any, selection: Sequence[Chosen]) -> NDArray[Any]:

@@ -197,10 +197,7 @@ def _refused(target: Path, error: OSError) -> ResultError:
 
 
 def _fixed(texts: Iterable[str], encoding: int) -> tuple[NDArray[np.bytes_], Any]:
-    """Encode texts, and return their type in HDF5, where each ends with a NUL, as in C.
-
-    A string of one byte would be a character to netCDF.
-    """
+    """Encode texts, each with a NUL: netCDF takes a single byte for a character."""
     encoded = np.array([text.encode() for text in texts], np.bytes_)
     if any("\0" in text for text in texts):
         raise ValueError("texts in results hold no NUL")
@@ -251,8 +248,7 @@ class Assembly:
     sizes, coordinates, variables, compression
         As in `assemble`; the compression also applies to groups.
     texts
-        The numbers of the texts of variables, and their datasets, which the file shares with its
-        groups.
+        The numbers of texts and the datasets of variables, by name, also of those in groups.
     """
 
     def __init__(
@@ -302,7 +298,8 @@ class Assembly:
         """Write part of a variable: `positions` along its first axes, and all of the other axes."""
         if name in self._texts:
             numbers, _ = self._texts[name]
-            data = np.vectorize(lambda x: numbers.setdefault(x, len(numbers)), [np.int32])(data)
+            listed = [numbers.setdefault(text, len(numbers)) for text in data.ravel().tolist()]
+            data = np.array(listed, np.int32).reshape(data.shape)
         if data.size:
             self._datasets[name][positions] = data
 
@@ -312,7 +309,7 @@ class Assembly:
             texts, used = np.array([*numbers], dtype=object), (np.unique(x[()]) for x in datasets)
             texts[[*set(range(len(texts))).difference(*map(np.ndarray.tolist, used))]] = ""
             texts, places = np.unique(texts, return_inverse=True)
-            for dataset in datasets:
+            for dataset in datasets if len(numbers) > 1 else ():
                 dataset[...] = places[dataset[...]]
             table, about = name + files.TEXTS, {"long_name": f"texts that '{name}' numbers"}
             self._sizes = {table: len(texts)}
@@ -329,8 +326,7 @@ class Assembly:
         shape = tuple(self._sizes[dim] for dim in entry.dims)
         options: dict[str, Any] = {}
         data = entry.data if isinstance(entry, Variable) else None
-        is_coordinate = entry.dtype is None and name not in self._texts
-        if data is not None and is_coordinate:
+        if data is not None and entry.dtype is None and name not in self._texts:
             # Declared as ASCII, because Octave's `load` stops at UTF-8.
             data, dtype = _fixed(data.tolist(), h5py.h5t.CSET_ASCII)
         else:
@@ -342,7 +338,7 @@ class Assembly:
         _describe(dataset, entry.attributes)
         if name in self._texts:
             self._texts[name][1].append(dataset)
-        if is_coordinate:
+        if isinstance(dtype, h5py.Datatype):
             # For h5netcdf, as an array of one, which netCDF skips: xarray would decode text again.
             dataset.attrs.create("_Encoding", [b"utf-8"], (1,), "(1,)S5")
         if data is not None:
