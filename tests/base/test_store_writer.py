@@ -110,6 +110,7 @@ def test_both_engines_of_xarray_return_text(path, table, engine):
         assert dataset.settling_time.attrs["units"] == "s"  # not a character
 
 
+@pytest.mark.ci("starts Octave")
 def test_octave_loads_the_whole_file(path, table):
     if not (octave := shutil.which("octave-cli")):
         pytest.skip("needs Octave")

@@ -80,7 +80,7 @@ def _attribute(file: Any, rng: random.Random) -> None:
         file.attrs[name] = _hostile(rng)
     else:  # part of what was there
         value = file.attrs[name]
-        text = value.decode() if isinstance(value, bytes) else str(value)
+        text = value.decode(errors="replace") if isinstance(value, bytes) else str(value)
         start = rng.randrange(len(text) + 1)
         file.attrs[name] = fixed(text[:start] + text[start + rng.randint(1, 30) :])
 
