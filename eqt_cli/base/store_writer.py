@@ -306,11 +306,12 @@ class Assembly:
     def put_texts(self) -> None:
         """Write the texts that complete variables number, in alphabetical order."""
         for name, (numbers, datasets) in self._texts.items():
-            texts, used = np.array([*numbers], dtype=object), (np.unique(x[()]) for x in datasets)
-            texts[[*set(range(len(texts))).difference(*map(np.ndarray.tolist, used))]] = ""
-            texts, places = np.unique(texts, return_inverse=True)
-            for dataset in datasets if len(numbers) > 1 else ():
-                dataset[...] = places[dataset[...]]
+            used = {number for dataset in datasets for number in np.unique(dataset[()]).tolist()}
+            kept = [text if number in used else "" for text, number in numbers.items()]
+            texts, places = np.unique(np.array(kept, dtype=object), return_inverse=True)
+            if len(numbers) > 1:
+                for dataset in datasets:
+                    dataset[...] = places[dataset[...]]
             table, about = name + files.TEXTS, {"long_name": f"texts that '{name}' numbers"}
             self._sizes = {table: len(texts)}
             self._add(table, Variable((table,), texts, about)).make_scale(table)
