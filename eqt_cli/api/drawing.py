@@ -97,6 +97,7 @@ def plot(
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
     ['torque.pdf', 'torque.svg', 'torque-caption.tex']
     """
+    from eqt_cli.figures.figure import figures
     from eqt_cli.figures.render import DRAWN, first_figure, render
     from eqt_cli.figures.style import Style
 
@@ -111,7 +112,17 @@ def plot(
         check_targets(targets, home)
         beside, files = None, []
         if measured is not None:
-            beside = _recording(first, wanted, measured, mapping, log_format)
+            if not any(figures.get(name).shows_recording for name in wanted):
+                raise EqtError(
+                    "measured: no figure that is drawn shows a recording; 'measured' does"
+                )
+            if first.group is None:
+                raise EqtError(
+                    f"measured: group '{first.group_name}' of a plugin is not known here"
+                )
+            beside = function_for("plot --measured")(measured, first.group, mapping, log_format)
+            for note in beside.notes:
+                reporter().remark(EqtWarning(f"{beside.name}: {note}"))
         with step(DRAWN, len(wanted)):
             for name, options in wanted.items():
                 files += render(
@@ -194,26 +205,6 @@ def _rename(shown: Sequence[Result | DesiredMotion], titles: Mapping[str, str]) 
             known = [label for result in results for label in result.labels]
             hint = suggestion(name, known) or f"; there are: {', '.join(dict.fromkeys(known))}"
             raise EqtError(f"titles: '{name}' is neither a controller nor a metric{hint}")
-
-
-def _recording(
-    shown: Result | DesiredMotion,
-    wanted: Iterable[str],
-    measured: str | os.PathLike[str],
-    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
-    kind: str,
-) -> Any:
-    """Read the recording of a figure, on the group of the result or experiment."""
-    from eqt_cli.figures.figure import figures
-
-    if not any(figures.get(name).shows_recording for name in wanted):
-        raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
-    if shown.group is None:
-        raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")
-    recording = function_for("plot --measured")(measured, shown.group, mapping, kind)
-    for note in recording.notes:
-        reporter().remark(EqtWarning(f"{recording.name}: {note}"))
-    return recording
 
 
 @contextmanager
