@@ -8,7 +8,7 @@ import json
 import math
 import re
 from collections import ChainMap
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
 from hashlib import sha256
@@ -451,7 +451,11 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     known = sections.known_forces(config, vehicle, G)
     laws, desired = with_model(config, laws, G, inertia, vehicle, known, desired, problems)
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
-    config = in_agreement(config, laws, G, desired, start, problems)
+    over_time: dict[str, Any] = {"reference": desired.reference}
+    over_time |= {f"controllers[{law.index}]": law.law for law in laws.values()}
+    for place, component in over_time.items():
+        sections.check_horizon(component, place, G, time.duration, problems)
+    config = with_runs_of(config, start, problems)
     problems.raise_if_any()
     assert start
     axis = tuple(task.axis) if isinstance(task, PointSection) else ()
@@ -463,7 +467,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         )
         for label, law in laws.items()
     }
-    if metrics_of_runs := _metrics_of(config.metrics, plugins, loops.values(), problems):
+    if metrics_of_runs := _metrics_of(config, plugins, loops.values(), problems):
         config = config.model_copy(update={"metrics": metrics_of_runs})
     problems.raise_if_any()
     texts = plugins | dict(ChainMap(*(law.code for law in laws.values())))
@@ -693,19 +697,8 @@ def start_from(
     return None
 
 
-def in_agreement(
-    config: Config,
-    laws: Mapping[str, Law],
-    G: MatrixLieGroup,
-    desired: DesiredTrajectory,
-    start: Start | None,
-    problems: Problems,
-) -> Config:
-    """Return the configuration, whose data cover the horizon, and which has starts for all runs."""
-    over_time: dict[str, Any] = {"reference": desired.reference}
-    over_time |= {f"controllers[{entry.index}]": entry.law for entry in laws.values()}
-    for place, component in over_time.items():
-        sections.check_horizon(component, place, G, config.time.duration, problems)
+def with_runs_of(config: Config, start: Start | None, problems: Problems) -> Config:
+    """Return the configuration with as many runs as there are starts, or at most so many."""
     if start is None or start.rows is None:
         return config
     if "runs" not in config.ensemble.model_fields_set:
@@ -767,17 +760,14 @@ def designed_laws(experiment: Experiment, problems: Problems) -> Experiment:
 
 
 def _metrics_of(
-    listed: Sequence[Metric | None] | None,
-    plugins: Mapping[str, str],
-    loops: Collection[ClosedLoop],
-    problems: Problems,
+    config: Config, plugins: Mapping[str, str], loops: Collection[ClosedLoop], problems: Problems
 ) -> list[Metric]:
     """Return the metrics that are listed, or those of the plugins whose signals a loop has."""
-    if listed is None:
+    if config.metrics is None:
         names = metrics.defined_by(plugins.values())
         listed = [Kind(metrics).read(name, problems.at("metrics")) for name in names]
         return [metric for metric in listed if metric and not metric.unknown(loops)]
-    valid = [metric for metric in listed if metric is not None]
+    valid = list(filter(None, config.metrics))
     names = [metric.name for metric in valid]
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
         problems.at("metrics").add(f"{name} is listed twice; a result has one number of a name")
