@@ -63,9 +63,8 @@ def show(
         raise EqtError("--controller, --run: apply to --export only")
     if export and (table or json or config or plugins or variables or failed):
         raise EqtError("--export: writes a file and prints no table; leave the other options out")
-    flags = (config, plugins, variables, failed)
-    views = (_config, _plugins, _variables, _failed)
-    view = next((view for flag, view in zip(flags, views, strict=True) if flag), None)
+    views = (config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed)
+    view = next((view for flag, view in views if flag), None)
     if result.is_dir() and not (result / FILE_NAME).exists() and not (view or table or export):
         from eqt_cli.runs.part_files import unfinished
 

@@ -206,8 +206,7 @@ def table_text(table: TextTable, room: int | None) -> Text:
     room
         Width of the terminal; None for the full table.
     """
-    has_titles = any(block.title for block in table.blocks)
-    indent = "  " if has_titles else ""
+    indent = "  " if any(block.title for block in table.blocks) else ""
     minus = "-" if "default" in table.header else "−"  # defaults are for users to type
     rows = [[_MINUS.sub(minus, printable(cell)) for cell in row] for row in table.rows]
     columns = [

@@ -547,7 +547,8 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     EqtError
         If there is no such file.
     """
-    file, function = file_and_function(code)
+    named = re.fullmatch(r"(.+?\.\w+):(.+)", code)  # as in lee.py:compute
+    file, function = (Path(named[1]), named[2]) if named else (Path(code), None)
     if not file.is_file():
         raise EqtError(f"{code}: not found; give a file in C, C++ or Python with --code")
     name, beside = os.path.relpath(file, document.home.folder), file.with_suffix(".adapter.yaml")
@@ -565,12 +566,6 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
         options = {key: meant[key] for key in meant if key not in {"label", *shared}}
         entry |= {"as": options or claimed} | shared
     return changed_at(document, ("controllers",), [entry], "--code")
-
-
-def file_and_function(code: str) -> tuple[Path, str | None]:
-    """Return the file and the function of ``lee.py:compute``; None where none is named."""
-    named = re.fullmatch(r"(.+?\.\w+):(.+)", code)
-    return (Path(named[1]), named[2]) if named else (Path(code), None)
 
 
 def first_inputs(G: MatrixLieGroup) -> LawInput:

@@ -80,8 +80,14 @@ def verify(
     is_result = target.suffix == ".h5" or target.is_dir()
     if fail_on not in (None, *FINDINGS):
         raise EqtError(f"--fail-on: expected lacks or differs, got '{fail_on}'")
-    changes, of_code = set_ or engine or runs or code, {"--as": as_, "--adapter": adapter}
-    _check_options(target, is_result, changes, code, of_code)
+    if is_result and (set_ or engine or runs or code):
+        raise EqtError(
+            f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
+            "a configuration"
+        )
+    if (as_ or adapter) and not code:
+        name = "--as" if as_ else "--adapter"
+        raise EqtError(f"{name} is about a law in code; give its file with --code")
     if file and is_result:
         return _verify_files(target, json=json)
     if not is_result:
@@ -112,9 +118,9 @@ def verify(
     }
     said = [each["answer"] for each in code_answers]
     print_findings(findings, *said, *_pieces(result, verbose=verbose), json=json)
-    if quiet and not json:
-        for cause in said or result.causes(result.experiment.titles):
-            complain(f"eqt: {target}: {cause}")
+    causes = said or result.causes(result.experiment.titles)
+    for cause in causes if quiet and not json else ():
+        complain(f"eqt: {target}: {cause}")
     if result.failed_runs:
         raise typer.Exit(3)
     worst = FINDINGS[FINDINGS.index(fail_on) :] if fail_on else ()
@@ -133,20 +139,6 @@ def _verify_files(target: Path, *, json: bool) -> None:
     print_findings({"files": [*intact], "damaged": damaged}, counted, json=json)
     if damaged:
         raise typer.Exit(4)
-
-
-def _check_options(
-    target: Path, is_result: bool, changes: object, code: str | None, of_code: Mapping[str, object]
-) -> None:
-    """Raise an `EqtError` for options that do not go together."""
-    if is_result and changes:
-        raise EqtError(
-            f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
-            "a configuration"
-        )
-    for name, value in of_code.items():
-        if value and not code:
-            raise EqtError(f"{name} is about a law in code; give its file with --code")
 
 
 def _pieces(result: Verification, *, verbose: bool) -> Iterator[str | Text]:
