@@ -536,11 +536,15 @@ def walked(
     return solution
 
 
+Failures = dict[int, tuple[Span, Failure | None]]
+"""Where runs of a group failed, and why; None for those that others may have stopped."""
+
+
 def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Progress) -> None:
     """Fill in the solution of a group of runs."""
     problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
     integrator.ahead, integrator.drawn = range(0), problem.drawn(runs)
-    failed: dict[int, tuple[Span, Failure | None]] = {}
+    failed: Failures = {}
     steps: Any = 0
     states, solution.steps[runs] = problem.states[runs], 0
     neighbours = slice(int(runs[0]), int(runs[0]) + len(runs))
@@ -587,11 +591,7 @@ def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Pro
 
 
 def _end(
-    integrator: Integrator,
-    solution: Solution,
-    runs: Array,
-    failed: Mapping[int, tuple[Span, Failure | None]],
-    progress: Progress,
+    integrator: Integrator, solution: Solution, runs: Array, failed: Failures, progress: Progress
 ) -> None:
     """Note the runs that have failed, or integrate once more those that others may have stopped."""
     for place, (span, failure) in failed.items():

@@ -190,7 +190,11 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
 
     def law_input(inputs: Arrays) -> Arrays:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
-        errors = _errors(loop, inputs)
+        errors = None
+        if "errors" in inputs:  # E = exp(n); without noise of the pose, E = 1
+            G, parts = loop.group, np.split(inputs["errors"], np.cumsum(_lengths(loop))[:-1])
+            n, *others = (part[None] for part in parts)
+            errors = Errors(G.exp(n) if loop.vehicle.pose_sensors else G.identity[None], *others)
         state = symbolic.measured(t, state, errors)
         law = symbolic.law_input(t, state, errors)
         signals = {
@@ -265,15 +269,6 @@ def sampled(
         return traced(arrays, inputs_of(loop, sum(lengths)))
     except Exception:
         return None
-
-
-def _errors(loop: ClosedLoop, inputs: Arrays) -> Errors | None:
-    """Return the sensor errors at an instant, with E = exp(n); without noise of the pose, E = 1."""
-    if "errors" not in inputs:
-        return None
-    G, parts = loop.group, np.split(inputs["errors"], np.cumsum(_lengths(loop))[:-1])
-    n, *others = (part[None] for part in parts)
-    return Errors(G.exp(n) if loop.vehicle.pose_sensors else G.identity[None], *others)
 
 
 def _lengths(loop: ClosedLoop) -> tuple[int, ...]:
@@ -416,18 +411,13 @@ class Lanes(Integrator):
             measured = [Rows(part[0].reshape(len(runs), -1), by_run=True) for part in parts]
         outputs = walk.evaluate(program, [*inputs, *measured], len(measured))
         if around is not None and call is not None:
-            outputs = self._call_code(walk, call, around, outputs, inputs)
+            outputs = self._call_code(walk, call, around.after, outputs, inputs)
         lost = -1 if loop.lost_at is None else loop.lost_at
         walk.set(commanded=outputs["state"], suspicious=SUSPECT, lost=lost)
         return walk
 
     def _call_code(
-        self,
-        walk: library.Walk,
-        call: CodeCall,
-        around: InstantPrograms,
-        outputs: Arrays,
-        inputs: list[Rows],
+        self, walk: library.Walk, call: CodeCall, after: Program, outputs: Arrays, rows: list[Rows]
     ) -> Arrays:
         """Have the user's code called in C, between both programs around it."""
         loop, count = self.problem.loop, len(self.runs)
@@ -449,7 +439,7 @@ class Lanes(Integrator):
             memory_length=length,
         )
         answer_rows = (Rows(values, by_run=True) for values in (torques, memories))
-        return walk.evaluate(around.after, [Rows(states, by_run=True), *inputs[1:], *answer_rows])
+        return walk.evaluate(after, [Rows(states, by_run=True), *rows[1:], *answer_rows])
 
     def hold(self, span: Span) -> None:
         """Set the held numbers, which all runs share."""
