@@ -220,7 +220,11 @@ def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
             when = "" if len(times) == 1 else f" at t = {times[broken[0]]:g} s"
             low, middle, high = other[broken[0]]
             hint = OTHER_SIGN if low > 0 and low + middle >= high * (1 - ROUNDING) else ""
-            return _in_words(moments[broken[0]]) + when + hint
+            J = [f"{moment:.4g}" for moment in moments[broken[0]]]
+            return (
+                f"principal moments {J[0]}, {J[1]} and {J[2]} kg m² violate the triangle "
+                f"inequality: {J[0]} + {J[1]} < {J[2]}{when}{hint}"
+            )
     return ""
 
 
@@ -265,14 +269,6 @@ def _is_plausible(moments: Array, masses: Array) -> bool:
     low, high = DENSITIES
     is_dense = low <= mass / (4 / 3 * np.pi * radius**3) <= high
     return bool(is_dense and sizes[-1] <= UNEQUAL * sizes[0])
-
-
-def _in_words(moments: Array) -> str:
-    low, middle, high = (f"{moment:.4g}" for moment in moments)
-    return (
-        f"principal moments {low}, {middle} and {high} kg m² violate the triangle inequality: "
-        f"{low} + {middle} < {high}"
-    )
 
 
 # The critical points of the navigation function Υ, in closed form where the group allows it -------

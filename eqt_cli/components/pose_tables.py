@@ -339,18 +339,16 @@ def _in_plane(table: Table, G: EuclideanGroup, R: Array) -> Array:
     return G.rotation_towards(np.stack([R[:, 1, 0] - R[:, 0, 1], R[:, 0, 0] + R[:, 1, 1]], axis=-1))
 
 
-def _in_axes(
-    G: EuclideanGroup, rotations: Array, translations: Array, mapping: LogMapping
-) -> Array:
+def _in_axes(G: EuclideanGroup, R: Array, x: Array, mapping: LogMapping) -> Array:
     """Return poses, body to world, in the wanted axes: A_w R A_bᵀ and A_w x."""
     if mapping.attitude == "world_to_body":
-        rotations = transpose(rotations)
+        R = transpose(R)
     if G.space != 3:
         _require_no_axes(mapping, G)
-        return G.assemble(rotations, translations)
+        return G.assemble(R, x)
     world, body = mapping.axes("world"), mapping.axes("body")
-    rotations = world @ rotations @ body.T if G.rotations else rotations
-    return G.assemble(rotations, world @ translations)
+    R = world @ R @ body.T if G.rotations else R
+    return G.assemble(R, world @ x)
 
 
 def _require_no_axes(mapping: LogMapping, G: MatrixLieGroup) -> None:
