@@ -13,7 +13,8 @@ from datetime import date
 from decimal import Decimal
 from enum import Enum
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import cache, lru_cache, reduce
+from operator import getitem
 from pathlib import PurePath
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
@@ -520,7 +521,7 @@ def _note_errors(
     noted = (*expected, *messages, *unknown)
     above = {path[:depth] for path in noted for depth in range(len(path))} | messages.keys()
     messages |= {
-        path: _unexpected(alternatives, _at(path, data), path)
+        path: _unexpected(alternatives, reduce(getitem, path, data), path)
         for path, alternatives in expected.items()
         if path not in above  # a member of a union may fail deeper in its value
     }
@@ -606,12 +607,6 @@ def _written(location: KeyPath, data: Any, *, missing: bool) -> KeyPath:
         elif missing and index == len(location) - 1:
             path.append(step)
     return tuple(path)
-
-
-def _at(path: KeyPath, data: Any) -> Any:
-    for step in path:
-        data = data[step]
-    return data
 
 
 @lru_cache(maxsize=256)
