@@ -691,17 +691,14 @@ class LargestExcess(TrajectoryCheck):
         excesses = list(self.excesses(runs))
         if not excesses:
             return self.undecided(runs, runs.remark or self.nothing)
-        measured, bound, remark = max(excesses, key=_ratio)
+        measured, bound, remark = max(
+            excesses, key=lambda x: x[0] / x[1] if np.isfinite(x[0]) else np.inf
+        )
         return self.compared(float(measured), float(bound), remark or runs.remark, runs.label)
 
     @abstractmethod
     def excesses(self, runs: Runs) -> Iterator[Excess]:
         """Yield numbers with the bounds that they must not exceed."""
-
-
-def _ratio(excess: Excess) -> float:
-    measured, bound, _ = excess
-    return measured / bound if np.isfinite(measured) else np.inf
 
 
 class MomentumBalance(LargestExcess):
