@@ -423,7 +423,7 @@ def identities_of(experiment: Experiment, *, exact: bool = False) -> list[certif
     any_loop = replace(any_loop, controller=EqT())
     samples = []
     for index, (label, loop) in enumerate([("", any_loop), *loops.items()]):
-        sample = sampled(label, loop, horizon, _random(experiment, index))
+        sample = sampled(label, loop, horizon, _random(experiment, index, Stream.CERTIFICATES))
         if exact:
             random = _random(experiment, index, Stream.EXACT_STATES)
             sample = replace(sample, exact=ExactStates(label, loop, random))
@@ -445,11 +445,9 @@ def _cascades(experiment: Experiment, horizon: float) -> Iterator[Sample]:
             law = with_fields(loop.controller, position=position)
             vehicle = Vehicle(forces=(*law.known, *law.across))
             of_model = replace(loop, vehicle=vehicle, controller=law)
-            yield sampled(label, of_model, horizon, _random(experiment, index))
+            yield sampled(label, of_model, horizon, _random(experiment, index, Stream.CERTIFICATES))
 
 
-def _random(
-    experiment: Experiment, index: int, stream: Stream = Stream.CERTIFICATES
-) -> np.random.Generator:
+def _random(experiment: Experiment, index: int, stream: Stream) -> np.random.Generator:
     """Return the generator of the states of a law; 0 belongs to no law."""
     return generator(experiment.config.ensemble.seed, stream, index)
