@@ -9,7 +9,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from stored import fixed
 
 HOSTILE_NUMBERS = [0, -1, 1, 2**31 - 1, 1e308, -1e308, 1e-320, np.nan, np.inf, -np.inf]
 HOSTILE_ATTRIBUTES: list[Any] = [
@@ -38,6 +37,11 @@ SLOW = [
     ),
 ]
 """Of which one in twelve is tried."""
+
+
+def fixed(value: Any) -> Any:
+    """Return text as a string of fixed length, which strings in results have."""
+    return np.bytes_(value.encode()) if isinstance(value, str) else value
 
 
 def result(seed: int, bases: list[Path], path: Path) -> list[str]:

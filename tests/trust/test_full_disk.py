@@ -57,8 +57,8 @@ def test_parts_and_result_are_counted_together(begun, monkeypatch):
         preflight, "_free_disk", lambda folder: result + preflight.parts_size(found) - 1
     )
     assert error_of(preflight.check_resources, found, Path("new"), kind=ConfigError) == (
-        "c.yaml:7:12: ensemble.runs: 66.1 kB are needed on the disk (13.1 kB for the result, "
-        "53.1 kB for the parts from which it is packed), and new has 66.1 kB left; "
+        "c.yaml:7:12: ensemble.runs: 66 kB are needed on the disk (13 kB for the result, "
+        "53 kB for the parts from which it is packed), and new has 66 kB left; "
         "take fewer runs, fewer samples, or store.trajectories: none"
     )
     preflight.check_resources(found, out, missing=0.5)  # the other half is there
