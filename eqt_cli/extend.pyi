@@ -43,6 +43,7 @@ from eqt_cli.base.option_types import Scale as Scale
 from eqt_cli.base.registry import load_plugin as load_plugin
 from eqt_cli.base.reporting import Block as Block
 from eqt_cli.base.reporting import TextTable as TextTable
+from eqt_cli.base.stored import Status as Status
 from eqt_cli.components.actuators import Actuator as Actuator
 from eqt_cli.components.actuators import Deadband as Deadband
 from eqt_cli.components.actuators import Lag as Lag
@@ -159,7 +160,6 @@ from eqt_cli.engines.engine import Progress as Progress
 from eqt_cli.engines.engine import Solution as Solution
 from eqt_cli.engines.engine import Span as Span
 from eqt_cli.engines.engine import SpanResult as SpanResult
-from eqt_cli.engines.engine import Status as Status
 from eqt_cli.engines.native import Native as Native
 from eqt_cli.engines.solve_ivp import SolveIvp as SolveIvp
 from eqt_cli.extensions.proofs.extend import *

@@ -554,7 +554,7 @@ def smallest_result(group: str) -> Iterator[Any]:
 @part
 def statuses() -> Iterator[str]:
     """How a run can end."""
-    from eqt_cli.engines.engine import Status
+    from eqt_cli.base.stored import Status
 
     rows = [
         [str(status.value), status.name.lower().replace("_", " ")]

@@ -23,7 +23,7 @@ from eqt_cli.analysis.intervals import (
 )
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.registry import Registry
-from eqt_cli.loop.small_errors import SmallErrors
+from eqt_cli.base.stored import SmallErrors
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import WHOLE, Quantity, Window

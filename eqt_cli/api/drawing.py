@@ -16,6 +16,7 @@ from eqt_cli.base.extensions import function_for
 from eqt_cli.base.files import FIGURES, YAML, check_targets
 from eqt_cli.base.reporting import reporter, step
 from eqt_cli.base.version import __version__
+from eqt_cli.components.groups import known_group
 from eqt_cli.components.laws import controllers, published
 from eqt_cli.results.result import Result, open_result, point_folder
 
@@ -116,11 +117,12 @@ def plot(
                 raise EqtError(
                     "measured: no figure that is drawn shows a recording; 'measured' does"
                 )
-            if first.group is None:
+            group = known_group(first.group_name) if isinstance(first, Result) else first.group
+            if isinstance(first, Result) and group is None:
                 raise EqtError(
                     f"measured: group '{first.group_name}' of a plugin is not known here"
                 )
-            beside = function_for("plot --measured")(measured, first.group, mapping, log_format)
+            beside = function_for("plot --measured")(measured, group, mapping, log_format)
             for note in beside.notes:
                 reporter().remark(EqtWarning(f"{beside.name}: {note}"))
         with step(DRAWN, len(wanted)):

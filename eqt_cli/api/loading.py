@@ -371,25 +371,26 @@ class StoredResult(InNotebook, os.PathLike[str]):
             raise EqtError("xarray is not installed (extra xarray): pip install xarray h5netcdf")
         import xarray
 
-        from eqt_cli.results.dataset import with_derived
+        from eqt_cli.components.derived import with_derived
+        from eqt_cli.components.groups import known_group
 
         result, point = self.opened, self.point
-        group = None
+        inside = None
         if point is not None:
             with open_at(self.path) as file:  # of a point, `result` shows its group alone
-                group = point_group(point) if file.has_groups else None
+                inside = point_group(point) if file.has_groups else None
         whole = xarray.open_dataset(
             result.path,
             engine="h5netcdf",
-            group=group,
+            group=inside,
             driver_kwds={"locking": False},  # as eqt's reader opens it: result files never change
         )
         dataset = whole
         if point is not None:
-            chosen = whole if group else whole.isel(point=point)
+            chosen = whole if inside else whole.isel(point=point)
             dataset = chosen.assign_attrs(dict(result.attributes))
-        if result.is_over_time("pose") and result.group is not None:
-            dataset = with_derived(dataset, result.group, angles)
+        if result.is_over_time("pose") and (group := known_group(result.group_name)) is not None:
+            dataset = with_derived(dataset, group, angles)
         if dataset is not whole:
             dataset.set_close(whole.close)
         return dataset

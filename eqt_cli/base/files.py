@@ -641,10 +641,11 @@ def is_eqts(path: Path) -> bool:
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 """Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
 
-FORMAT = 3
+FORMAT = 4
 """Number of the file layout; a reader refuses every other number.
 
-In 3, strings have a fixed length, and variables number the texts of a table."""
+In 3, strings have a fixed length, and variables number the texts of a table; in 4, results hold the
+parts of the coordinates with their units, so that readers need no group."""
 
 FORMAT_ATTRIBUTE = "eqt_format"
 """The root attribute that marks a file as eqt's and holds its `FORMAT`."""

@@ -24,8 +24,8 @@ from eqt_cli.config.shipped import VEHICLES, first_file
 if TYPE_CHECKING:
     from rich.text import Text
 
+    from eqt_cli.base.stored import SmallErrors
     from eqt_cli.config.experiment import Experiment
-    from eqt_cli.loop.small_errors import SmallErrors
 
 # `eqt list`: the available components ------------------------------------------------------------
 
@@ -121,7 +121,7 @@ def _described(kind: str) -> list[dict[str, Any]]:
             for config in shipped.names()
         ]
     if kind == "metrics":
-        from eqt_cli.loop.signals import signal_of
+        from eqt_cli.base.stored import signal_of
         from eqt_cli.results.metrics import METRICS, own_quantity
 
         listed = []

@@ -197,12 +197,14 @@ def _default(result: Path, point: Sequence[int] | None, *, alone: bool, remark: 
 
 def _of_one(result: Result) -> list[str]:
     """Return the figures to draw by default of one experiment: where it went, errors, commands."""
+    from eqt_cli.components.groups import known_group
     from eqt_cli.figures.render import first_figure
 
     numbers, errors = result.stored_runs, list(dict.fromkeys([first_figure(result), "summary"]))
     if not (len(numbers) and numbers[0] == 0 and result.good[:, 0].all() and len(result.times) > 1):
         return errors
-    _, moving = result.group.moving_parts if result.group else (None, None)
+    group = known_group(result.group_name)
+    _, moving = group.moving_parts if group else (None, None)
     placed = moving is not None and moving.axes.stop - moving.axes.start > 1
     commanded = ["commands"] if result.has("command") else []
     return [*(["path"] if placed else []), *errors, *(["pose"] if placed else []), *commanded]

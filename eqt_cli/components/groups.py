@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any, Self
@@ -378,6 +379,13 @@ def group_named(name: str) -> MatrixLieGroup:
     listed = ", ".join(simple) + f" and products such as {products[0]}" * bool(products)
     hint = suggestion(name, known) or f"; known: {listed}"
     raise ComponentError(f"unknown group '{name}'{hint}")
+
+
+def known_group(name: str) -> MatrixLieGroup | None:
+    """Return the group of a result; None of several, or of a plugin that is not loaded."""
+    with suppress(ComponentError):
+        return group_named(name)
+    return None
 
 
 # Direct products of groups, as block-diagonal matrices --------------------------------------------

@@ -1,7 +1,6 @@
 """Control laws: their base class, and the (g, c, n) family with the laws of the paper."""
 
 from abc import abstractmethod
-from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -723,9 +722,3 @@ class BulloMurray(Member):
     bibtex: ClassVar[str] = published("bullo1999tracking")
     gyroscopic, transport, connection, quadratic = 0.5, 0.5, 0.5, 0.0
     error, damping = "body", "body"
-
-
-def distinct_titles(titles: Mapping[str, str]) -> dict[str, str]:
-    """Titles by label; the labels in place of titles that several have."""
-    shared = [title for title, count in Counter(titles.values()).items() if count > 1]
-    return {label: label if title in shared else title for label, title in titles.items()}

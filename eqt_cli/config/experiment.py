@@ -29,6 +29,7 @@ from eqt_cli.base.option_types import (
     validated,
 )
 from eqt_cli.base.registry import blamed
+from eqt_cli.base.stored import distinct_titles
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
@@ -41,7 +42,7 @@ from eqt_cli.components.initial_states import (
     generator,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, Designed, OuterLoop, controllers, distinct_titles
+from eqt_cli.components.laws import Controller, Designed, OuterLoop, controllers
 from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction

@@ -12,6 +12,7 @@ from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
+from eqt_cli.base.stored import SmallErrors
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
@@ -22,7 +23,7 @@ from eqt_cli.engines.horizon import Horizon
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import Along, flow, growth, left_out, linearised, size_of
-from eqt_cli.loop.small_errors import SmallErrors, along
+from eqt_cli.loop.small_errors import along
 
 # Remarks on an experiment -------------------------------------------------------------------------
 

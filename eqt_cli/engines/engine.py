@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
 from copy import copy
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, ClassVar, Protocol, final
@@ -21,6 +20,7 @@ from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import CountOrNone, Positive
 from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.stored import Status
 from eqt_cli.components.laws import OuterLoop
 from eqt_cli.components.sensors import Errors
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -32,21 +32,6 @@ from eqt_cli.numbers.running import SampledRuns
 
 ROUNDING = 1e-12
 """Relative difference of times that are meant to be equal, such as 3·0.1 and 0.3."""
-
-
-class Status(IntEnum):
-    """Outcome of a run; only 0 is success. No result holds one that was stopped."""
-
-    STOPPED = -1
-    OK = 0
-    SOLVER_FAILED = 1
-    NON_FINITE = 2
-    STEP_LIMIT = 3
-    ACCURACY = 4
-    WORKER_LOST = 5
-    ESTIMATE_LOST = 6
-    DIVERGED = 7
-    BY_ROUNDING = 8
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.base.errors import Problems
+from eqt_cli.base.stored import Status
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.engines.engine import Problem, Status
+from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp, solve
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
 

@@ -23,6 +23,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import EqtError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Scale
+from eqt_cli.base.stored import Status
 from eqt_cli.components.laws import CodeCall, RunsCode
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.sensors import Errors
@@ -39,7 +40,6 @@ from eqt_cli.engines.engine import (
     SampledFunction,
     Span,
     SpanResult,
-    Status,
     walked,
 )
 from eqt_cli.engines.library import Rows, SampleProgram

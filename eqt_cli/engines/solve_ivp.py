@@ -19,7 +19,8 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Count, Positive, Scale
-from eqt_cli.engines.engine import Engine, Failure, Integrator, Problem, Span, SpanResult, Status
+from eqt_cli.base.stored import Status
+from eqt_cli.engines.engine import Engine, Failure, Integrator, Problem, Span, SpanResult
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.program import ArrayProgram, Program, traced

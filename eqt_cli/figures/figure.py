@@ -15,7 +15,8 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.registry import Component, Registry, blamed
-from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.base.stored import LAW_OUTPUT, MIXED, OUTPUT
+from eqt_cli.components.groups import MatrixLieGroup, known_group
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.matrix_groups import turn_of_distance
 from eqt_cli.components.mechanics import Tracking
@@ -36,7 +37,6 @@ from eqt_cli.figures.shown import (
     names,
 )
 from eqt_cli.figures.style import HOUSE, Style, Width, house_style, replaced
-from eqt_cli.loop.signals import LAW_OUTPUT, MIXED, OUTPUT
 from eqt_cli.results.result import Result
 
 # Trajectories of the runs of one or several results -----------------------------------------------
@@ -254,10 +254,10 @@ class ShownRuns(ShownControllers):
             return "pointing_error"
         return plain if plain and first.has("position_error") and first.has(plain) else signal
 
-    @property
+    @cached_property
     def group(self) -> MatrixLieGroup | None:
         """The group of all results; None if it is of a plugin that is not loaded."""
-        return self.results[0].group
+        return known_group(self.results[0].group_name)
 
     def known_group(self) -> MatrixLieGroup:
         """Return `group`; refuse that of a plugin that is not loaded."""
@@ -271,10 +271,10 @@ class ShownRuns(ShownControllers):
         """Name and torque unit of each algebra coordinate."""
         axes = [str(name) for name in self.results[0].coordinate("axis")]
         units = [self.unit("torque")] * len(axes)
-        if MIXED in units and self.group is not None:
-            for part in self.group.parts:
-                unit, _ = self.results[0].shown_in("torque", part.force_unit)
-                units[part.axes] = [unit] * len(axes[part.axes])
+        if MIXED in units:
+            parts, shown_in = self.results[0].described.parts, self.results[0].shown_in
+            pairs = [(shown_in("torque", part.force_unit), part.dimension) for part in parts]
+            units = [unit for (unit, _), count in pairs for _ in range(count)] or units
         return list(zip(axes, units, strict=True))
 
     def pushed(self, wanted: Sequence[str], torques: Iterable[Array]) -> list[str]:

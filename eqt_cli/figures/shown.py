@@ -14,7 +14,7 @@ from matplotlib.colors import is_color_like, to_hex, to_rgba
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.reporting import count_of
-from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.components.groups import MatrixLieGroup, Part, known_group
 from eqt_cli.figures.labels import notation
 from eqt_cli.figures.style import CurvePlace, Look, colours_of_style, distinct
 from eqt_cli.results.conclusion import conclusion_of
@@ -656,11 +656,12 @@ class ShownReference:
             positions([source], figure, chosen.controllers)
             desired = ("desired_pose", "desired_velocity", "desired_torque")
             source.check_stored(*desired, who=f"figure '{figure}' needs")
-            if source.group is None:
+            group = known_group(source.group_name)
+            if group is None:
                 message = f"does not know group '{source.group_name}' of a plugin"
                 raise error_of(source, figure, message)
             pose, velocity, torque = (source[name] for name in desired)
-            self.group, motion = source.group, (source.times, pose, velocity, torque)
+            self.group, motion = group, (source.times, pose, velocity, torque)
         samples = chosen.samples(
             motion[0], lambda message: EqtError(f"{place}: figure '{figure}' {message}")
         )

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.option_types import CountOrNone
+from eqt_cli.base.stored import LAW_OUTPUT, OUTPUT
 from eqt_cli.figures import layout
 from eqt_cli.figures.cells import scale_norm, spans_decade
 from eqt_cli.figures.figure import (
@@ -51,7 +52,6 @@ from eqt_cli.figures.layout import (
 from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.shown import MOST_COLOURS, Ensemble, ShownReference, names
 from eqt_cli.figures.style import Width, component_style, ink, line_style
-from eqt_cli.loop.signals import LAW_OUTPUT, OUTPUT
 
 # Errors, torque norm and L over all runs, and the same as the paper prints them -------------------
 
@@ -189,7 +189,7 @@ def _title(runs: ShownRuns, signal: str) -> str:
     if not norm:
         others = {"attitude_angle": "attitude error", _FUNCTION: "Lyapunov function"}
         return others.get(signal, signal.replace("_", " "))
-    suffix, parts = signal.removeprefix(norm), runs.group.parts if runs.group else ()
+    suffix, parts = signal.removeprefix(norm), runs.results[0].described.parts
     part = next((part for part in parts if f"_{part.name}" == suffix or len(parts) == 1), None)
     of_rotation, of_vector, whole, of_part = _TITLES[norm]
     if part is not None and part.turns:

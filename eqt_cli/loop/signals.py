@@ -1,4 +1,4 @@
-"""Signals over time, each with its symbol, unit and formula; and metrics of a user's own."""
+"""The formulas of signals over time; and metrics of a user's own."""
 
 import math
 import re
@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
 from operator import attrgetter
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
+from typing import Any, ClassVar, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside, sqrt, stack, where
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.registry import Component, Registry
+from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
@@ -23,16 +24,6 @@ from eqt_cli.components.mechanics import Tracking, part_error
 from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.running import SampledRuns
-
-MIXED = "mixed"
-"""The unit of a signal whose units differ between parts of the coordinates."""
-
-
-THRUSTER, WHEEL = "thruster", "wheel"
-"""Names of the dimensions of thrusters and of wheels."""
-
-LAW_OUTPUT, OUTPUT = "law_output", "output"
-"""Name of the signal with the stored numbers of a law, and of their dimension."""
 
 
 def output_names(law: Controller, G: MatrixLieGroup) -> dict[str, str]:
@@ -89,38 +80,16 @@ def _output(loop: ClosedLoop, s: Tracking) -> Array:
 
 
 Formula: TypeAlias = Callable[[LoopState], Array]
-Norm: TypeAlias = Literal["", "entries", "axes", "each"]
-
-
-class Symbol(NamedTuple):
-    """A symbol, or a formula with ``{}`` for one, in LaTeX and in plain characters."""
-
-    latex: str
-    plain: str
 
 
 @dataclass(frozen=True)
-class Signal:
-    """A quantity over time of one run.
+class LoopSignal(Signal):
+    """A signal, and how it follows from a loop.
 
     Attributes
     ----------
-    name
-        Its name in a result file.
-    symbol
-        Symbol of the paper.
-    long_name
-        Its name in words.
-    unit
-        Its unit, or the attribute of a part of the coordinates that has it: ``pose_unit``.
     formula
         How it follows from a state; of a norm, the matrix or vector that it is the norm of.
-    dims
-        Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
-    norm
-        Whether it is the norm of the ``entries`` of a matrix, or along the ``axes`` of the
-        coordinates; a norm also exists for each part of them. With ``each``, it is 1 where any of
-        the coordinates is, and exists for each of them.
     stored_of
         Whether it is stored for a vehicle; for others it repeats another signal or is empty.
     only_there
@@ -129,26 +98,18 @@ class Signal:
         Whether it exists on a group.
     exists_for
         Whether it exists for a loop; it is stored if it does for that of any law.
-    rank
-        Its place among the signals that a page draws; 0 if it does not.
     """
 
-    name: str
-    symbol: Symbol
-    long_name: str
-    unit: str
-    formula: Formula
-    dims: tuple[str, ...] = ()
-    norm: Norm = ""
+    formula: Formula = attrgetter("s")
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
     only_there: bool = False
     exists_on: Callable[[MatrixLieGroup], bool] = lambda group: True
     exists_for: Callable[[ClosedLoop], bool] = lambda loop: True
-    rank: int = 0
 
-    def unit_in(self, part: Part) -> str:
-        """Return its unit in a part of the coordinates."""
-        return str(getattr(part, self.unit, self.unit))
+    @property
+    def long_name(self) -> str:
+        """Its name in words."""
+        return str(self.formula.__doc__).removesuffix(".")
 
     def units(self, group: MatrixLieGroup) -> str:
         """Return its unit on a group."""
@@ -176,24 +137,16 @@ class Signal:
         return of
 
 
-SIGNALS: list[Signal] = []
-"""All signals, in the order of `compute`."""
-
-MATRIX, VECTOR = ("row", "col"), ("axis",)
+FORMULAS: dict[str, LoopSignal] = {}
+"""All signals by name, in the order of `compute`."""
 
 
-def _signal(
-    latex: str, unit: str, dims: tuple[str, ...] = (), norm: Norm = "", plain: str = "", **more: Any
-) -> Callable[[Formula], Formula]:
-    """Add the signal of a formula, whose docstring without the full stop is its name in words.
-
-    Its symbol in plain characters is that in LaTeX if no other is given.
-    """
-    symbol = Symbol(latex, plain or latex)
+def _signal(**conditions: Any) -> Callable[[Formula], Formula]:
+    """Add the formula of a signal, whose docstring without the full stop is its name in words."""
 
     def added(formula: Formula) -> Formula:
-        words = str(formula.__doc__).removesuffix(".")
-        SIGNALS.append(Signal(formula.__name__, symbol, words, unit, formula, dims, norm, **more))
+        signal = vars(SIGNALS[formula.__name__])
+        FORMULAS[formula.__name__] = LoopSignal(**signal, formula=formula, **conditions)
         return formula
 
     return added
@@ -205,49 +158,49 @@ def _signal(
 # beyond a norm.
 
 
-@_signal("Q", "pose_unit", MATRIX)
+@_signal()
 def pose(x: LoopState) -> Array:
     """pose Q."""
     return x.s.Q
 
 
-@_signal("V", "velocity_unit", VECTOR)
+@_signal()
 def velocity(x: LoopState) -> Array:
     """body velocity V."""
     return x.s.V
 
 
-@_signal(r"\tau", "force_unit", VECTOR, plain="τ")
+@_signal()
 def torque(x: LoopState) -> Array:
     """control torque tau, body frame."""
     return x.torque
 
 
-@_signal(r"\|I - Q_E\|_{\mathrm{F}}", "pose_unit", norm="entries", plain="‖I − Q_E‖", rank=1)
+@_signal()
 def pose_error(x: LoopState) -> Array:
     """pose error ||I - Q Qd^-1||_F."""
     return x.s.G.identity - x.s.Q_E
 
 
-@_signal(r"\|V - V_d\|", "velocity_unit", norm="axes", plain="‖V − V_d‖", rank=3)
+@_signal()
 def velocity_error(x: LoopState) -> Array:
     """velocity error ||V - Vd||."""
     return x.s.V_tilde
 
 
-@_signal(r"\|\tau\|", "force_unit", norm="axes", plain="‖τ‖", rank=4)
+@_signal()
 def torque_norm(x: LoopState) -> Array:
     """torque norm ||tau||."""
     return x.torque
 
 
-@_signal(r"\mathcal{L}", "J", plain="L", rank=5)
+@_signal()
 def lyapunov(x: LoopState) -> Array:
     """Lyapunov function L."""
     return x.lyapunov
 
 
-@_signal(r"\|p - p_d\|", "m", exists_on=rigid_motions, plain="‖p − p_d‖", rank=2)
+@_signal(exists_on=rigid_motions)
 def position_error(x: LoopState) -> Array:
     """distance ||p - pd|| of the positions."""
     G = rigid(x.s.G)
@@ -262,13 +215,13 @@ def _turns(group: MatrixLieGroup) -> bool:
     return len(_rotations(group)) == 1
 
 
-@_signal(r"\theta_a", "deg", exists_for=attrgetter("axis"), plain="θ_a")
+@_signal(exists_for=attrgetter("axis"))
 def pointing_error(x: LoopState) -> Array:
     """angle between the axis that points and where it is to point."""
     return x.pointing
 
 
-@_signal(r"\theta_E", "deg", exists_on=_turns, exists_for=lambda loop: not loop.axis, plain="θ_E")
+@_signal(exists_on=_turns, exists_for=lambda loop: not loop.axis)
 def attitude_angle(x: LoopState) -> Array:
     """angle of the rotation R_E = R Rd^T."""
     [rotation] = _rotations(x.s.G)
@@ -276,20 +229,13 @@ def attitude_angle(x: LoopState) -> Array:
     return turn_of_distance(distance) * (180 / np.pi)
 
 
-@_signal(
-    r"\psi_E", "deg", exists_on=lambda group: rigid_motions(group) and group.space == 3, plain="ψ_E"
-)
+@_signal(exists_on=lambda group: rigid_motions(group) and group.space == 3)
 def heading_error(x: LoopState) -> Array:
     """size of the turn about the vertical in R Rd^T."""
     return absolute(heading_of(rigid(x.s.G), x.s.Q_E)) * (180 / np.pi)
 
 
-@_signal(
-    r"\|R - R_c\|_{\mathrm{F}}",
-    "1",
-    exists_for=lambda loop: isinstance(loop.controller.formula, OuterLoop),
-    plain="‖R − R_c‖",
-)
+@_signal(exists_for=lambda loop: isinstance(loop.controller.formula, OuterLoop))
 def attitude_command_error(x: LoopState) -> Array:
     """distance ||R - Rc||_F from the attitude that the law commands."""
     return x.attitude_error
@@ -298,61 +244,55 @@ def attitude_command_error(x: LoopState) -> Array:
 # The actuators ------------------------------------------------------------------------------------
 
 
-@_signal("u", "force_unit", VECTOR, stored_of=lambda of: bool(of.actuators or of.control))
+@_signal(stored_of=lambda of: bool(of.actuators or of.control))
 def command(x: LoopState) -> Array:
     """torque that the law asks for, body frame."""
     return x.command
 
 
-@_signal("s", "1", stored_of=attrgetter("limits"))
+@_signal(stored_of=attrgetter("limits"))
 def at_limit(x: LoopState) -> Array:
     """1 where an actuator is at its limit, else 0."""
     return x.at_limit
 
 
-@_signal("c", "1", norm="each", stored_of=lambda of: False)
+@_signal(stored_of=lambda of: False)
 def cut(x: LoopState) -> Array:
     """1 where limits change the command, else 0."""
     return x.cut
 
 
-@_signal("f", "N", (THRUSTER,), stored_of=attrgetter("thruster_names"))
+@_signal(stored_of=attrgetter("thruster_names"))
 def thrust(x: LoopState) -> Array:
     """thrust of each thruster."""
     return x.thrust
 
 
-@_signal("m", "kg", stored_of=attrgetter("burns"), only_there=True)
+@_signal(stored_of=attrgetter("burns"), only_there=True)
 def burnt(x: LoopState) -> Array:
     """propellant that thrusters have burnt."""
     return x.s.vehicle.get(PROPELLANT, np.nan * x.s.P)[..., 0]
 
 
-@_signal("h", "N m s", (WHEEL,), stored_of=attrgetter("wheels"))
+@_signal(stored_of=attrgetter("wheels"))
 def wheel_momentum(x: LoopState) -> Array:
     """absolute momentum of each wheel about its axis."""
     return x.wheel_momentum
 
 
-@_signal(
-    r"\Omega",
-    "rad/s",
-    (WHEEL,),
-    stored_of=lambda of: of.wheels and of.wheels[1].inertia is not None,
-    plain="Ω",
-)
+@_signal(stored_of=lambda of: of.wheels and of.wheels[1].inertia is not None)
 def wheel_speed(x: LoopState) -> Array:
     """speed of each wheel relative to the body."""
     return x.wheel_speed
 
 
-@_signal(r"\|A h\|", "N m s", stored_of=attrgetter("wheels"), plain="‖A h‖")
+@_signal(stored_of=attrgetter("wheels"))
 def stored_momentum(x: LoopState) -> Array:
     """momentum that the wheels store together, ||A h||."""
     return norm(x.stored)
 
 
-@_signal("z", MIXED, (OUTPUT,))
+@_signal()
 def law_output(x: LoopState) -> Array:
     """numbers of the law itself: its memory, and what else it gives."""
     return x.output
@@ -423,98 +363,91 @@ def _covariance(s: Tracking) -> Array:
     return symmetric(entries, (math.isqrt(8 * entries.shape[-1] + 1) - 1) // 2)[..., :n, :n]
 
 
-@_estimate(r"\hat{Q}", "pose_unit", MATRIX, plain="Q̂")
+@_estimate()
 def estimated_pose(x: LoopState) -> Array:
     """estimated pose, at the last control instant."""
     return x.s.G.unpack(estimator_state(x.s, "pose", x.s.G.pack(x.s.Q)))
 
 
-@_estimate(r"\hat{V}", "velocity_unit", VECTOR, plain="V̂")
+@_estimate()
 def estimated_velocity(x: LoopState) -> Array:
     """estimated body velocity, at the last control instant."""
     return estimator_state(x.s, "velocity", x.s.P)
 
 
-@_estimate(r"\hat{b}", "velocity_unit", VECTOR, plain="b̂")
+@_estimate()
 def estimated_bias(x: LoopState) -> Array:
     """estimated bias of the measured velocity."""
     return estimator_state(x.s, "bias", x.s.P)
 
 
-@_estimate(r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}", "pose_unit", norm="entries", plain="‖I − Q̂⁻¹ Q‖")
+@_estimate()
 def estimate_error(x: LoopState) -> Array:
     """error of the estimated pose ||I - Qhat^-1 Q||_F, at the last control instant."""
     return x.s.G.identity - x.s.G.exp(of_pose(x.s))
 
 
-@_estimate(r"\|b - \hat{b}\|", "velocity_unit", norm="axes", plain="‖b − b̂‖")
+@_estimate()
 def bias_error(x: LoopState) -> Array:
     """error of the estimated bias ||b - bhat||, at the last control instant."""
     return of_bias(x.s)
 
 
-@_estimate(r"\varepsilon", "length_unit", VECTOR, plain="ε")
+@_estimate()
 def pose_estimate_error(x: LoopState) -> Array:
     """log(Qhat^-1 Q), at the last control instant."""
     return of_pose(x.s)
 
 
-@_estimate(r"\tilde{b}", "velocity_unit", VECTOR, plain="b̃")
+@_estimate()
 def bias_estimate_error(x: LoopState) -> Array:
     """b - bhat, at the last control instant."""
     return of_bias(x.s)
 
 
-@_filtered(r"\sigma_\varepsilon", "length_unit", VECTOR, plain="σ_ε")
+@_filtered()
 def pose_estimate_std(x: LoopState) -> Array:
     """standard deviation of log(Qhat^-1 Q) by the filter."""
     return deviations(x.s)[..., : x.s.G.dimension]
 
 
-@_filtered(r"\sigma_b", "velocity_unit", VECTOR, plain="σ_b")
+@_filtered()
 def bias_estimate_std(x: LoopState) -> Array:
     """standard deviation of b - bhat by the filter."""
     return deviations(x.s)[..., x.s.G.dimension :]
 
 
-@_filtered(r"\mathrm{NEES}", "1", plain="NEES")
+@_filtered()
 def nees(x: LoopState) -> Array:
     """squared error of the estimate, normalised by its covariance."""
     return consistency(x.s)[0]
 
 
-@_filtered("n", "1")
+@_filtered()
 def nees_dof(x: LoopState) -> Array:
     """degrees of freedom of the normalised error."""
     return consistency(x.s)[1]
 
 
-@_filtered("N", "1")
+@_filtered()
 def innovations(x: LoopState) -> Array:
     """number of normalised innovations so far."""
     return of_innovations(x.s)[0]
 
 
-@_filtered(r"\nu^2", "1", plain="ν²")
+@_filtered()
 def innovation_square(x: LoopState) -> Array:
     """mean square of the normalised innovations so far."""
     return of_innovations(x.s)[1]
 
 
-@_filtered(r"\rho_1", "1", plain="ρ₁")
+@_filtered()
 def innovation_correlation(x: LoopState) -> Array:
     """correlation of successive normalised innovations so far."""
     return of_innovations(x.s)[2]
 
 
 # Evaluation ---------------------------------------------------------------------------------------
-
-
-def signal_of(name: str) -> Signal | None:
-    """Return the signal of a name, which may end with a part: ``torque_norm_rotation``."""
-    # The last one first: ``pose_error`` is no part of ``pose``.
-    matching = (signal for signal in reversed(SIGNALS) if f"{name}_".startswith(f"{signal.name}_"))
-    return next(matching, None)
 
 
 def holds(vehicle: Vehicle) -> dict[str, float]:
@@ -575,22 +508,18 @@ def at_state(
     yield "energy_balance", state.lyapunov + work
 
 
-def existing(loop: ClosedLoop) -> dict[str, tuple[Signal, Part | None]]:
+def existing(loop: ClosedLoop) -> dict[str, tuple[LoopSignal, Part | None]]:
     """Return the signals of a loop and those of their parts, by name."""
     members = loop.vehicle.members | {OUTPUT: loop.controller.outputs(loop.group)}
     return {
         f"{signal.name}_{part.name}" if part else signal.name: (signal, part)
-        for signal in SIGNALS
+        for signal in FORMULAS.values()
         if all(members.get(dim, True) for dim in signal.dims) and signal.exists_on(loop.group)
         for part in (None, *signal.parts(loop.group))
     }
 
 
 # Metrics of a user's own --------------------------------------------------------------------------
-
-
-Better = Literal["lower", "higher", "neither"]
-"""Which values of a quantity are better."""
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, FiniteFloat
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import printable
+from eqt_cli.base.stored import DIFFERENT, SmallErrors
 from eqt_cli.components.laws import Designed, Previews, RunsCode
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -22,63 +20,11 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 SAME = 1e-6
 """Relative change of a stiffness or a damping that is only rounding: it was up to 1e-10."""
 
-DIFFERENT = 0.05
-"""Relative: poles of a law, and gains of two laws, that differ by more are named."""
-
 STEP = 1e-3
 """Step of the differences, rad or m: truncation and rounding change a stiffness by 1e-11 of it."""
 
 NODES, WEIGHTS = np.array([-2.0, -1.0, 1.0, 2.0]), np.array([1.0, -8.0, 8.0, -1.0]) / 12
 """A central difference of fourth order, in steps."""
-
-
-def _square(matrices: list[list[list[float]]]) -> list[list[list[float]]]:
-    """Refuse what is no stack of square matrices: it may come from a file."""
-    m = len(matrices[0]) if matrices else 0
-    if not m or any(len(rows) != m or any(len(row) != m for row in rows) for rows in matrices):
-        raise ValueError("expected square matrices")
-    return matrices
-
-
-Words = Annotated[str, AfterValidator(printable)]
-Matrices = Annotated[list[list[list[FiniteFloat]]], AfterValidator(_square)]
-
-
-class SmallErrors(BaseModel):
-    """How a law meets small errors at rest along its reference.
-
-    Attributes
-    ----------
-    poles
-        The slowest pole at the start, at the end and at its worst, in words.
-    departs
-        How the poles differ from those at Q_d = I, and why; "" where they hardly do.
-    in_space
-        Which gains the reference turns: `K`, `K_d`, or both.
-    stiffness, damping
-        At the start and the end, divided by the inertia, 1/s² and 1/s.
-    """
-
-    poles: Words
-    departs: Words
-    in_space: list[Words]
-    stiffness: Matrices
-    damping: Matrices
-
-    def differs_from(self, other: SmallErrors) -> str:
-        """Return how stiffness and damping differ from another law's, in words; or ""."""
-        words = []
-        for name in ("stiffness", "damping"):
-            one, two = np.array(getattr(self, name)), np.array(getattr(other, name))
-            if one.shape != two.shape:
-                return ""  # an attitude law in a cascade, and a law of the whole pose
-            if np.linalg.norm(one - two) > DIFFERENT * np.linalg.norm(two):
-                factor = (one * two).sum() / max((two * two).sum(), np.finfo(float).tiny)
-                is_multiple = np.allclose(one, factor * two, atol=DIFFERENT * np.abs(one).max())
-                words.append(f"{factor:.3g} times the {name}" if is_multiple else f"not the {name}")
-        if not words and self.in_space != other.in_space and (self.departs or other.departs):
-            words = ["not, on the way, the stiffness and damping"]
-        return " and ".join(words)
 
 
 @dataclass(frozen=True)

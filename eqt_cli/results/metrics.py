@@ -9,10 +9,8 @@ from typing import Any, get_args
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
-from eqt_cli.base.registry import summary
-from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import SIGNALS, Better, Metric, Symbol, metrics, signal_of
+from eqt_cli.base.registry import registry, summary
+from eqt_cli.base.stored import SIGNALS, Better, Status, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.quantity import LAST_RESORT, WHOLE, Quantity, ValuePer, Window
 
@@ -47,7 +45,7 @@ CLOSING = 0.25
 """Last share of the time in which offsets and noise are measured."""
 
 
-def _as_it_flies(vehicle: Vehicle) -> bool:
+def _as_it_flies(vehicle: Any) -> bool:
     return not vehicle.is_ideal
 
 
@@ -429,20 +427,17 @@ STATUS_MEANINGS = "; ".join(
 DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torque": "torque"}
 """Stored quantities of the reference, and the signal that each corresponds to."""
 
-SIGNAL = {signal.name: signal for signal in SIGNALS}
-
 _OVER_TIME = tuple(
     Quantity(
         signal.name,
-        signal.long_name,
+        signal.name.replace("_", " "),
         ValuePer.TRAJECTORY,
         signals=(signal.name,),
         label="{}",
         dims=("time", *signal.dims),
-        stored_of=signal.stored_of,
         rank=signal.rank,
     )
-    for signal in SIGNALS
+    for signal in SIGNALS.values()
 )
 
 _DESIRED = tuple(
@@ -451,15 +446,15 @@ _DESIRED = tuple(
         name.replace("_", " ") + ", from a separate solve",
         ValuePer.DESIRED,
         signals=(like,),
-        special_symbol=Symbol(*(text + "_d" for text in SIGNAL[like].symbol)),
+        special_symbol=Symbol(*(text + "_d" for text in SIGNALS[like].symbol)),
         label="{}",
-        dims=("time", *SIGNAL[like].dims),
+        dims=("time", *SIGNALS[like].dims),
     )
     for name, like in DESIRED.items()
 )
 
 _INITIAL = tuple(
-    Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=SIGNAL[like].dims)
+    Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=SIGNALS[like].dims)
     for like, words in (
         ("pose", "pose at the start, same for all laws"),
         ("velocity", "body velocity at the start"),
@@ -551,7 +546,7 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 """Stored quantities that are computed from the signals of a run."""
 
 
-def own_quantity(metric: type[Metric], **more: Any) -> Quantity:
+def own_quantity(metric: type[Any], **more: Any) -> Quantity:
     """Return the row of a metric of the user's own, which is `better` in the file, too."""
     name, words, better = metric.name, summary(metric).removesuffix("."), metric.better
     more |= {"units": metric.units, "signals": metric.signals}
@@ -581,8 +576,8 @@ def quantity_of(
     for row in MEASURED:
         if name.startswith(f"{row.name}_") and row.stored_by_part:
             return row.with_choices(attributes).part(name.removeprefix(f"{row.name}_"))
-    if name in metrics.names():
-        return own_quantity(metrics.get(name))
+    if not attributes and name in (plugins := registry("metrics")).names():
+        return own_quantity(plugins.get(name))
     if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")

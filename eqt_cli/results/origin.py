@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BaseModel,
     FiniteFloat,
     Json,
@@ -28,11 +26,9 @@ from pydantic import (
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable, suggestion
+from eqt_cli.base.registry import registry
 from eqt_cli.base.store_reader import ResultFile
-from eqt_cli.components.groups import MatrixLieGroup, group_named
-from eqt_cli.components.laws import controllers, distinct_titles
-from eqt_cli.loop.closed_loop import ClosedLoop
-from eqt_cli.loop.small_errors import SmallErrors
+from eqt_cli.base.stored import SmallErrors, Words, distinct_titles
 
 CROSS_CHECK = ("method", "runs", "difference", "bound")
 """Fields of a cross-check, each an attribute; a file has all of them or none."""
@@ -95,8 +91,19 @@ class _Origin(BaseModel):
     other_sessions: list[dict[str, Any]] = []
 
 
-Words = Annotated[str, AfterValidator(printable)]
 Arrow = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class StoredPart(BaseModel):
+    """A part of the coordinates, as `components.groups.Part`: its dimension and its units."""
+
+    name: Words
+    dimension: PositiveInt
+    turns: bool
+    pose_unit: Words
+    velocity_unit: Words
+    force_unit: Words
+    length_unit: Words
 
 
 class Experiment(BaseModel):
@@ -134,6 +141,8 @@ class Experiment(BaseModel):
         Of so many samples of a run, one is stored.
     axis
         The body axis that `task: point` turns; none of other tasks.
+    parts
+        The parts of the coordinates; none where the group is swept.
     """
 
     titles: dict[str, Words] = {}
@@ -153,6 +162,7 @@ class Experiment(BaseModel):
     holds: dict[str, PositiveFloat] = {}
     decimate: PositiveInt = 1
     axis: Arrow | None = None
+    parts: list[StoredPart] = []
 
 
 _TEXT, _NUMBER = ("text", TypeAdapter(str)), ("a number", TypeAdapter(float))
@@ -251,13 +261,6 @@ class KnownResult(ResultFile):
         return printable(str(self.attributes.get("group", "")))
 
     @cached_property
-    def group(self) -> MatrixLieGroup | None:
-        """The group; None if it comes from a plugin that is not loaded."""
-        with suppress(EqtError):
-            return group_named(self.group_name)
-        return None
-
-    @cached_property
     def labels(self) -> list[str]:
         """Labels of the controllers."""
         return [printable(str(label)) for label in self.coordinate("controller")]
@@ -330,11 +333,11 @@ class KnownResult(ResultFile):
         """Kind of each controller by label; the label where it is unknown."""
         return {label: self.described.kinds.get(label, label) for label in self.labels}
 
-    loops_of: Callable[[KnownResult], Mapping[str, ClosedLoop]]
+    loops_of: Callable[[KnownResult], Mapping[str, Any]]
     """Builds the loops from the stored configuration; set by who can read one."""
 
     @cached_property
-    def loops(self) -> Mapping[str, ClosedLoop]:
+    def loops(self) -> Mapping[str, Any]:
         """The loops by label, which figures of parts of the torque evaluate again.
 
         Raises
@@ -364,5 +367,5 @@ def label_named(name: str, titled: Mapping[str, str]) -> str:
 
 def law_title(name: str) -> str:
     """Return the display name of a law; its name if it is not registered."""
-    law = controllers.get(name) if name in controllers.names() else None
-    return str(getattr(law, "title", name))
+    laws = registry("controllers")
+    return str(getattr(laws.get(name), "title", name)) if name in laws.names() else name

@@ -20,9 +20,8 @@ from eqt_cli.base.errors import EqtError, ExpressionError
 from eqt_cli.base.expressions import constant
 from eqt_cli.base.reporting import NOTHING, fixed
 from eqt_cli.base.store_writer import Attribute
+from eqt_cli.base.stored import Better, Signal, Symbol, signal_of
 from eqt_cli.base.units import split
-from eqt_cli.components.vehicle import Vehicle
-from eqt_cli.loop.signals import Better, Signal, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns
 
 # Windows of time over which quantities are taken --------------------------------------------------
@@ -234,7 +233,7 @@ class Quantity:
     role: Literal["", "error", "cost"] = ""
     rank: int = 0
     notes: Mapping[str, Attribute] = field(default_factory=dict)
-    stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
+    stored_of: Callable[[Any], bool] = lambda vehicle: True
 
     def with_choices(self, values: Mapping[str, Any]) -> Quantity:
         """Return the row for values of a configuration or a file; None keeps the default.

@@ -17,9 +17,8 @@ from eqt_cli.base.errors import EqtError, printable, suggestion
 from eqt_cli.base.files import CASE, LAW, POINT
 from eqt_cli.base.reporting import significant
 from eqt_cli.base.store_writer import Attribute
+from eqt_cli.base.stored import MIXED, Status, Symbol, signal_of
 from eqt_cli.base.units import in_wished, offered, size_of
-from eqt_cli.engines.engine import Status
-from eqt_cli.loop.signals import MIXED, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMMARY, quantity_of
 from eqt_cli.results.origin import KnownResult, law_title
@@ -377,11 +376,8 @@ class Result(KnownResult):
 
     @cached_property
     def attitude_errors(self) -> list[str]:
-        """Stored norms that are distances ‖I − R‖_F of rotations, from which angles follow.
-
-        Empty for a group of a plugin that is not loaded.
-        """
-        parts = () if self.group is None else self.group.parts
+        """Stored norms that are distances ‖I − R‖_F of rotations, from which angles follow."""
+        parts = self.described.parts
         turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
         return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
 
@@ -439,12 +435,8 @@ class Result(KnownResult):
         if not (self._wished and self.has(name)):
             return 1.0
         signal, units = signal_of(name.removeprefix("desired_")), [super().units(name)]
-        if units == [MIXED] and signal and self.group and self.dims(name)[-1] == "axis":
-            units = [
-                signal.unit_in(p)
-                for p in self.group.parts
-                for _ in range(self.group.dimension)[p.axes]
-            ]
+        if units == [MIXED] and signal and self.described.parts and self.dims(name)[-1] == "axis":
+            units = [signal.unit_in(p) for p in self.described.parts for _ in range(p.dimension)]
         factors = [self.shown_in(name, unit)[1] for unit in units]
         return np.array(factors) if len(factors) > 1 else factors[0]
 
@@ -565,7 +557,7 @@ class Result(KnownResult):
         """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
         of = quantity.signals[0] if quantity.signals else ""
         norm = next((each for each in _OF_MOTIONS if of.startswith(f"{each}_")), "")
-        parts = self.group.parts if norm and self.group is not None else ()
+        parts = self.described.parts if norm else []
         part = next((each for each in parts if of == f"{norm}_{each.name}"), None)
         vectors = [each for each in parts if not each.turns]
         initials = {each.name[0] for each in vectors}
@@ -600,11 +592,11 @@ class Result(KnownResult):
     def part_units(self, name: str) -> list[str]:
         """Return the different units of the parts of a norm, as ``["N m", "N"]``.
 
-        Empty if all parts have the same unit, or the group comes from a plugin.
+        Empty if all parts have the same unit.
         """
         quantity = self.quantity(name)
         signal = signal_of(quantity.signals[0] if quantity.signals else name)
-        parts = () if self.group is None else self.group.parts
+        parts = self.described.parts
         if signal is None or len(parts) < 2:
             return []
         units = [signal.unit_in(part) for part in parts]
@@ -656,7 +648,7 @@ class Result(KnownResult):
         Errors are ‖p − p_d‖ and the angle of the attitude; ‖I − Q_E‖ of what has neither.
         """
         errors = [row.name for row in RANKED if row.role == "error" and self.has(row.name)]
-        parts = () if self.group is None or len(self.group.parts) == 1 else self.group.parts
+        parts = self.described.parts if len(self.described.parts) > 1 else []
         if "position_rms" not in errors and (parts or not errors):
             turns = [f"mean_pose_error_{part.name}" for part in parts if part.turns]
             errors += [name for name in self.in_parts("mean_pose_error") if name not in turns]

@@ -17,14 +17,15 @@ from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.stored import LAW_OUTPUT, Status
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Measured, Solution, Status, Stopped
+from eqt_cli.engines.engine import Measured, Solution, Stopped
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
-from eqt_cli.loop.signals import LAW_OUTPUT, holds, knows_energy, of_pose, output_names, values_at
+from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.quantity import Quantity, ValuePer

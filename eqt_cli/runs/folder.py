@@ -33,7 +33,9 @@ from eqt_cli.base.errors import (
 from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
+from eqt_cli.base.stored import MIXED, OUTPUT, signal_of
 from eqt_cli.base.yaml_source import dump
+from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.vehicle import Vehicle
@@ -41,18 +43,10 @@ from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.remarks import gains_flown
 from eqt_cli.config.schema import Config
 from eqt_cli.config.study import Study, section_of
-from eqt_cli.loop.signals import MIXED, OUTPUT, Metric, Signal, holds, output_names, signal_of
-from eqt_cli.results.dataset import derived
-from eqt_cli.results.metrics import (
-    ESTIMATE_SETTLING,
-    MEASURED,
-    QUANTITIES,
-    SETTLING,
-    SIGNAL,
-    own_quantity,
-)
+from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, holds, output_names
+from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, own_quantity
 from eqt_cli.results.quantity import Quantity, ValuePer
-from eqt_cli.runs.description import description
+from eqt_cli.runs.description import description, parts_in_words
 from eqt_cli.runs.law_names import law_names
 from eqt_cli.runs.lock import LOCK
 from eqt_cli.runs.part_files import MANIFEST, PART_ENTRIES, PARTS, PartFiles
@@ -330,7 +324,11 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     for quantity in (*QUANTITIES.values(), *map(own_row, experiment.metrics)):
         # Points with and without thrusters or wheels have different shapes.
         of = [vehicle] if vehicle.members.keys() & set(quantity.dims) else vehicles
-        if not (quantity.stored and any(map(quantity.stored_of, of)) and _exists(quantity, group)):
+        signal = FORMULAS.get(quantity.signals[0]) if quantity.signals else None
+        stored_of = quantity.stored_of
+        if signal and quantity.per is ValuePer.TRAJECTORY:
+            quantity, stored_of = replace(quantity, long_name=signal.long_name), signal.stored_of
+        if not (quantity.stored and any(map(stored_of, of)) and _exists(quantity, group)):
             continue
         others = {each.name for each in quantities} | {x.name for x in derived(group, "ZYX")}
         if quantity.is_own and quantity.name in RESERVED | others:
@@ -339,7 +337,6 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
             )
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
-        signal = SIGNAL.get(quantity.signals[0]) if quantity.signals else None
         laws = [loop.controller for loop in experiment.loops.values()]
         if signal and not any(map(signal.exists_for, experiment.loops.values())):
             continue
@@ -364,9 +361,10 @@ def own_row(metric: Metric) -> Quantity:
 
 def _unit_of(name: str, laws: Iterable[Controller], G: MatrixLieGroup) -> str:
     """Return the unit of a signal, or of one in a part, or of a number of a law."""
-    if signal := SIGNAL.get(name):
+    if signal := FORMULAS.get(name):
         return signal.units(G)
-    if signal := signal_of(name):
+    if known := signal_of(name):
+        signal = FORMULAS[known.name]
         part = next(each for each in signal.parts(G) if name == f"{signal.name}_{each.name}")
         return signal.unit_in(part)
     return next((law.output_units[name] for law in laws if name in law.output_units), "1")
@@ -382,10 +380,12 @@ def outputs_of_laws(experiment: Experiment) -> dict[str, str]:
 
 def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
     """Return whether a group has the signals of a quantity."""
-    return all(SIGNAL[name].exists_on(group) for name in quantity.signals if name in SIGNAL)
+    return all(FORMULAS[name].exists_on(group) for name in quantity.signals if name in FORMULAS)
 
 
-def _separate_parts(quantity: Quantity, signal: Signal, group: MatrixLieGroup) -> tuple[Part, ...]:
+def _separate_parts(
+    quantity: Quantity, signal: LoopSignal, group: MatrixLieGroup
+) -> tuple[Part, ...]:
     """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
     alone = quantity.per is ValuePer.TRAJECTORY or signal.norm == "each"
     return signal.parts(group) if alone or signal.units(group) == MIXED else ()
@@ -399,8 +399,8 @@ def measured_of(experiment: Experiment) -> list[Quantity]:
     return rows + [
         row.part(part.name)
         for row in rows
-        if row.stored_by_part and row.signals[0] in SIGNAL
-        for part in _separate_parts(row, SIGNAL[row.signals[0]], group)
+        if row.stored_by_part and row.signals[0] in FORMULAS
+        for part in _separate_parts(row, FORMULAS[row.signals[0]], group)
     ]
 
 
@@ -628,6 +628,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
         "titles": experiment.titles,
         "decimate": experiment.config.store.decimate,
         "axis": experiment.loop.axis or None,
+        "parts": [] if "group" in swept else parts_in_words(experiment.group),
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],

@@ -20,10 +20,10 @@ from eqt_cli.base.files import LAW, kind_of
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
 from eqt_cli.base.store_writer import Assembly, Attribute
+from eqt_cli.base.stored import Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Status
 from eqt_cli.results.quantity import Quantity, ValuePer
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check

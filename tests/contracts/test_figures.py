@@ -15,6 +15,7 @@ from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.extensions import shipped
 from eqt_cli.base.registry import is_foreign, meanings
+from eqt_cli.components.groups import group_named
 from eqt_cli.figures.figure import OfSweep
 from eqt_cli.figures.render import curves
 from eqt_cli.figures.run_figures import EstimateFigure
@@ -86,7 +87,9 @@ def recording_of_run(result):
 
     states = [result.trajectory(name, 0)[0] for name in ("pose", "velocity", "torque")]
     gaps = np.array([4])
-    return Recording("a.csv", "a.csv:1", result.group, result.times, *states, gaps, timed=True)
+    return Recording(
+        "a.csv", "a.csv:1", group_named(result.group_name), result.times, *states, gaps, timed=True
+    )
 
 
 @pytest.fixture(scope="module")

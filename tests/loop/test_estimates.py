@@ -7,7 +7,6 @@ import pytest
 
 from eqt_cli.components.groups import group_named
 from eqt_cli.loop import signals
-from eqt_cli.loop.signals import signal_of
 
 
 def given(group, **states):
@@ -60,7 +59,7 @@ def test_norms_of_an_error_by_parts():
     rotation, translation = s.G.parts
     assert signals.of_pose(s).tolist() == error[:3].tolist()
     assert signals.of_bias(s).tolist() == error[3:].tolist()
-    bias, pose = signal_of("bias_error"), signal_of("estimate_error")
+    bias, pose = (signals.FORMULAS[name] for name in ("bias_error", "estimate_error"))
     b, difference = signals.of_bias(s), signals.estimate_error(SimpleNamespace(s=s))
     assert bias.value(b) == pytest.approx(np.sqrt(0.6**2 + 25))
     assert bias.value(b, rotation) == pytest.approx(0.6)

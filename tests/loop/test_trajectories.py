@@ -27,7 +27,7 @@ from eqt_cli.engines.engine import Problem, engines
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.law_program import law_program
-from eqt_cli.loop.signals import SIGNALS, at_state, compute
+from eqt_cli.loop.signals import FORMULAS, at_state, compute
 from eqt_cli.numbers.rounded import evaluated
 
 RTOL = 1e-6
@@ -214,7 +214,7 @@ def test_signals_are_the_norms_they_are_named_after(G):
     states = trajectories(loop)
     found, s = compute(loop, TIMES, states), loop.tracking(TIMES, states)
     # Estimates are not, nor errors of what the group does not have.
-    here = [signal for signal in SIGNALS if not signal.only_there and signal.exists_on(G)]
+    here = [signal for signal in FORMULAS.values() if not signal.only_there and signal.exists_on(G)]
     norms = [s.name for s in here if s.norm in ("axes", "entries") and len(G.parts) > 1]
     parts = {f"{norm}_{part.name}" for norm in norms for part in G.parts}
     parts |= {f"cut_{name}".replace(" ", "_") for name in G.directions}
@@ -340,7 +340,7 @@ def test_signals_of_an_estimate_are_not_a_number_where_there_is_none(group):
     states = initial_states(loop)[:, None]
     s, work = loop.tracking(0.0, states), loop.work(states)
     usual = dict(at_state(loop, s, work))
-    only = {signal.name: signal for signal in SIGNALS if signal.only_there}
+    only = {signal.name: signal for signal in FORMULAS.values() if signal.only_there}
     assert not set(usual) & set(only)
     shapes = {("row", "col"): (d, d), ("axis",): (m,), (): ()}
     found = dict(at_state(loop, s, work, set(only)))
@@ -360,9 +360,9 @@ def test_what_is_stored_of_a_vehicle():
         "late": Vehicle(actuators=(lag,)),
         "limited": Vehicle(actuators=(limit,)),
     }
-    always = {signal.name for signal in SIGNALS if signal.stored_of(vehicles["ideal"])}
+    always = {signal.name for signal in FORMULAS.values() if signal.stored_of(vehicles["ideal"])}
     more = {
-        name: {signal.name for signal in SIGNALS if signal.stored_of(vehicle)} - always
+        name: {signal.name for signal in FORMULAS.values() if signal.stored_of(vehicle)} - always
         for name, vehicle in vehicles.items()
     }
     kept = "pose velocity torque pose_error velocity_error torque_norm lyapunov position_error"

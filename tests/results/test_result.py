@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from said import error_of
 
-from eqt_cli.engines.engine import Status
+from eqt_cli.base.stored import Status
 from eqt_cli.results.quantity import SweptKey, constant_of, with_unit
 from eqt_cli.results.result import mean_over_runs
 
@@ -25,7 +25,7 @@ def failing(make_result):
 
 
 def test_what_was_run(failing):
-    assert (failing.title, failing.group_name, failing.group.dimension) == ("made up", "SO3", 3)
+    assert (failing.title, failing.group_name) == ("made up", "SO3")
     assert (failing.labels, failing.titles) == (["eqt", "mine"], ["EqT", "mine"])
     assert (failing.runs, failing.points, failing.is_sweep) == (RUNS, 1, False)
     assert (failing.horizon, failing.cross_check, failing.provenance) == (20.0, None, {})

@@ -21,7 +21,7 @@ from stored import fixed
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.reporting import reporting
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.engines.engine import Status
+from eqt_cli.base.stored import Status
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import compute_part, run_study
 from eqt_cli.runs import folder as result_folder

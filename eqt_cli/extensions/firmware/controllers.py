@@ -18,6 +18,7 @@ from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components import matrix_groups
 from eqt_cli.components.cascade import check_flat_output
+from eqt_cli.components.derived import coordinates_of
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, CodeFile, Controller, RunsCode, controllers
 from eqt_cli.components.mechanics import LATER, Gains, LawInput, Tracking
@@ -27,7 +28,6 @@ from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
-from eqt_cli.results.dataset import coordinates_of
 
 # What code reads and returns: the names, frames, orders and units of its own ----------------------
 

@@ -17,7 +17,7 @@ from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.units import factor
 from eqt_cli.components import pose_tables
-from eqt_cli.components.groups import MatrixLieGroup, group_named
+from eqt_cli.components.groups import MatrixLieGroup, group_named, known_group
 from eqt_cli.components.pose_tables import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
@@ -592,9 +592,10 @@ def compare_measured(
     (True, 1.0)
     """
     with open_at(path_from("result", result), point) as opened:
-        if opened.group is None:
+        group = known_group(opened.group_name)
+        if group is None:
             raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
-        recording = read_measured(measured, opened.group, mapping, format)
+        recording = read_measured(measured, group, mapping, format)
         chosen = [opened.position_of(name) for name in controllers]
         shown_in = opened.in_units(units).shown_in
         return [explained(one, shown_in) for one in measured_runs(opened, recording, chosen, run)]

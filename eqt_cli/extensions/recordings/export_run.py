@@ -13,7 +13,8 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, suggestion
 from eqt_cli.base.files import write_all
-from eqt_cli.results.dataset import derived
+from eqt_cli.components.derived import derived
+from eqt_cli.components.groups import known_group
 from eqt_cli.results.result import Result
 
 REFERENCE = "reference"
@@ -51,7 +52,7 @@ def flight(result: Result, law: str, run: int) -> Flight:
     """Read a run of a law, or the reference of that run."""
     result = result.single("a file holds a run of one experiment")
     reference = law == REFERENCE and law not in result.labels
-    G, prefix = result.group, "desired_" * reference
+    G, prefix = known_group(result.group_name), "desired_" * reference
     if G is None:
         raise result.error(f"is on group '{result.group_name}' of a plugin, which is not known")
     rows = max(len(range(G.size)[part.entries[0]]) for part in G.parts)

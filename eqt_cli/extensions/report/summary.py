@@ -16,12 +16,13 @@ from eqt_cli.base.errors import ComponentError
 from eqt_cli.base.option_types import option_names
 from eqt_cli.base.registry import summary
 from eqt_cli.base.reporting import count_of, listed
+from eqt_cli.base.stored import MIXED, SIGNALS
 from eqt_cli.base.yaml_source import heading
+from eqt_cli.components.groups import known_group
 from eqt_cli.components.laws import Member, controllers
 from eqt_cli.engines.engine import SolverChecks, engines
 from eqt_cli.figures.shown import looks as looks_of
 from eqt_cli.figures.style import house_style, line_style
-from eqt_cli.loop.signals import MIXED, SIGNALS
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import FLOAT, ValuePer
 from eqt_cli.results.result import Result, meaning_of
@@ -128,7 +129,7 @@ def curves(result: Result) -> Document | None:
     if not stored.size:
         return None
     names = []
-    for signal in sorted(SIGNALS, key=attrgetter("rank")):
+    for signal in sorted(SIGNALS.values(), key=attrgetter("rank")):
         if signal.rank and result.has(signal.name):
             parts = result.parts(signal.name) if result.units(signal.name) == MIXED else []
             names += [f"{signal.name}_{part}" for part in parts] or [signal.name]
@@ -234,7 +235,7 @@ def stated_values(result: Result) -> list[tuple[str, str, str | list[list[str]]]
 
     Each has a name, a symbol, and its value in words, or as the rows of a matrix.
     """
-    config, group = result.config, result.group
+    config, group = result.config, known_group(result.group_name)
     if not config:
         return []
     gains, initial, runs, time = (

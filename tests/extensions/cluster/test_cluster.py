@@ -15,7 +15,7 @@ import pytest
 from plugin_sources import component
 
 from eqt_cli.base.errors import EqtError
-from eqt_cli.engines.engine import Status
+from eqt_cli.base.stored import Status
 from eqt_cli.extensions.cluster.executors import Dask, Parsl
 from eqt_cli.runs.executors import MOST_TRIES, Outcome
 

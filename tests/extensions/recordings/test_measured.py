@@ -245,7 +245,9 @@ def test_the_law_that_flew_explains_more(made, log):
 def pair_of(folder, text, run=0, controllers=(0,), **mapping):
     with open_result(folder) as result:
         said = LogMapping(**(MAPPING | mapping))
-        recording = recording_of(read_log(text, "flight.csv", "csv", result.group, said))
+        recording = recording_of(
+            read_log(text, "flight.csv", "csv", group_named(result.group_name), said)
+        )
         return measured_runs(result, recording, controllers, run)[0]
 
 
@@ -299,7 +301,13 @@ def test_another_world_is_noted(made):
     """A recording whose world is turned by 90° about z against that of the reference."""
     with open_result(made) as result:
         recording = recording_of(
-            read_log(log_of(made), "flight.csv", "csv", result.group, LogMapping(**MAPPING))
+            read_log(
+                log_of(made),
+                "flight.csv",
+                "csv",
+                group_named(result.group_name),
+                LogMapping(**MAPPING),
+            )
         )
         G = recording.group
         turn = G.exp(np.pi / 2 * np.eye(G.dimension)[2])

@@ -8,6 +8,7 @@ from case_tables import from_yaml
 
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import EqtError
+from eqt_cli.components.groups import group_named
 from eqt_cli.extensions.recordings.figures import MeasuredFigure
 from eqt_cli.extensions.recordings.recording_check import Recording
 from eqt_cli.figures.render import curves
@@ -33,10 +34,12 @@ def recording(result):
     states = [result.trajectory(name, 2)[k] for name in ("pose", "velocity", "torque")]
     times = np.arange(0.5, 12.0, 0.07)
     times = times[(times < 4) | (times > 5)]
-    found = Course(result.group, result.times, *states).at(times)
+    found = Course(group_named(result.group_name), result.times, *states).at(times)
     gaps = np.flatnonzero(np.diff(times) > 0.5)
     shown = found.pose, found.velocity, found.wrench
-    return Recording("log.csv", "log.csv:1", result.group, times - OFFSET, *shown, gaps)
+    return Recording(
+        "log.csv", "log.csv:1", group_named(result.group_name), times - OFFSET, *shown, gaps
+    )
 
 
 def drawn(result, recording, **options):
