@@ -12,7 +12,6 @@ import numpy as np
 
 from eqt_cli.analysis import verdict
 from eqt_cli.analysis.comparison import ClaimVerdict, Comparison, Judgement
-from eqt_cli.analysis.comparison_tables import rows_of
 from eqt_cli.analysis.intervals import (
     NEGLIGIBLE,
     SHARE,
@@ -372,17 +371,27 @@ def _differ(small: Mapping[str, SmallErrors], one: str, other: str) -> str:
 
 
 def _with_answer(result: Result, how: Resampling, **fields: Any) -> Comparison:
-    """Return a comparison with its answer, in words and as records."""
-    comparison = Comparison(
+    """Return a comparison, whose answer in words and as records is not needed by all."""
+    return Comparison(
         group=result.group_name,
         horizon=float(result.times[-1] - result.times[0]),
         confidence=how.confidence,
         seed=how.seed,
+        in_words=_in_words,
+        in_rows=_in_rows,
         **fields,
     )
+
+
+def _in_words(comparison: Comparison) -> list[str]:
     about = f"{comparison.title} on {comparison.group}: {comparison.runs} runs of each law"
-    lines = [about, *verdict.lines(comparison)]
-    return replace(comparison, lines=lines, rows=rows_of(comparison))
+    return [about, *verdict.lines(comparison)]
+
+
+def _in_rows(comparison: Comparison) -> list[dict[str, Any]]:
+    from eqt_cli.analysis.comparison_tables import rows_of
+
+    return rows_of(comparison)
 
 
 def _check(result: Result, how: Resampling) -> None:

@@ -1,8 +1,11 @@
 """The data of a comparison of laws: means, differences of pairs, judged claims, and the answer."""
 
-from collections.abc import Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Level, Pair
@@ -108,12 +111,8 @@ class Comparison(InNotebook):
         Of two results: the law of the first with which each law of the second is compared.
     between
         Sentences on two results: whether their runs are pairs, and what differs.
-    lines
-        The answer in words: the experiment, and then what `eqt compare` prints first.
-    rows
-        A record per metric and pair of laws; per metric of a law that is alone. Of the pairs with
-        the first law, ``answer`` is the word in `lines`, and ``adjusted_p`` its p-value after Holm;
-        ``word`` follows from its row alone.
+    in_words, in_rows
+        How `lines` and `rows` follow, which are computed when they are read.
     """
 
     title: str
@@ -141,8 +140,22 @@ class Comparison(InNotebook):
     identical: bool = False
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
-    lines: Sequence[str] = ()
-    rows: Sequence[Mapping[str, Any]] = ()
+    in_words: Callable[[Comparison], Sequence[str]] = lambda comparison: ()
+    in_rows: Callable[[Comparison], Sequence[Mapping[str, Any]]] = lambda comparison: ()
+
+    @cached_property
+    def lines(self) -> Sequence[str]:
+        """The answer in words: the experiment, and then what `eqt compare` prints first."""
+        return self.in_words(self)
+
+    @cached_property
+    def rows(self) -> Sequence[Mapping[str, Any]]:
+        """A record per metric and pair of laws; per metric of a law that is alone.
+
+        Of the pairs with the first law, ``answer`` is the word in `lines`, and ``adjusted_p`` its
+        p-value after Holm; ``word`` follows from its row alone.
+        """
+        return self.in_rows(self)
 
     def answer(self) -> list[str]:
         """Return `lines`."""

@@ -11,7 +11,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from eqt_cli.base import yaml_source
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import FILE_NAME, point_group
@@ -92,6 +91,7 @@ def load_experiment(
     >>> eqt_cli.load_experiment("configs/paper.yaml", {"ensemble.runs": 10})
     <experiment paper on SO3: 10 runs of eqt, gt, nog, asym>
     """
+    from eqt_cli.base import yaml_source
     from eqt_cli.config.study import study
 
     if overrides is not None and not isinstance(overrides, Mapping):
@@ -122,6 +122,7 @@ def document_from(
     config: Configuration, overrides: Mapping[str, str], *, trust_plugins: bool = False
 ) -> Document:
     """Return a configuration with its overrides, not yet checked."""
+    from eqt_cli.base import yaml_source
     from eqt_cli.config.document import Document, Place, overridden, read_config
 
     if not isinstance(config, Mapping):

@@ -174,11 +174,16 @@ def imported(place: str) -> Any:
     return getattr(importlib.import_module(module), name)
 
 
-def functions_for(purpose: str) -> Iterator[Callable[..., Any]]:
-    """Import the functions that extensions have for a purpose, those of eqt first."""
+def functions_for(purpose: str, folder: Path | None = None) -> Iterator[Callable[..., Any]]:
+    """Import the functions that extensions have for a purpose, those of eqt first.
+
+    Those for the purpose ``… beside FILE`` are for results in a `folder` that has this file.
+    """
     for extension in usable():
-        if purpose in extension.functions:
-            yield imported(extension.functions[purpose])
+        for name, place in extension.functions.items():
+            wanted, _, file = name.partition(" beside ")
+            if wanted == purpose and not (file and folder and not (folder / file).exists()):
+                yield imported(place)
 
 
 def function_for(purpose: str) -> Callable[..., Any]:

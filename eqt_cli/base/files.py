@@ -641,6 +641,8 @@ def is_eqts(path: Path) -> bool:
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 """Valid names of variables, dimensions and attributes, which all HDF5 tools accept."""
 
+Attribute = str | int | float
+
 FORMAT = 4
 """Number of the file layout; a reader refuses every other number.
 

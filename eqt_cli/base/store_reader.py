@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from eqt_cli.base import files
 from eqt_cli.base.errors import Remedy, ResultError, suggestion
-from eqt_cli.base.store_writer import Attribute
+from eqt_cli.base.files import Attribute
 from eqt_cli.base.version import __version__
 
 

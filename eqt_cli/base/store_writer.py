@@ -19,7 +19,7 @@ from eqt_cli.base import files
 from eqt_cli.base.errors import FullDiskError, Remedy, ResultError
 from eqt_cli.base.version import __version__
 
-Attribute = str | int | float
+Attribute = files.Attribute
 """The value of an attribute; integers must fit into 64 bits."""
 
 

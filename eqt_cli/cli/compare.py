@@ -179,6 +179,7 @@ def compare(
             write,
             chosen=bool(metric or window),
             laws_as_rows=as_rows,
+            json=json,
         )
     _print(shown, result, format, json, columns)
 
@@ -228,17 +229,18 @@ def _of_whole(
     metrics, laws or windows are chosen.
     """
     from eqt_cli import api
-    from eqt_cli.analysis.maps import map_records, map_tables
     from eqt_cli.api.loading import open_at
 
     with open_at(path) as opened:
         result = opened.in_units(units)
         plain = not (metrics or laws or narrowed) and table in (None, TableName.FRONTS)
-        for answers in functions_for("answer of compare") if plain else ():
+        for answers in functions_for("answer of compare", result.path.parent) if plain else ():
             if answer := answers(result, how, write):
                 return _Findings(*answer)
         if not result.is_sweep:
             return None
+        from eqt_cli.analysis.maps import map_records, map_tables
+
         if narrowed or table not in (None, TableName.WINNERS, TableName.POINTS):
             raise EqtError(
                 "--window, --against, --without-start and the tables of pairs and claims apply to "
@@ -293,42 +295,37 @@ def _of_experiment(
     *,
     chosen: bool,
     laws_as_rows: bool = False,
+    json: bool = False,
 ) -> _Findings:
-    """Return the findings on one experiment: the answer, or tables.
+    """Return the findings on one experiment: the answer, or tables; for `json`, the document.
 
     Without a table's name, the answer against the first law is all; of `chosen` metrics and
     windows, the table of means follows.
     """
     from eqt_cli.analysis import verdict
-    from eqt_cli.analysis.comparison_tables import records, text_tables
 
-    rows, text = records(comparison, *against), format is TableFormat.TEXT
-    made = text_tables(comparison, write, against, laws_as_rows=laws_as_rows)
-    wanted: Collection[str] = made
-    if table not in (None, TableName.ALL):
-        wanted = [table]
-    elif text and table is None:
-        wanted = [TableName.CONTROLLERS] if chosen else []
-    shown = [made[name] for name in made if name in wanted]
-    base = against[0] if against else ""
-    document = {
-        **{name: getattr(comparison, name) for name in ("title", "group")},
-        "controllers": comparison.kinds,
-        **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
-        "bootstrap": {"method": "expanded BCa"}
-        | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
-        "verdict": rows["verdict"],
-        "levels": rows[TableName.CONTROLLERS],
-        "pairs": rows[TableName.PAIRS],
-        "claims": rows[TableName.CLAIMS],
-        "missing": comparison.missing,
-        **({"between": comparison.between} if comparison.between else {}),
-    }
+    if json:
+        return _Findings(_document(comparison, against), [], [])
+    text, base = format is TableFormat.TEXT, against[0] if against else ""
+    shown: list[TextTable] = []
+    rows: list[dict[str, Any]] = []
+    if not text or table is not None or chosen:
+        from eqt_cli.analysis.comparison_tables import records, text_tables
+
+        made = text_tables(comparison, write, against, laws_as_rows=laws_as_rows)
+        wanted: Collection[str] = made
+        if table not in (None, TableName.ALL):
+            wanted = [table]
+        elif text and table is None:
+            wanted = [TableName.CONTROLLERS]
+        shown = [made[name] for name in made if name in wanted]
     remarks = [output.folded(sentence, output.PIPED) for sentence in comparison.missing]
     premises = list[str]()
     if format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
         remarks = [more] if table is None else []
+        listed = TableName.PAIRS if table in (None, TableName.ALL) else table
+        rows = records(comparison, *against)[listed]
     elif text and table is None:
         premises = verdict.premises(comparison)
         answer = verdict.matrix(comparison, base, whole=chosen)
@@ -344,8 +341,27 @@ def _of_experiment(
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
     room = output.room_of_tables() or output.PIPED
     premises = [output.folded(line, room, "    ") for line in premises]
-    listed = TableName.PAIRS if table in (None, TableName.ALL) else table
-    return _Findings(document, rows[listed], shown, remarks, premises)
+    return _Findings({}, rows, shown, remarks, premises)
+
+
+def _document(comparison: Comparison, against: Sequence[str]) -> dict[str, Any]:
+    """Return the numbers behind a comparison for programs."""
+    from eqt_cli.analysis.comparison_tables import records
+
+    rows = records(comparison, *against)
+    return {
+        **{name: getattr(comparison, name) for name in ("title", "group")},
+        "controllers": comparison.kinds,
+        **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
+        "bootstrap": {"method": "expanded BCa"}
+        | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
+        "verdict": rows["verdict"],
+        "levels": rows[TableName.CONTROLLERS],
+        "pairs": rows[TableName.PAIRS],
+        "claims": rows[TableName.CLAIMS],
+        "missing": comparison.missing,
+        **({"between": comparison.between} if comparison.between else {}),
+    }
 
 
 # Differences --------------------------------------------------------------------------------------

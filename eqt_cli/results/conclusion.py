@@ -61,8 +61,8 @@ def conclusion_of(result: Result) -> Conclusion:
     Extensions have functions for the purpose ``conclusion of a result``. Each takes an open result
     and returns a `Conclusion`, or None for results that its commands did not make.
     """
-    conclusions = (conclude(result) for conclude in functions_for("conclusion of a result"))
-    return next(filter(None, conclusions), Conclusion())
+    functions = functions_for("conclusion of a result", result.path.parent)
+    return next(filter(None, (conclude(result) for conclude in functions)), Conclusion())
 
 
 def side_by_side(result: Result) -> Sequence[str]:

@@ -17,11 +17,9 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, ExpressionError
-from eqt_cli.base.expressions import constant
+from eqt_cli.base.files import Attribute
 from eqt_cli.base.reporting import NOTHING, fixed
-from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.stored import Better, Signal, Symbol, signal_of
-from eqt_cli.base.units import split
 from eqt_cli.numbers.running import SampledRuns
 
 # Windows of time over which quantities are taken --------------------------------------------------
@@ -567,6 +565,9 @@ class SweptKey:
 
 def with_unit(text: str) -> tuple[float, str] | None:
     """Return number and unit of ``90 deg``; None for other texts."""
+    from eqt_cli.base.expressions import constant
+    from eqt_cli.base.units import split
+
     if parts := split(text):
         with suppress(ExpressionError):
             return constant(parts[0]), parts[1]
@@ -575,6 +576,8 @@ def with_unit(text: str) -> tuple[float, str] | None:
 
 def constant_of(text: str) -> tuple[float, str] | None:
     """Return number and display of an expression such as ``"-pi/2"``; None for other texts."""
+    from eqt_cli.base.expressions import constant
+
     plain = text.strip('"')
     with suppress(ExpressionError):
         return constant(plain), plain.replace("*pi", "π").replace("pi", "π").replace("-", "−")

@@ -14,11 +14,9 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable, suggestion
-from eqt_cli.base.files import CASE, LAW, POINT
+from eqt_cli.base.files import CASE, LAW, POINT, Attribute
 from eqt_cli.base.reporting import significant
-from eqt_cli.base.store_writer import Attribute
 from eqt_cli.base.stored import MIXED, Status, Symbol, signal_of
-from eqt_cli.base.units import in_wished, offered, size_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMMARY, quantity_of
 from eqt_cli.results.origin import KnownResult, law_title
@@ -402,6 +400,10 @@ class Result(KnownResult):
         view._wished = tuple(
             (name.strip(), unit.strip()) for name, _, unit in (t.rpartition("=") for t in texts)
         )
+        if not texts:
+            return view
+        from eqt_cli.base.units import in_wished, offered, size_of
+
         known = {name: super(Result, self).units(name) for name in self.names}
         known |= {name: self._unit_of(quantity) for name, quantity in self.comparable.items()}
         for name, wish in view._wished:
@@ -418,6 +420,10 @@ class Result(KnownResult):
 
     def shown_in(self, name: str, unit: str) -> tuple[str, float]:
         """Return the unit in which a quantity is shown, and the factor to it."""
+        if not self._wished:
+            return unit, 1.0
+        from eqt_cli.base.units import in_wished
+
         for of, wish in reversed(self._wished):
             if of in ("", name) and (shown := in_wished(unit, wish)) is not None:
                 return shown

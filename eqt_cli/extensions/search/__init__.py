@@ -9,6 +9,7 @@ def register(extension: Extension) -> None:
     extension.add_component("figures", "worst", "figures")
     extension.add_command("tune", "commands.tune", COMPUTE, "configs/tune_paper.yaml", "compare")
     extension.add_command("worst", "commands.worst", COMPUTE, "late.yaml --fail-above 0.2", "tune")
-    extension.add_function("conclusion of a result", "conclusion.conclusion")
-    extension.add_function("answer of compare", "fronts.equal_cost")
+    for record in ("tuning.json", "worst.json"):
+        extension.add_function(f"conclusion of a result beside {record}", "conclusion.conclusion")
+    extension.add_function("answer of compare beside tuning.json", "fronts.equal_cost")
     extension.add_function("check of a configuration", "api.check")

@@ -1,0 +1,25 @@
+"""Reading a result loads few modules of eqt, and none of the simulator."""
+
+import subprocess
+import sys
+
+MOST = 44
+"""With the manifests of all extensions, which are 8."""
+
+PROGRAM = """
+import sys
+from eqt_cli.cli import main
+try:
+    main()
+finally:
+    print("modules", *(name for name in sys.modules if name.startswith("eqt_cli")))
+"""
+
+
+def test_compare_loads_no_simulator(paper_result):
+    arguments = [sys.executable, "-c", PROGRAM, "compare", str(paper_result)]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=True)
+    _, *loaded = done.stdout.splitlines()[-1].split()
+    simulator = ("eqt_cli.components", "eqt_cli.loop", "eqt_cli.engines", "eqt_cli.runs")
+    assert not [name for name in loaded if name.startswith((*simulator, "eqt_cli.config"))]
+    assert len(loaded) <= MOST
