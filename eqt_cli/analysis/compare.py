@@ -25,7 +25,7 @@ from eqt_cli.base.registry import Registry
 from eqt_cli.base.stored import SmallErrors
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.metrics import EARLY, METRICS
-from eqt_cli.results.quantity import WHOLE, Quantity, Window
+from eqt_cli.results.quantity import WHOLE, Measure, Window
 from eqt_cli.results.result import PerRun, Result
 
 # Base classes of claims. Does not know how claims are tested --------------------------------------
@@ -178,7 +178,7 @@ class Hampsey2025(ClaimSet):
 # Compares the controllers of a result: measures, differences of pairs, and judged claims ----------
 
 
-def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Window]]:
+def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Measure, Window]]:
     """Return the measures that test a row; empty if the result cannot test it."""
     if isinstance(row, AtMost):
         measures = result.comparable
@@ -191,7 +191,7 @@ def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Quantity, Wind
     ]
 
 
-def _is_rotation(result: Result, quantity: Quantity) -> bool:
+def _is_rotation(result: Result, quantity: Measure) -> bool:
     """Whether a measure of the pose error concerns only the orientation."""
     if quantity.signals and quantity.signals[0].startswith("pose_error_rotation"):
         return True
@@ -515,7 +515,7 @@ def _key(measured: PerRun) -> _Key:
 
 def _chosen(
     result: Result, metrics: Sequence[str], windows: Sequence[Window]
-) -> list[tuple[Quantity, Window]]:
+) -> list[tuple[Measure, Window]]:
     if not metrics and not windows:
         return _defaults(result)
     names = metrics or list(dict.fromkeys(measure.name for measure, _ in _defaults(result)))
@@ -530,7 +530,7 @@ def _chosen(
     return chosen
 
 
-def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
+def _defaults(result: Result) -> list[tuple[Measure, Window]]:
     """Return the default measures; parts replace norms with mixed units.
 
     If some settling times lie beyond the horizon, the shares of settled runs replace their means.
@@ -545,7 +545,7 @@ def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
     ]
 
 
-def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
+def _tells(result: Result, quantity: Measure, window: Window) -> bool:
     """Whether its mean says more than that of the number it follows from, or that follows."""
     if quantity.censored:
         return not result.per_run(quantity, window).censored.any()
@@ -554,7 +554,7 @@ def _tells(result: Result, quantity: Quantity, window: Window) -> bool:
     return True
 
 
-_Test = tuple[type[ClaimSet], Claim, Less | AtMost, Quantity, Window]
+_Test = tuple[type[ClaimSet], Claim, Less | AtMost, Measure, Window]
 """A source, a claim of it, a row of this, and a measure over a window that tests the row."""
 
 
@@ -604,7 +604,7 @@ def _judgements(
 
 
 def _cut(
-    result: Result, chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]
+    result: Result, chosen: Sequence[tuple[Measure, Window]], windows: Sequence[Window]
 ) -> Iterator[str]:
     """Note the windows that reach beyond the end of the runs, and the measures without a choice."""
     for window in windows:

@@ -23,7 +23,7 @@ from eqt_cli.analysis.intervals import (
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable, count_of, fixed, reporter, significant, step
-from eqt_cli.results.quantity import Plain, Quantity
+from eqt_cli.results.quantity import Measure, Plain
 from eqt_cli.results.result import Result, mean_over_runs
 
 # Compares laws at every point of a sweep, with p-values adjusted for the number of points ---------
@@ -122,7 +122,7 @@ class Map:
         Share of runs by which laws are ranked.
     """
 
-    quantity: Quantity
+    quantity: Measure
     unit: str
     labels: list[str]
     titles: list[str]

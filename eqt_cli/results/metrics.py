@@ -12,7 +12,7 @@ from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
 from eqt_cli.base.registry import registry, summary
 from eqt_cli.base.stored import SIGNALS, Better, Status, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
-from eqt_cli.results.quantity import LAST_RESORT, WHOLE, Quantity, ValuePer, Window
+from eqt_cli.results.quantity import LAST_RESORT, WHOLE, Measure, ValuePer, Window
 
 # Metrics: numbers per run that follow from its signals, each with formula, names and unit ---------
 #
@@ -188,19 +188,19 @@ INTEGRALS = (time_mean, effort, integral_of_square, actuator_work, root_mean_squ
 
 # The table ---------------------------------------------------------------------------------------
 
-_less_is_better = partial(Quantity, better="lower")
+_less_is_better = partial(Measure, better="lower")
 _compared = partial(_less_is_better, compared=(WHOLE,))
 _integrated_square = partial(
     _compared, units="({})^2 s", formula=Symbol(r"\int {}^2\,\mathrm{d}t", "∫{}² dt")
 )
 
 
-def _statistic(of: Callable[..., Any], label: str, words: str) -> Callable[..., Quantity]:
+def _statistic(of: Callable[..., Any], label: str, words: str) -> Callable[..., Measure]:
     """Return what makes the row of a statistic over time, from a name, a signal and its words."""
 
-    def row(name: str, signal: str, what: str, **more: Any) -> Quantity:
+    def row(name: str, signal: str, what: str, **more: Any) -> Measure:
         fields: dict[str, Any] = {"of": of, "label": label, "better": "lower"} | more
-        return Quantity(name, words.format(what), signals=(signal,), **fields)
+        return Measure(name, words.format(what), signals=(signal,), **fields)
 
     return row
 
@@ -218,7 +218,7 @@ _settling = partial(
 )
 
 
-def _closing(name: str, signal: str, what: str) -> Quantity:
+def _closing(name: str, signal: str, what: str) -> Measure:
     """Return the row of a root mean square over the last share of the time."""
 
     def chosen(share_of_time: float = CLOSING) -> dict[str, Any]:
@@ -307,12 +307,12 @@ METRICS = (
     _mean("mean_velocity_error", "velocity_error", "||V - Vd||", stored=False),
     _final("final_velocity_error", "velocity_error", "||V - Vd||"),
     _settling("settling_time", "pose_error", "||I - Q_E||_F", rank=6),
-    Quantity(
+    Measure(
         "decay_rate",
         "half the slope of -log L",
         units="1/s",
         signals=("lyapunov",),
-        special_symbol=Symbol(r"\sqrt{\mathcal{L}}", "√L"),
+        symbol=Symbol(r"\sqrt{\mathcal{L}}", "√L"),
         label="decay rate of {}",
         better="higher",
         stored=False,
@@ -328,7 +328,7 @@ METRICS = (
         stored=False,
         of=largest_rise,
     ),
-    Quantity(
+    Measure(
         "settled",
         "1 if ||I - Q_E||_F ends within the settling threshold, else 0",
         units="1",
@@ -381,7 +381,7 @@ METRICS = (
 )
 """Metrics that compare controllers, in the order of tables; result files hold those `stored`."""
 
-_ratio = partial(Quantity, units="1", stored_of=_knows_covariance)
+_ratio = partial(Measure, units="1", stored_of=_knows_covariance)
 
 CONSISTENCY = (
     _ratio(
@@ -428,10 +428,10 @@ DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torq
 """Stored quantities of the reference, and the signal that each corresponds to."""
 
 _OVER_TIME = tuple(
-    Quantity(
+    Measure(
         signal.name,
         signal.name.replace("_", " "),
-        ValuePer.TRAJECTORY,
+        per=ValuePer.TRAJECTORY,
         signals=(signal.name,),
         label="{}",
         dims=("time", *signal.dims),
@@ -441,12 +441,12 @@ _OVER_TIME = tuple(
 )
 
 _DESIRED = tuple(
-    Quantity(
+    Measure(
         name,
         name.replace("_", " ") + ", from a separate solve",
-        ValuePer.DESIRED,
+        per=ValuePer.DESIRED,
         signals=(like,),
-        special_symbol=Symbol(*(text + "_d" for text in SIGNALS[like].symbol)),
+        symbol=Symbol(*(text + "_d" for text in SIGNALS[like].symbol)),
         label="{}",
         dims=("time", *SIGNALS[like].dims),
     )
@@ -454,25 +454,25 @@ _DESIRED = tuple(
 )
 
 _INITIAL = tuple(
-    Quantity(f"initial_{like}", words, ValuePer.INITIAL, signals=(like,), dims=SIGNALS[like].dims)
-    for like, words in (
+    Measure(f"initial_{x}", words, per=ValuePer.INITIAL, signals=(x,), dims=SIGNALS[x].dims)
+    for x, words in (
         ("pose", "pose at the start, same for all laws"),
         ("velocity", "body velocity at the start"),
     )
 )
 
 _OF_THE_RUN = (
-    Quantity(
+    Measure(
         "steps", "work of the solver, as its engine counts it", units="1", dtype=np.dtype("i8")
     ),
-    Quantity(
+    Measure(
         "group_drift",
         "largest distance from the group",
         units="1",
         label="drift from the group",
         rank=-1,
     ),
-    Quantity(
+    Measure(
         "energy_residual",
         "largest |L + W - L(0)| / max(L(0), 1 J)",
         units="1",
@@ -480,33 +480,33 @@ _OF_THE_RUN = (
         label="energy residual",
         of=energy_residual,
     ),
-    Quantity(
+    Measure(
         "unstable_distance",
         "smallest ||Q_E - Qc||_F, Qc critical points other than I",
         signals=("pose",),
         rank=-1,
     ),
-    Quantity(
+    Measure(
         "error_estimate",
         "largest max(||dQ||_F, ||dV||) against a tighter solve",
         units="mixed",
         label="error estimate",
     ),
-    Quantity(
+    Measure(
         "reference_residual",
         "distance of the run's own reference to desired_pose, desired_velocity",
         units="mixed",
         label="residual of the reference",
         rank=-1,
     ),
-    Quantity(
+    Measure(
         "status",
         "end of the run",
         units="1",
         dtype=np.dtype("i4"),
         notes={"meanings": STATUS_MEANINGS},
     ),
-    Quantity("message", "why the run failed", units="", dtype=None),
+    Measure("message", "why the run failed", units="", dtype=None),
 )
 """Quality of the numbers, and outcome of the run; the run provides those without a formula."""
 
@@ -546,22 +546,22 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.o
 """Stored quantities that are computed from the signals of a run."""
 
 
-def own_quantity(metric: type[Any], **more: Any) -> Quantity:
+def own_quantity(metric: type[Any], **more: Any) -> Measure:
     """Return the row of a metric of the user's own, which is `better` in the file, too."""
     name, words, better = metric.name, summary(metric).removesuffix("."), metric.better
     more |= {"units": metric.units, "signals": metric.signals}
     return _user_quantity(name, words, better, metric.censored, **more)
 
 
-def _user_quantity(name: str, words: str, better: Better, censored: bool, **more: Any) -> Quantity:
+def _user_quantity(name: str, words: str, better: Better, censored: bool, **more: Any) -> Measure:
     more |= {"label": name.replace("_", " "), "better": better, "censored": censored}
     notes = {"better": better, "censored": int(censored)}
-    return Quantity(name, words, notes=notes, compared=(WHOLE,), **more)
+    return Measure(name, words, notes=notes, compared=(WHOLE,), **more)
 
 
 def quantity_of(
     name: str, long_name: str = "", attributes: Mapping[str, Any] = MappingProxyType({})
-) -> Quantity:
+) -> Measure:
     """Return the row of a variable by its name in a result file, and its attributes there.
 
     A part of a norm has the row of the norm with its own name. A metric of the user's own has the
@@ -580,4 +580,4 @@ def quantity_of(
         return own_quantity(plugins.get(name))
     if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
-    return Quantity(name, long_name or name, units="")
+    return Measure(name, long_name or name, units="")

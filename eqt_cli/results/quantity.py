@@ -122,7 +122,7 @@ def _at(times: Array, values: Array, t: float, held: bool) -> Array:
     return (1 - fraction) * values[:, right - 1] + fraction * values[:, right]
 
 
-# The class of quantities: names, unit, and formula from signals -----------------------------------
+# Quantities: what is shown of them, and how they follow from signals -----------------------------
 
 
 FLOAT = np.dtype("f8")
@@ -148,7 +148,7 @@ class ValuePer(Enum):
 
 @dataclass(frozen=True)
 class Quantity:
-    r"""A row of the table of quantities.
+    r"""A quantity as tables and figures show it.
 
     Attributes
     ----------
@@ -156,21 +156,74 @@ class Quantity:
         Name in result files and for commands.
     long_name
         Description in words, and the attribute in a result file.
-    per
-        Items for each of which there is a value.
     units
         Unit in terms of the unit of its signal, written ``{}``: ``({})^2 s``. In the quantities of
         a result, the unit itself. Empty for text.
-    signals
-        Signals from which it is computed. The first one gives its unit, symbol and parts.
-    special_symbol
-        Symbol, if it is not that of the first signal.
+    symbol
+        Symbol; by default that of its first signal, empty without a signal.
     label
         Short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
     formula
         Formula, with ``{}`` for the symbol, if the label does not show it: ``\int {}^2``.
     better
         Which values are better.
+    counts
+        Whether the values are 0 or 1, so that their mean is a share of the runs.
+    role
+        What it tells where laws are compared first: their error, or what they cost.
+    rank
+        Its place among the numbers that come first where laws are compared, or among the signals
+        that a page draws; 0 of all others, and −1 of those that are omitted where space is limited.
+    """
+
+    name: str
+    long_name: str
+    units: str = "{}"
+    symbol: Symbol = NO_SYMBOL
+    label: str = ""
+    formula: Symbol = NO_SYMBOL
+    better: Better = "neither"
+    counts: bool = False
+    role: Literal["", "error", "cost"] = ""
+    rank: int = 0
+
+    def cost(self, values: Any) -> Any:
+        """Return the values, or their negatives if higher is better; its own inverse."""
+        return -values if self.better == "higher" else values
+
+    def unit(self, of_signal: str) -> str:
+        """Return its unit for a unit of its signal: (N m)^2 s for N m, N^2 s for N.
+
+        ``mixed`` stays ``mixed``, and a square of 1 is omitted.
+        """
+        pattern = self.units
+        if of_signal == "mixed" and "{}" in pattern:
+            return of_signal
+        if of_signal == "1":
+            pattern = pattern.removeprefix("({})^2 ")
+        return (pattern.replace("({})", "{}") if of_signal.isalpha() else pattern).format(of_signal)
+
+    @property
+    def plain(self) -> str:
+        """Short name in plain characters: ``mean ‖τ‖``, ``effort``."""
+        return self.label.replace("{}", self.symbol.plain) or self.long_name
+
+    @property
+    def described(self) -> str:
+        """Short name and formula in plain characters: ``effort ∫‖τ‖² dt``."""
+        return f"{self.plain} {self.formula.plain.replace('{}', self.symbol.plain)}".rstrip()
+
+
+@dataclass(frozen=True)
+class Measure(Quantity):
+    """A row of the table of quantities: how one follows from signals, and how files hold it.
+
+    Attributes
+    ----------
+    per
+        Items for each of which there is a value.
+    signals
+        Signals from which it is computed. The first one gives its unit, symbol and parts.
     dims, dtype
         Its dimensions besides those of `per`, and its type; None for text.
     stored
@@ -191,31 +244,17 @@ class Quantity:
         Default windows for comparisons of controllers.
     censored
         Whether NaN in a good run means: later than the end of the run.
-    counts
-        Whether the values are 0 or 1, so that their mean is a share of the runs.
     implied_by
         Another number per run from which this one follows if a file does not hold it: it has a
         value where this one is 1.
-    role
-        What it tells where laws are compared first: their error, or what they cost.
-    rank
-        Its place among the numbers that come first where laws are compared, or among the signals
-        that a page draws; 0 of all others, and −1 of those that are omitted where space is limited.
     notes
         Further attributes in a result file.
     stored_of
         Whether result files hold it for a vehicle.
     """
 
-    name: str
-    long_name: str
     per: ValuePer = ValuePer.RUN
-    units: str = "{}"
     signals: tuple[str, ...] = ()
-    special_symbol: Symbol | None = None
-    label: str = ""
-    formula: Symbol = NO_SYMBOL
-    better: Better = "neither"
     dims: tuple[str, ...] = ()
     dtype: np.dtype[Any] | None = FLOAT
     stored: bool = True
@@ -226,14 +265,15 @@ class Quantity:
     window: Window = WHOLE
     compared: tuple[Window, ...] = ()
     censored: bool = False
-    counts: bool = False
     implied_by: str = ""
-    role: Literal["", "error", "cost"] = ""
-    rank: int = 0
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Any], bool] = lambda vehicle: True
 
-    def with_choices(self, values: Mapping[str, Any]) -> Quantity:
+    def __post_init__(self) -> None:
+        if self._signal is not None and self.symbol == NO_SYMBOL:
+            object.__setattr__(self, "symbol", self._signal.symbol)
+
+    def with_choices(self, values: Mapping[str, Any]) -> Measure:
         """Return the row for values of a configuration or a file; None keeps the default.
 
         Values that no configuration accepts are ignored.
@@ -280,44 +320,13 @@ class Quantity:
         return self._signal is not None and bool(self._signal.norm)
 
     @property
-    def symbol(self) -> Symbol:
-        """Symbol: its own, or that of its first signal; empty without a signal."""
-        return self.special_symbol or (self._signal.symbol if self._signal else NO_SYMBOL)
-
-    def cost(self, values: Any) -> Any:
-        """Return the values, or their negatives if higher is better; its own inverse."""
-        return -values if self.better == "higher" else values
-
-    @property
     def attributes(self) -> dict[str, Attribute]:
         """Attributes of the variable in a result file."""
         units = {"units": self.units} if self.units else {}
         window = {} if self.window == WHOLE else {"window_s": self.window.stop}
         return {**units, "long_name": self.long_name, **window, **self.notes}
 
-    def unit(self, of_signal: str) -> str:
-        """Return its unit for a unit of its signal: (N m)^2 s for N m, N^2 s for N.
-
-        ``mixed`` stays ``mixed``, and a square of 1 is omitted.
-        """
-        pattern = self.units
-        if of_signal == "mixed" and "{}" in pattern:
-            return of_signal
-        if of_signal == "1":
-            pattern = pattern.removeprefix("({})^2 ")
-        return (pattern.replace("({})", "{}") if of_signal.isalpha() else pattern).format(of_signal)
-
-    @property
-    def plain(self) -> str:
-        """Short name in plain characters: ``mean ‖τ‖``, ``effort``."""
-        return self.label.replace("{}", self.symbol.plain) or self.long_name
-
-    @property
-    def described(self) -> str:
-        """Short name and formula in plain characters: ``effort ∫‖τ‖² dt``."""
-        return f"{self.plain} {self.formula.plain.replace('{}', self.symbol.plain)}".rstrip()
-
-    def part(self, name: str) -> Quantity:
+    def part(self, name: str) -> Measure:
         """Return the same quantity for one part of its norm, such as ``rotation``."""
         words = name.replace("_", " ")
         inside = self.label.replace("{}", f"{{}} {words}")

@@ -22,7 +22,7 @@ from eqt_cli.results.metrics import INTEGRALS, METRICS, QUANTITIES, RANKED, SUMM
 from eqt_cli.results.origin import KnownResult, law_title
 from eqt_cli.results.quantity import (
     WHOLE,
-    Quantity,
+    Measure,
     SweptKey,
     ValuePer,
     Window,
@@ -76,7 +76,7 @@ class PerRun:
         and how many changes of a held value lie between two samples.
     """
 
-    quantity: Quantity
+    quantity: Measure
     window: Window
     unit: str
     values: Array
@@ -446,7 +446,7 @@ class Result(KnownResult):
         factors = [self.shown_in(name, unit)[1] for unit in units]
         return np.array(factors) if len(factors) > 1 else factors[0]
 
-    def _unit_of(self, quantity: Quantity) -> str:
+    def _unit_of(self, quantity: Measure) -> str:
         """Return the unit in which a number per run is computed or stored."""
         for name in (quantity.name, *(like.name for like in self._metrics_like(quantity))):
             if self.has(name):
@@ -454,7 +454,7 @@ class Result(KnownResult):
         signal = quantity.signals[0] if quantity.signals else ""
         return quantity.unit(super().units(signal) if self.has(signal) else "")
 
-    def unit_of(self, quantity: Quantity) -> str:
+    def unit_of(self, quantity: Measure) -> str:
         """Return the unit in which a number per run is shown."""
         return self.shown_in(quantity.name, self._unit_of(quantity))[0]
 
@@ -553,13 +553,13 @@ class Result(KnownResult):
                 hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
                 raise self.error(f"{who} finds no metric '{name}'{hint}")
 
-    def quantity(self, name: str) -> Quantity:
+    def quantity(self, name: str) -> Measure:
         """Return the row of a variable in the table, with the attributes of the file."""
         if not self.has(name):
             return self._of_part(quantity_of(name))
         return self._of_part(quantity_of(name, self.long_name(name), self.attributes_of(name)))
 
-    def _of_part(self, quantity: Quantity) -> Quantity:
+    def _of_part(self, quantity: Measure) -> Measure:
         """Return a quantity with the symbol of its part, on a group of a rotation and vectors."""
         of = quantity.signals[0] if quantity.signals else ""
         norm = next((each for each in _OF_MOTIONS if of.startswith(f"{each}_")), "")
@@ -576,7 +576,7 @@ class Result(KnownResult):
         if len(vectors) > 1:
             vector = Symbol(*(text.replace("%s", part.name[0]) for text in one_of_several))
         label = quantity.label.replace(f"{{}} {part.name.replace('_', ' ')}", "{}")
-        return replace(quantity, special_symbol=turning if part.turns else vector, label=label)
+        return replace(quantity, symbol=turning if part.turns else vector, label=label)
 
     def rename(self, names: Mapping[str, str]) -> list[str]:
         """Call laws and quantities otherwise, in figures and tables; those that are not here.
@@ -611,9 +611,9 @@ class Result(KnownResult):
         return list(dict.fromkeys(of)) if len(set(of)) > 1 else []
 
     @cached_property
-    def comparable(self) -> dict[str, Quantity]:
+    def comparable(self) -> dict[str, Measure]:
         """All numbers per run that the result holds or that can be computed from it, by name."""
-        quantities: dict[str, Quantity] = {}
+        quantities: dict[str, Measure] = {}
         for quantity in (self.quantity(row.name) for row in METRICS):
             if self._has_signals(quantity) or self._metrics_like(quantity):
                 quantities[quantity.name] = quantity
@@ -694,7 +694,7 @@ class Result(KnownResult):
             summary.append(row)
         return summary
 
-    def by_parts(self, name: str) -> list[Quantity]:
+    def by_parts(self, name: str) -> list[Measure]:
         """Return a number per run, or those of its parts if it has some; empty if it is unknown."""
         known = self.comparable
         if name not in known:
@@ -702,7 +702,7 @@ class Result(KnownResult):
         parts = self._parts_of(known[name])
         return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
 
-    def _parts_of(self, quantity: Quantity) -> list[str]:
+    def _parts_of(self, quantity: Measure) -> list[str]:
         """Return the parts for which a number per run is stored or can be computed."""
         over_time = self.parts(quantity.signals[0]) if quantity.parted else []
         stored = [
@@ -724,11 +724,11 @@ class Result(KnownResult):
         """Return the stored numbers of the parts if their units differ, else the number."""
         return [other for other in self.metrics if other.startswith(f"{name}_")] or [name]
 
-    def covers(self, quantity: Quantity, window: Window) -> bool:
+    def covers(self, quantity: Measure, window: Window) -> bool:
         """Whether a number per run is known over this window."""
         return self._stored_as(quantity, window) is not None or self._has_signals(quantity)
 
-    def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
+    def per_run(self, quantity: Measure, window: Window = WHOLE) -> PerRun:
         """Return a number of every run over a window, as stored or computed from trajectories.
 
         Raises
@@ -762,7 +762,7 @@ class Result(KnownResult):
         sampling = (error * factor, missed)
         return PerRun(quantity, window, unit, values * factor, censored, len(runs), sampling)
 
-    def _sampling(self, quantity: Quantity, window: Window, of_all: int) -> tuple[float, int]:
+    def _sampling(self, quantity: Measure, window: Window, of_all: int) -> tuple[float, int]:
         """Return the error of an integral over samples, and how many changes they miss.
 
         The error is the change where every other sample is left out, in the mean over
@@ -794,7 +794,7 @@ class Result(KnownResult):
         known = np.isfinite(error)
         return float(np.max(error, where=known, initial=0.0)) if known.any() else math.nan, missed
 
-    def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
+    def _metrics_like(self, quantity: Measure) -> list[Measure]:
         """Return the stored metrics that are this number over any window."""
         return [
             metric
@@ -803,18 +803,18 @@ class Result(KnownResult):
             or (metric.of and (metric.of, metric.signals) == (quantity.of, quantity.signals))
         ]
 
-    def _stored_as(self, quantity: Quantity, window: Window) -> str | None:
+    def _stored_as(self, quantity: Measure, window: Window) -> str | None:
         """Return the stored metric that is this number over this window."""
         window = window.within(self.times)
         same = (q for q in self._metrics_like(quantity) if q.window.within(self.times) == window)
         return next((other.name for other in same), None)
 
-    def _has_signals(self, quantity: Quantity) -> bool:
+    def _has_signals(self, quantity: Measure) -> bool:
         """Whether a quantity can be computed from stored signals."""
         stored = quantity.windowed and all(map(self.is_over_time, quantity.signals))
         return stored and len(self.times) > 1
 
-    def comparable_named(self, name: str) -> Quantity:
+    def comparable_named(self, name: str) -> Measure:
         """Return a number per run by name.
 
         Raises
@@ -833,7 +833,7 @@ class Result(KnownResult):
             f"{'' if hint else ';'} known here: {', '.join(self.comparable)}"
         )
 
-    def _not_stored(self, quantity: Quantity, window: Window | None = None) -> EqtError:
+    def _not_stored(self, quantity: Measure, window: Window | None = None) -> EqtError:
         name = quantity.name
         if not quantity.windowed:
             return self.error(f"holds no metric '{name}' over a window; it is one of whole runs")

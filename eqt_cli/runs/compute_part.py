@@ -28,7 +28,7 @@ from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
-from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import (
     BOUND_PER_RTOL,
@@ -289,7 +289,7 @@ def _positions(chosen: Array, count: int) -> Array:
     return places
 
 
-def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
+def _blank(quantity: Measure, shape: tuple[int, ...]) -> Array:
     if quantity.dtype is None:
         return np.full(shape, "", dtype=object)
     return np.full(shape, np.nan if quantity.dtype.kind == "f" else 0, dtype=quantity.dtype)
@@ -304,14 +304,14 @@ def checked_states(results: StoredPart, layout: StateLayout) -> Array:
     return np.concatenate([results[CHECKED + name] for name in layout.lengths], axis=-1)
 
 
-def is_number(quantity: Quantity) -> bool:
+def is_number(quantity: Measure) -> bool:
     """Whether a part stores a quantity as a row of `NUMBERS`."""
     return (
         quantity.per is ValuePer.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
     )
 
 
-def read_part(results: StoredPart, path: Path, quantities: Sequence[Quantity]) -> dict[str, Array]:
+def read_part(results: StoredPart, path: Path, quantities: Sequence[Measure]) -> dict[str, Array]:
     """Read all variables of a part, which is kept at a path, by name.
 
     Raises
@@ -479,7 +479,7 @@ class Numbers:
     """
 
     key: Hashable
-    metrics: tuple[Quantity, ...] = field(compare=False)
+    metrics: tuple[Measure, ...] = field(compare=False)
     keys: Mapping[str, float] = field(compare=False)
     group: MatrixLieGroup = field(compare=False)
     K: Array = field(compare=False)
@@ -506,7 +506,7 @@ class Numbers:
             "reference_residual": largest(over, signals[RESIDUAL]),
         }
 
-    def _number(self, metric: Quantity, over: SampledRuns, signals: Mapping[str, Any]) -> Any:
+    def _number(self, metric: Measure, over: SampledRuns, signals: Mapping[str, Any]) -> Any:
         """Return a metric of each run; what one of the user's own raises is said with its name."""
         settings = {name: self.keys[key] for name, key in metric.settings.items()}
         try:

@@ -45,7 +45,7 @@ from eqt_cli.config.schema import Config
 from eqt_cli.config.study import Study, section_of
 from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, holds, output_names
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, own_quantity
-from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.runs.description import description, parts_in_words
 from eqt_cli.runs.law_names import law_names
 from eqt_cli.runs.lock import LOCK
@@ -275,7 +275,7 @@ TEXT_BYTES = 4
 # The rows of the table for a configuration -------------------------------------------------------
 
 
-def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) -> Quantity:
+def by_thresholds_of_parts(quantity: Measure, thresholds: Mapping[str, float]) -> Measure:
     """Return a row that uses the settling threshold, for separate thresholds of the parts."""
     assert quantity.of is not None
     words = quantity.long_name.replace("||I - Q_E||_F", "the largest error of a part")
@@ -290,7 +290,7 @@ def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) 
     )
 
 
-def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
+def with_keys_of(config: Config, quantity: Measure) -> Measure:
     """Return the row of the table for the keys of a configuration."""
     thresholds = config.settling_threshold
     if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
@@ -304,7 +304,7 @@ RESERVED |= {"controller", "run", "stored_run", "point", "sample", "quantity"}
 """Names that no metric of the user's own may have: variables, dimensions, variables of datasets."""
 
 
-def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
+def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Measure]:
     """Return the variables of an experiment's result with their units, in the file's order.
 
     Parameters
@@ -318,7 +318,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     ComponentError
         If a metric of the user's own has the name of another variable.
     """
-    quantities, group = list[Quantity](), experiment.group
+    quantities, group = list[Measure](), experiment.group
     vehicle = experiment.loop.vehicle
     vehicles = vehicles or [vehicle]
     for quantity in (*QUANTITIES.values(), *map(own_row, experiment.metrics)):
@@ -354,7 +354,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     return quantities
 
 
-def own_row(metric: Metric) -> Quantity:
+def own_row(metric: Metric) -> Measure:
     """Return the row of a metric of the user's own, with its formula."""
     return own_quantity(type(metric), of=metric.of)
 
@@ -378,20 +378,20 @@ def outputs_of_laws(experiment: Experiment) -> dict[str, str]:
     return units if wanted is True or (wanted and len(units) <= MOST_OUTPUTS) else {}
 
 
-def _exists(quantity: Quantity, group: MatrixLieGroup) -> bool:
+def _exists(quantity: Measure, group: MatrixLieGroup) -> bool:
     """Return whether a group has the signals of a quantity."""
     return all(FORMULAS[name].exists_on(group) for name in quantity.signals if name in FORMULAS)
 
 
 def _separate_parts(
-    quantity: Quantity, signal: LoopSignal, group: MatrixLieGroup
+    quantity: Measure, signal: LoopSignal, group: MatrixLieGroup
 ) -> tuple[Part, ...]:
     """Return the parts stored besides a norm; for numbers per run, only if their units differ."""
     alone = quantity.per is ValuePer.TRAJECTORY or signal.norm == "each"
     return signal.parts(group) if alone or signal.units(group) == MIXED else ()
 
 
-def measured_of(experiment: Experiment) -> list[Quantity]:
+def measured_of(experiment: Experiment) -> list[Measure]:
     """Return the quantities computed from signals, including those of parts."""
     config, group = experiment.config, experiment.group
     rows = [with_keys_of(config, quantity) for quantity in MEASURED if _exists(quantity, group)]
@@ -470,16 +470,16 @@ class Layout:
             if quantity.per not in left_out
         ]
 
-    def of(self, per: ValuePer) -> Iterator[Quantity]:
+    def of(self, per: ValuePer) -> Iterator[Measure]:
         """Return the quantities of a kind."""
         return (entry for entry in self.quantities if entry.per is per)
 
-    def by_point(self, quantity: Quantity) -> bool:
+    def by_point(self, quantity: Measure) -> bool:
         """Whether a quantity has separate values for each point."""
         return self.study.sweep is not None and self.varies.get(quantity.per, True)
 
     def blanks(
-        self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
+        self, wanted: Iterable[Measure] | None = None, *, single: bool = False
     ) -> dict[str, Blank]:
         """Return all or the wanted variables, for a `single` point or for all points."""
         stored = "run" if self.study.trajectories == self.study.plan.runs else "stored_run"
@@ -516,7 +516,7 @@ class Layout:
         return coordinates(self.study.base, self.study.trajectories)
 
 
-def in_root(layouts: Sequence[Layout]) -> list[Quantity]:
+def in_root(layouts: Sequence[Layout]) -> list[Measure]:
     """Return the quantities in the root of a result with points of these shapes.
 
     If there are several shapes, these are only the numbers per run that points of each have.

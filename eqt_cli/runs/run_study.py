@@ -24,7 +24,7 @@ from eqt_cli.base.stored import Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.results.quantity import Quantity, ValuePer
+from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
@@ -467,7 +467,7 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         return int(np.count_nonzero(new["status"]))
 
 
-def _copy(file: Assembly, old: ResultFile, stored: Iterable[Quantity]) -> None:
+def _copy(file: Assembly, old: ResultFile, stored: Iterable[Measure]) -> None:
     """Copy all variables in blocks of rows; numbers that `old` does not hold become NaN."""
     for name in old.names:
         for rows in _rows(file.shape(name)):
@@ -525,7 +525,7 @@ def _put_parts(
     return states, longest
 
 
-def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: StudyPart) -> None:
+def _put(place: Destination, layout: Layout, entry: Measure, data: Array, part: StudyPart) -> None:
     """Write the values of a quantity in a part into the result file."""
     study: Study = layout.study
     if entry.per is ValuePer.DESIRED:  # a point cut by parts belongs to its first one

@@ -19,7 +19,7 @@ from eqt_cli.base.reporting import Block, TextTable, fixed, significant
 from eqt_cli.extensions.search.record import TUNE
 from eqt_cli.results.metrics import quantity_of
 from eqt_cli.results.origin import law_title
-from eqt_cli.results.quantity import WHOLE, Plain, Quantity, Window
+from eqt_cli.results.quantity import WHOLE, Measure, Plain, Window
 from eqt_cli.results.result import PerRun, Result, mean_over_runs
 
 # Ranks scored points: feasible points first, then by objectives -----------------------------------
@@ -357,14 +357,14 @@ class OverCases(Result):
         late: Array = np.any([case.censored(name) for case in self._cases], axis=0)
         return late if controller is None else late[controller]
 
-    def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
+    def per_run(self, quantity: Measure, window: Window = WHOLE) -> PerRun:
         """Return the same as in `Result`, combined over the cases."""
         per_case = [case.per_run(quantity, window) for case in self._cases]
         values = self._over(quantity, [one.values for one in per_case])
         censored = np.any([one.censored for one in per_case], axis=0)
         return replace(per_case[0], values=values, censored=censored)
 
-    def _over(self, quantity: Quantity, values: Sequence[Array]) -> Array:
+    def _over(self, quantity: Measure, values: Sequence[Array]) -> Array:
         """Combine the numbers ``(controllers, runs)`` of all cases."""
         cases = np.stack(values)
         if not self._worst:
