@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
 from typing import Any
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Level, Pair
@@ -112,7 +111,7 @@ class Comparison(InNotebook):
     between
         Sentences on two results: whether their runs are pairs, and what differs.
     in_words, in_rows
-        How `lines` and `rows` follow, which are computed when they are read.
+        How `answer` and `records` follow.
     """
 
     title: str
@@ -140,30 +139,20 @@ class Comparison(InNotebook):
     identical: bool = False
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
-    in_words: Callable[[Comparison], Sequence[str]] = lambda comparison: ()
-    in_rows: Callable[[Comparison], Sequence[Mapping[str, Any]]] = lambda comparison: ()
+    in_words: Callable[[Comparison], list[str]] = lambda comparison: []
+    in_rows: Callable[[Comparison], list[dict[str, Any]]] = lambda comparison: []
 
-    @cached_property
-    def lines(self) -> Sequence[str]:
-        """The answer in words: the experiment, and then what `eqt compare` prints first."""
+    def answer(self) -> list[str]:
+        """Return the experiment, and then what `eqt compare` prints first, in words."""
         return self.in_words(self)
 
-    @cached_property
-    def rows(self) -> Sequence[Mapping[str, Any]]:
-        """A record per metric and pair of laws; per metric of a law that is alone.
+    def records(self) -> list[dict[str, Any]]:
+        """Return a record per metric and pair of laws; per metric of a law that is alone.
 
-        Of the pairs with the first law, ``answer`` is the word in `lines`, and ``adjusted_p`` its
+        Of the pairs with the first law, ``answer`` is the word in `answer`, and ``adjusted_p`` its
         p-value after Holm; ``word`` follows from its row alone.
         """
         return self.in_rows(self)
-
-    def answer(self) -> list[str]:
-        """Return `lines`."""
-        return list(self.lines)
-
-    def records(self) -> list[dict[str, Any]]:
-        """Return `rows`."""
-        return [dict(row) for row in self.rows]
 
     def against(self, *bases: str) -> list[Pair]:
         """Return every pair against the law that stands first of both, after these."""

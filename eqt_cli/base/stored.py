@@ -78,13 +78,14 @@ def _signal(name: str, unit: str, latex: str, plain: str = "", **more: Any) -> S
     return Signal(name, Symbol(latex, plain or latex), unit, **more)
 
 
+_F = r"\|_{\mathrm{F}}"
+_ESTIMATE = r"\|I - \hat{Q}^{-1} Q" + _F
+
 _ROWS = (
     _signal("pose", "pose_unit", "Q", dims=MATRIX),
     _signal("velocity", "velocity_unit", "V", dims=VECTOR),
     _signal("torque", "force_unit", r"\tau", "τ", dims=VECTOR),
-    _signal(
-        "pose_error", "pose_unit", r"\|I - Q_E\|_{\mathrm{F}}", "‖I − Q_E‖", norm="entries", rank=1
-    ),
+    _signal("pose_error", "pose_unit", r"\|I - Q_E" + _F, "‖I − Q_E‖", norm="entries", rank=1),
     _signal("velocity_error", "velocity_unit", r"\|V - V_d\|", "‖V − V_d‖", norm="axes", rank=3),
     _signal("torque_norm", "force_unit", r"\|\tau\|", "‖τ‖", norm="axes", rank=4),
     _signal("lyapunov", "J", r"\mathcal{L}", "L", rank=5),
@@ -92,7 +93,7 @@ _ROWS = (
     _signal("pointing_error", "deg", r"\theta_a", "θ_a"),
     _signal("attitude_angle", "deg", r"\theta_E", "θ_E"),
     _signal("heading_error", "deg", r"\psi_E", "ψ_E"),
-    _signal("attitude_command_error", "1", r"\|R - R_c\|_{\mathrm{F}}", "‖R − R_c‖"),
+    _signal("attitude_command_error", "1", r"\|R - R_c" + _F, "‖R − R_c‖"),
     _signal("command", "force_unit", "u", dims=VECTOR),
     _signal("at_limit", "1", "s"),
     _signal("cut", "1", "c", norm="each"),
@@ -105,13 +106,7 @@ _ROWS = (
     _signal("estimated_pose", "pose_unit", r"\hat{Q}", "Q̂", dims=MATRIX),
     _signal("estimated_velocity", "velocity_unit", r"\hat{V}", "V̂", dims=VECTOR),
     _signal("estimated_bias", "velocity_unit", r"\hat{b}", "b̂", dims=VECTOR),
-    _signal(
-        "estimate_error",
-        "pose_unit",
-        r"\|I - \hat{Q}^{-1} Q\|_{\mathrm{F}}",
-        "‖I − Q̂⁻¹ Q‖",
-        norm="entries",
-    ),
+    _signal("estimate_error", "pose_unit", _ESTIMATE, "‖I − Q̂⁻¹ Q‖", norm="entries"),
     _signal("bias_error", "velocity_unit", r"\|b - \hat{b}\|", "‖b − b̂‖", norm="axes"),
     _signal("pose_estimate_error", "length_unit", r"\varepsilon", "ε", dims=VECTOR),
     _signal("bias_estimate_error", "velocity_unit", r"\tilde{b}", "b̃", dims=VECTOR),

@@ -205,7 +205,7 @@ def _of_one(result: Result) -> list[str]:
         return errors
     group = known_group(result.group_name)
     _, moving = group.moving_parts if group else (None, None)
-    placed = moving is not None and moving.axes.stop - moving.axes.start > 1
+    placed = moving is not None and moving.dimension > 1
     commanded = ["commands"] if result.has("command") else []
     return [*(["path"] if placed else []), *errors, *(["pose"] if placed else []), *commanded]
 

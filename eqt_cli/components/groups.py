@@ -54,6 +54,11 @@ class Part:
     turns: bool = False
 
     @property
+    def dimension(self) -> int:
+        """Number of its coordinates."""
+        return int(self.axes.stop - self.axes.start)
+
+    @property
     def error_unit(self) -> str:
         """Unit of the coordinates of a pose error, log Q_d⁻¹Q."""
         return "rad" if self.turns else self.pose_unit

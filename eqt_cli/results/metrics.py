@@ -45,11 +45,12 @@ CLOSING = 0.25
 """Last share of the time in which offsets and noise are measured."""
 
 
+_estimates, _knows_covariance, _burns = map(attrgetter, ("estimates", "knows_covariance", "burns"))
+
+
 def _as_it_flies(vehicle: Any) -> bool:
     return not vehicle.is_ideal
 
-
-_estimates, _knows_covariance, _burns = map(attrgetter, ("estimates", "knows_covariance", "burns"))
 
 # Formulas, (samples of runs, signals (runs, samples, …)) -> (runs,) ------------------------------
 
@@ -209,6 +210,7 @@ _mean = partial(_statistic(time_mean, "mean {}", "mean {} over the horizon"), co
 _peak = _statistic(peak, "largest {}", "largest {} at the samples")
 _final = _statistic(final, "final {}", "{} at the end")
 _rms = _statistic(root_mean_square, "rms of {}", "root mean square of {} over the horizon")
+_rms_of_estimate = partial(_rms, stored_of=_estimates)
 _settling = partial(
     _statistic(settling_time, "settling time", "last time {} leaves the settling threshold"),
     units="s",
@@ -363,14 +365,8 @@ METRICS = (
     _final("final_stored_momentum", "stored_momentum", "||A h||", stored_of=attrgetter("wheels")),
     _closing("closing_pose_error", "pose_error", "||I - Q_E||_F"),
     _closing("closing_torque", "torque_norm", "||tau||"),
-    _rms(
-        "estimate_rms",
-        "estimate_error",
-        "||I - Qhat^-1 Q||_F",
-        compared=(WHOLE,),
-        stored_of=_estimates,
-    ),
-    _rms("bias_rms", "bias_error", "||b - bhat||", stored_of=_estimates),
+    _rms_of_estimate("estimate_rms", "estimate_error", "||I - Qhat^-1 Q||_F", compared=(WHOLE,)),
+    _rms_of_estimate("bias_rms", "bias_error", "||b - bhat||"),
     _settling(
         "estimate_settling_time",
         "estimate_error",
@@ -461,21 +457,15 @@ _INITIAL = tuple(
     )
 )
 
+_pure = partial(Measure, units="1")
+_mixed = partial(Measure, units="mixed")
+
 _OF_THE_RUN = (
-    Measure(
-        "steps", "work of the solver, as its engine counts it", units="1", dtype=np.dtype("i8")
-    ),
-    Measure(
-        "group_drift",
-        "largest distance from the group",
-        units="1",
-        label="drift from the group",
-        rank=-1,
-    ),
-    Measure(
+    _pure("steps", "work of the solver, as its engine counts it", dtype=np.dtype("i8")),
+    _pure("group_drift", "largest distance from the group", label="drift from the group", rank=-1),
+    _pure(
         "energy_residual",
         "largest |L + W - L(0)| / max(L(0), 1 J)",
-        units="1",
         signals=("lyapunov", "energy_balance"),
         label="energy residual",
         of=energy_residual,
@@ -486,26 +476,18 @@ _OF_THE_RUN = (
         signals=("pose",),
         rank=-1,
     ),
-    Measure(
+    _mixed(
         "error_estimate",
         "largest max(||dQ||_F, ||dV||) against a tighter solve",
-        units="mixed",
         label="error estimate",
     ),
-    Measure(
+    _mixed(
         "reference_residual",
         "distance of the run's own reference to desired_pose, desired_velocity",
-        units="mixed",
         label="residual of the reference",
         rank=-1,
     ),
-    Measure(
-        "status",
-        "end of the run",
-        units="1",
-        dtype=np.dtype("i4"),
-        notes={"meanings": STATUS_MEANINGS},
-    ),
+    _pure("status", "end of the run", dtype=np.dtype("i4"), notes={"meanings": STATUS_MEANINGS}),
     Measure("message", "why the run failed", units="", dtype=None),
 )
 """Quality of the numbers, and outcome of the run; the run provides those without a formula."""
@@ -524,22 +506,10 @@ RANKED = sorted(
 """The numbers that come first where laws are compared."""
 
 SUMMARY = (
-    "settling_time",
-    f"mean_{AXIS}",
-    f"final_{AXIS}",
-    "mean_attitude_error",
-    "mean_position_error",
-    "position_rms",
-    "final_attitude_error",
-    "final_position_error",
-    "early_torque",
-    "mean_torque",
-    "peak_torque",
-    "mean_pose_error",
-    "final_pose_error",
-    "final_velocity_error",
-    "energy_residual",
-)
+    f"settling_time mean_{AXIS} final_{AXIS} mean_attitude_error mean_position_error position_rms "
+    "final_attitude_error final_position_error early_torque mean_torque peak_torque "
+    "mean_pose_error final_pose_error final_velocity_error energy_residual"
+).split()
 """The numbers of a summary in its order: means over runs, and the largest energy residual."""
 
 MEASURED = tuple(q for q in QUANTITIES.values() if q.per is ValuePer.RUN and q.of and q.stored)

@@ -106,6 +106,11 @@ class StoredPart(BaseModel):
     length_unit: Words
 
 
+def stored_part(part: object) -> dict[str, Any]:
+    """Return what a result holds of a part."""
+    return StoredPart.model_validate(part, from_attributes=True).model_dump()
+
+
 class Experiment(BaseModel):
     """What readers show of an experiment.
 

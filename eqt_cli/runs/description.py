@@ -7,7 +7,6 @@ from typing import Any
 
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.yaml_source import dump
-from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.config.document import document_of
 from eqt_cli.config.study import config_at
 
@@ -42,16 +41,6 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
             for thruster in next(filter(None, rows), ())
         ],
     }
-
-
-def parts_in_words(group: MatrixLieGroup) -> list[dict[str, Any]]:
-    """Return the parts of the coordinates as a result has them, `results.origin.StoredPart`."""
-    fields = "name turns pose_unit velocity_unit force_unit length_unit".split()
-    return [
-        {name: getattr(part, name) for name in fields}
-        | {"dimension": len(range(group.dimension)[part.axes])}
-        for part in group.parts
-    ]
 
 
 def attributes_at(results: ResultFile, point: int) -> dict[str, str]:

@@ -45,8 +45,9 @@ from eqt_cli.config.schema import Config
 from eqt_cli.config.study import Study, section_of
 from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, holds, output_names
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, own_quantity
+from eqt_cli.results.origin import stored_part
 from eqt_cli.results.quantity import Measure, ValuePer
-from eqt_cli.runs.description import description, parts_in_words
+from eqt_cli.runs.description import description
 from eqt_cli.runs.law_names import law_names
 from eqt_cli.runs.lock import LOCK
 from eqt_cli.runs.part_files import MANIFEST, PART_ENTRIES, PARTS, PartFiles
@@ -628,7 +629,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
         "titles": experiment.titles,
         "decimate": experiment.config.store.decimate,
         "axis": experiment.loop.axis or None,
-        "parts": [] if "group" in swept else parts_in_words(experiment.group),
+        "parts": [] if "group" in swept else [stored_part(x) for x in experiment.group.parts],
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],
         "not_matched": [label for label, law in laws.items() if law.matched is False],

@@ -407,7 +407,7 @@ def test_errors_within_their_estimate_are_not_judged(make_result, estimate, judg
     [answer] = answers(compared)
     assert (answer.word, answer.decided) == (Word.WORSE, judged)
     said = "not judged, as both are within the error estimate of 1e-09: mean ‖I − Q_E‖"
-    assert (said in compared.lines) == (not judged)
+    assert (said in compared.answer()) == (not judged)
 
 
 def test_a_window_is_cut_where_the_runs_end_and_says_so(torques):
@@ -603,8 +603,8 @@ def test_a_run_that_failed_is_worse_and_a_law_that_fails_more_is_not_better(make
     [answer] = answers(compared)
     assert (answer.pair.better_in, answer.pair.runs) == ((18, 2), 20)
     assert answer.p_value == pytest.approx(2 * binomtest(18, 20, alternative="greater").pvalue)
-    assert "b: effort −50 % [−50, −50]" in compared.lines
-    assert "b: effort better in 18 of 20, but with more failed runs" in compared.lines
+    assert "b: effort −50 % [−50, −50]" in compared.answer()
+    assert "b: effort better in 18 of 20, but with more failed runs" in compared.answer()
 
 
 @pytest.mark.parametrize("metric", ["effort", "settled"])

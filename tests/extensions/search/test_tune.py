@@ -77,7 +77,7 @@ def test_a_comparison_has_no_seeds_and_blames_no_gains(searched, tmp_path):
     tuned = compare(copy)
     assert tuned.labels == ["eqt", "family", "eqt, start"]
     assert not tuned.gains and not tuned.not_matched
-    assert not any(line.startswith("gains are not") for line in tuned.lines)
+    assert not any(line.startswith("gains are not") for line in tuned.answer())
     some = compare(copy, controllers=["eqt", "family, start"])
     assert some.labels == ["eqt", "family, start"]
 
