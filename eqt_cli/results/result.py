@@ -794,11 +794,15 @@ class Result(KnownResult):
         known = np.isfinite(error)
         return float(np.max(error, where=known, initial=0.0)) if known.any() else math.nan, missed
 
+    @cached_property
+    def _stored_metrics(self) -> list[Measure]:
+        return [self.quantity(name) for name in self.metrics]
+
     def _metrics_like(self, quantity: Measure) -> list[Measure]:
         """Return the stored metrics that are this number over any window."""
         return [
             metric
-            for metric in map(self.quantity, self.metrics)
+            for metric in self._stored_metrics
             if metric.name == quantity.name
             or (metric.of and (metric.of, metric.signals) == (quantity.of, quantity.signals))
         ]
