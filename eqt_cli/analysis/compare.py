@@ -580,7 +580,8 @@ def _judgements(
     rows = []
     for claim_set, claim, row, measure, window in tests:
         source, sections = claim_set.source, claim_set.experiment.items()
-        is_at_home = all(result.config.get(key) == section for key, section in sections)
+        laws = {kind for x in claim_set.claims for row in x.rows for kind in row.kinds}
+        is_at_home = laws <= set(kinds) and all(result.config.get(k) == x for k, x in sections)
         key = measure.name, window.within(result.times)
         if isinstance(row, AtMost):
             label = kinds[row.kind]
@@ -598,8 +599,7 @@ def _judgements(
             judged = replace(judged, verdict=uncovered, runs_to_decide=None)
         mentioned = dict.fromkeys(kind for other in claim.rows for kind in other.kinds)
         absent = tuple(kind for kind in mentioned if kind not in kinds)
-        laws = {kind for x in claim_set.claims for row in x.rows for kind in row.kinds}
-        rows.append(replace(judged, absent=absent, is_at_home=is_at_home and laws <= set(kinds)))
+        rows.append(replace(judged, absent=absent, is_at_home=is_at_home))
     return rows
 
 
