@@ -307,8 +307,8 @@ class Assembly:
         """Write the texts that complete variables number, in alphabetical order."""
         for name, (numbers, datasets) in self._texts.items():
             used = {number for dataset in datasets for number in np.unique(dataset[()]).tolist()}
-            kept = [text if number in used else "" for text, number in numbers.items()]
-            texts, places = np.unique(np.array(kept, dtype=object), return_inverse=True)
+            by_number = [text if number in used else "" for text, number in numbers.items()]
+            texts, places = np.unique(np.array(by_number, dtype=object), return_inverse=True)
             if len(numbers) > 1:
                 for dataset in datasets:
                     dataset[...] = places[dataset[...]]
