@@ -56,7 +56,8 @@ try run "$repository/examples/package/experiment.yaml" --out sizing
 try plot sizing --figure actuator
 try actuator sizing
 grep -q "^bounded_feedback: .* N m suffice for 95% of the runs" out
-eqt --help | grep -q "actuator"
+eqt --help >out
+grep -q "actuator" out
 
 printf 'ULog' >flight.ulg
 refused "(extra logs)" eqt log check flight.ulg
