@@ -178,7 +178,12 @@ class _Commands(Group):
         columns = os.environ.get("COLUMNS", "")
         if columns.isdecimal() and (len(columns) > 9 or int(columns) > MOST_COLUMNS):
             os.environ["COLUMNS"] = str(MOST_COLUMNS)
-        return super().main(*args, **extra)
+        try:
+            return super().main(*args, **extra)
+        except SystemExit as end:
+            if isinstance(end.__context__, BrokenPipeError):  # the reader of a help page has left
+                raise SystemExit from None
+            raise
 
     def make_context(self, *args: Any, **extra: Any) -> Any:
         """Read the options of eqt itself."""

@@ -110,6 +110,8 @@ ANOTHER = pytest.mark.ci("starts a process of every command")
     [
         (["config", "schema"], 0),
         pytest.param(["list"], 0, marks=ANOTHER),
+        pytest.param(["list", "--help"], 0, marks=ANOTHER),
+        (["--help"], 0),
         pytest.param(["run", "c.yaml", "--quiet"], 0, marks=ANOTHER),  # no progress
         (["config", "check", "c.yaml", "--json", "--set", "time.samples=1"], 2),
     ],
