@@ -75,6 +75,9 @@ class Parsl(Pooled):
             try:
                 yield Pool(pool, lost, AHEAD, check, notice=notice)
             finally:
+                for head in heads:  # else closing waits for ever for tasks that nobody receives
+                    if hasattr(head, "outgoing_q"):
+                        head.outgoing_q.zmq_socket.linger = 0
                 pool.shutdown(wait=False)
 
     def _config(self, kind: type) -> Any:
