@@ -497,7 +497,7 @@ def test_a_sampled_loop_that_diverges_ends(tmp_path):
     stored = eqt_cli.open_result(found).to_xarray()
     assert stored.status.values.tolist() == [[Status.DIVERGED, Status.BY_ROUNDING]]
     first = np.flatnonzero(np.abs(stored.velocity.values[0, 0, :, 0]) > np.pi)[0]
-    assert stored.message.values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
+    assert stored.message_text[stored.message].values[0, 0] == f"t = {first} s: {DIVERGED[1]}"
     assert np.isfinite(stored.velocity.values[0, 0]).all(axis=1).tolist() == [
         k <= first for k in range(21)
     ]
@@ -530,7 +530,7 @@ def test_a_body_that_turns_half_a_turn_in_a_period_ends_its_run(tmp_path, engine
     )
     stored = eqt_cli.open_result(found).to_xarray()
     message = "" if ends is None else f"t = {ends} s: {DIVERGED[1]}"
-    assert stored.message.values.tolist() == [[message]]
+    assert stored.message_text[stored.message].values.tolist() == [[message]]
 
 
 @pytest.mark.filterwarnings("ignore:.*unstable where the reference begins")
