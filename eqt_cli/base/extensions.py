@@ -11,6 +11,7 @@ import importlib
 import pkgutil
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -139,7 +140,7 @@ def installed() -> tuple[Extension, ...]:
     """
     # A look at the files takes 2 ms, the import of importlib.metadata 20.
     files = (file for folder in sys.path for file in Path(folder).glob("*-info/entry_points.txt"))
-    if not any(GROUP.encode() in file.read_bytes() for file in files):
+    if not any(_mentions(file) for file in files):
         return ()
     from importlib.metadata import entry_points
 
@@ -156,6 +157,12 @@ def installed() -> tuple[Extension, ...]:
                 f"{error}; fix or uninstall the distribution that declares it"
             ) from error
     return tuple(extensions)
+
+
+def _mentions(file: Path) -> bool:
+    with suppress(OSError):  # of a file that nobody may read
+        return file.is_file() and GROUP.encode() in file.read_bytes()
+    return False
 
 
 @lru_cache(maxsize=1)
