@@ -253,3 +253,10 @@ def test_what_other_distributions_add(process, folder, added, command, code, pri
     done = process(command, **environment)
     assert done.code == code
     assert " ".join((done.out + done.err).split()).count(printed) == 1
+
+
+@pytest.mark.ci("starts an interpreter")
+def test_a_folder_in_place_of_entry_points_is_passed_over(process, folder):
+    (folder / "site/a-1.0.dist-info/entry_points.txt").mkdir(parents=True)
+    done = process("--help", PYTHONPATH=str(folder / "site"))
+    assert (done.code, done.err) == (0, "")
