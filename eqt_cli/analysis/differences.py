@@ -153,10 +153,10 @@ Place = tuple[KnownResult, str]
 
 def _datasets(result: KnownResult) -> dict[str, Place]:
     datasets = {name: (result, name) for name in (*result.coordinates, *result.names)}
-    for point in range(result.dimensions["point"]) if result.has_groups else ():
-        view = result.at(point)
-        for name in (*view.coordinates, *view.names):
-            datasets[f"point {point}: {name}"] = (view, name)
+    for number in result.shapes:
+        of_shape = result.of_shape(number)
+        for name in (*of_shape.coordinates, *of_shape.names):
+            datasets[f"shape {number}: {name}"] = (of_shape, name)
     return datasets
 
 

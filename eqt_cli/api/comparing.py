@@ -117,12 +117,13 @@ def compare(
 
 def _between(first: Result, second: Result) -> list[str]:
     """Say whether the runs of two results are pairs, and what differs between the results."""
+    from eqt_cli.analysis.compare import WITHIN_ONE
     from eqt_cli.analysis.differences import changed_keys
 
     runs = slice(min(first.runs, second.runs))
     paired = True
     for name in ("initial_pose", "initial_velocity"):
-        one, other = (result.read(name, run=runs) for result in (first, second))
+        one, other = (result.single(WITHIN_ONE).read(name, run=runs) for result in (first, second))
         paired &= one.shape == other.shape and np.allclose(one, other, ROUNDED, ROUNDED)
     changes = [
         f"{each['key']} {each.get('first', '-')} → {each.get('second', '-')}"

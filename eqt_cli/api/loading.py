@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
-from eqt_cli.base.files import FILE_NAME, point_group
+from eqt_cli.base.files import FILE_NAME
 from eqt_cli.base.reporting import InNotebook
 from eqt_cli.results.origin import KnownResult
 from eqt_cli.results.result import Result
@@ -142,19 +142,18 @@ def document_from(
 def open_at(path: str | os.PathLike[str], point: int | None = None) -> Result:
     """Open a result, or one point of a sweep with its own configuration; raises as `open_result`.
 
-    Points of equal shape have it in no file: the configuration of the sweep gives it.
+    No file has it: the configuration of the sweep gives it.
     """
     result = Result(Path(path))
     result.loops_of = loops_of
     if point is None:
         return result
     try:
-        view = result.point(point)
-        if result.has_groups:
-            return view
+        result.at(point)  # refuses what is no sweep or has no such point
+        of_shape, row = result.source(point)
         from eqt_cli.runs.description import attributes_at
 
-        return result.point(point, attributes_at(result, point))
+        return result.point(point, attributes_at(of_shape, row))
     except BaseException:
         result.close()
         raise
@@ -376,20 +375,19 @@ class StoredResult(InNotebook, os.PathLike[str]):
         from eqt_cli.components.groups import known_group
 
         result, point = self.opened, self.point
-        inside = None
+        file, row = result.path, point
         if point is not None:
-            with open_at(self.path) as file:  # of a point, `result` shows its group alone
-                inside = point_group(point) if file.has_groups else None
+            with open_at(self.path) as swept:
+                of_shape, row = swept.source(point)
+                file = of_shape.path
         whole = xarray.open_dataset(
-            result.path,
+            file,
             engine="h5netcdf",
-            group=inside,
             driver_kwds={"locking": False},  # as eqt's reader opens it: result files never change
         )
         dataset = whole
-        if point is not None:
-            chosen = whole if inside else whole.isel(point=point)
-            dataset = chosen.assign_attrs(dict(result.attributes))
+        if row is not None:
+            dataset = whole.isel(point=row).assign_attrs(dict(result.attributes))
         if result.is_over_time("pose") and (group := known_group(result.group_name)) is not None:
             dataset = with_derived(dataset, group, angles)
         if dataset is not whole:

@@ -275,6 +275,13 @@ def is_intact(view: mmap) -> bool | None:
     return checksum == int.from_bytes(view[-4:], "little")
 
 
+def checksum_of(path: Path) -> str:
+    """Return the checksum at the end of a result file, in hexadecimal digits."""
+    with open_regular(path) as stream:
+        stream.seek(-4, os.SEEK_END)
+        return stream.read()[::-1].hex()
+
+
 def is_intact_file(path: Path) -> bool | None:
     """Return whether a result file or record is as it was written; None without a checksum."""
     if path.suffix != ".json":
@@ -643,11 +650,12 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 
 Attribute = str | int | float
 
-FORMAT = 4
+FORMAT = 5
 """Number of the file layout; a reader refuses every other number.
 
 In 3, strings have a fixed length, and variables number the texts of a table; in 4, results hold the
-parts of the coordinates with their units, so that readers need no group."""
+parts of the coordinates with their units, so that readers need no group; in 5, points of one shape
+are a result of their own."""
 
 FORMAT_ATTRIBUTE = "eqt_format"
 """The root attribute that marks a file as eqt's and holds its `FORMAT`."""
@@ -670,8 +678,12 @@ CASE = "case"
 LAW = "law"
 """The variable with the registered law that a controller equals at a point."""
 
-POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
-"""Names of the groups of points, one for each, in a sweep whose points differ in shape."""
+SHAPES = "shapes"
+"""The folder beside a result whose points differ in shape, with a result for each shape; and the
+attribute of that result with their checksums."""
+
+SHAPE = "shape"
+"""The variable with the number of each point's shape."""
 
 TEXTS = "_text"
 """End of the name of a table in the root with the texts that a variable numbers."""
@@ -681,10 +693,10 @@ COORDINATES = "coordinates"
 
 _OF_HDF5 = "CLASS NAME DIMENSION_LABELS DIMENSION_LIST REFERENCE_LIST".split()
 _OF_NETCDF = "_Netcdf4Dimid _Netcdf4Coordinates _NCProperties _nc3_strict _Encoding".split()
-RESERVED = {FORMAT_ATTRIBUTE, VERSION_ATTRIBUTE, COORDINATES, *_OF_HDF5, *_OF_NETCDF}
+RESERVED = {FORMAT_ATTRIBUTE, VERSION_ATTRIBUTE, COORDINATES, SHAPES, *_OF_HDF5, *_OF_NETCDF}
 """Attributes that hold the structure of the file, and are never a user's."""
 
 
-def point_group(point: int) -> str:
-    """Return the name of the group of a point."""
-    return f"{POINT}_{point}"
+def shape_file(folder: Path, shape: int) -> Path:
+    """Return the result file of the points of one shape."""
+    return folder / SHAPES / f"{shape}.h5"

@@ -40,7 +40,7 @@ _VERSION = re.compile(rb"[0-9A-Za-z.+-]{1,32}")
 
 
 MOST_DATASETS = 1000
-"""Largest number of datasets in the root or in a group of a point; eqt writes about 40."""
+"""Largest number of datasets in a file; eqt writes about 40."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class CheckedArray:
 
 @dataclass(frozen=True)
 class Contents:
-    """Contents of a checked file or group; entries and dimensions are in the order of writing."""
+    """Contents of a checked file; entries and dimensions are in the order of writing."""
 
     entries: dict[str, CheckedArray]
     coordinates: set[str]
@@ -79,12 +79,12 @@ class CheckedStream(io.BufferedReader):
         return count
 
 
-def contents_of(group: Any, size: int) -> Contents:
-    """Check a group of a file of `size` bytes, or its root, and the datasets in it."""
-    names = [k for k in group if group.name != "/" or not files.POINT_GROUP.fullmatch(k)]
+def contents_of(file: Any, size: int) -> Contents:
+    """Check a file of `size` bytes, and the datasets in it."""
+    names = list(file)
     if len(names) > MOST_DATASETS:
-        raise Refusal(f"it holds {len(names)} datasets in '{_path(group) or '/'}'")
-    datasets = {name: _dataset(group, name) for name in names}
+        raise Refusal(f"it holds {len(names)} datasets")
+    datasets = {name: _dataset(file, name) for name in names}
     labels = {name: _scale_label(dataset) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
     # A placeholder is never written: only its length counts.
@@ -102,20 +102,8 @@ def contents_of(group: Any, size: int) -> Contents:
         },
         coordinates,
         {name: len(datasets[name]) for name in scales},
-        attributes_of(group),
+        attributes_of(file),
     )
-
-
-def count_groups(file: Any) -> int:
-    """Return the number of groups of points, which the root may hold beside datasets."""
-    groups = {name for name in file if files.POINT_GROUP.fullmatch(name)}
-    names = [files.point_group(k) for k in range(len(groups))]
-    if groups != set(names):
-        raise Refusal("its groups of points are not numbered from 0")
-    for name in names:
-        if not isinstance(_object(file, name), h5py.Group):
-            raise Refusal(f"'{name}' is no group")
-    return len(names)
 
 
 def attributes_of(owner: Any) -> dict[str, Attribute]:
@@ -148,42 +136,40 @@ def _is_text(kind: Any) -> bool:
     return kind.get_class() == h5py.h5t.STRING and not kind.is_variable_str()
 
 
-def _object(group: Any, name: str) -> Any:
-    """Open what a group holds, without following a link out of the file."""
-    path = f"{group.name}/{name}".lstrip("/")
+def _object(file: Any, name: str) -> Any:
+    """Open what a file holds, without following a link out of it."""
     if not files.NAME.fullmatch(name):
-        raise Refusal(f"it holds something called {path!r}")
-    link = group.get(name, getlink=True)
+        raise Refusal(f"it holds something called {name!r}")
+    link = file.get(name, getlink=True)
     if not isinstance(link, h5py.HardLink):
         kind = "a soft link" if isinstance(link, h5py.SoftLink) else "an external link"
-        raise Refusal(f"'{path}' is {kind}")
-    entry = group[name]
+        raise Refusal(f"'{name}' is {kind}")
+    entry = file[name]
     if h5py.h5o.get_info(entry.id).rc > 1:
-        raise Refusal(f"'{path}' has another name, too")
+        raise Refusal(f"'{name}' has another name, too")
     return entry
 
 
-def _dataset(group: Any, name: str) -> Any:
+def _dataset(file: Any, name: str) -> Any:
     """Open a dataset whose data are numbers or strings in this file."""
-    dataset = _object(group, name)
-    path = _path(dataset)
+    dataset = _object(file, name)
     if not isinstance(dataset, h5py.Dataset):
-        raise Refusal(f"'{path}' is {_OBJECTS[type(dataset)]}")
+        raise Refusal(f"'{name}' is {_OBJECTS[type(dataset)]}")
     creation = dataset.id.get_create_plist()
     # This check comes first, because even the shape of a virtual dataset may open other files.
     if creation.get_layout() == h5py.h5d.VIRTUAL:
-        raise Refusal(f"'{path}' is a virtual dataset")
+        raise Refusal(f"'{name}' is a virtual dataset")
     if creation.get_external_count():
-        raise Refusal(f"'{path}' keeps its data in another file")
+        raise Refusal(f"'{name}' keeps its data in another file")
     if [creation.get_filter(k)[0] for k in range(creation.get_nfilters())] not in _FILTERS:
-        raise Refusal(f"'{path}' uses filters other than shuffle and gzip")
+        raise Refusal(f"'{name}' uses filters other than shuffle and gzip")
     is_text = _is_text(dataset.id.get_type())
     if not (is_text or _is_number(dataset.id.get_type())):
-        raise Refusal(f"'{path}' holds neither numbers nor strings of fixed length")
+        raise Refusal(f"'{name}' holds neither numbers nor strings of fixed length")
     if is_text and dataset.chunks:
-        raise Refusal(f"'{path}' does not hold its strings in one piece")
+        raise Refusal(f"'{name}' does not hold its strings in one piece")
     if dataset.shape is None:
-        raise Refusal(f"'{path}' has no shape")
+        raise Refusal(f"'{name}' has no shape")
     return dataset
 
 
@@ -210,7 +196,6 @@ def _dimensions(datasets: Mapping[str, Any], scales: Sequence[str]) -> dict[str,
 
     The datasets also hold them, but as references in a heap, which would have to be followed.
     """
-    # Only these datasets count, so that a group cannot refer to another group.
     names = {h5py.h5o.get_info(dataset.id).addr: name for name, dataset in datasets.items()}
     dims = {name: [""] * dataset.ndim for name, dataset in datasets.items()}
     for scale in scales:
@@ -282,7 +267,7 @@ class ResultFile:
         The variables and the coordinates, in the order of writing.
     """
 
-    of_all_points: tuple[str, ...] = (*"path _view _file _root _groups _checked _open".split(),)
+    of_all_points: tuple[str, ...] = (*"path _view _file _root _sums _by_shape _open".split(),)
     """Attributes that a view of one point shares."""
 
     def __init__(self, path: str | Path, oldest: int = files.FORMAT) -> None:
@@ -298,13 +283,9 @@ class ResultFile:
             version, *sizes = self._view[8:11]
             if version not in (2, 3) or sizes != [8, 8]:
                 raise Refusal("it has an HDF5 layout without checksums")
-            self._groups = count_groups(self._file)
             self._root = contents_of(self._file, len(self._view))
-            if self._groups not in (0, self._root.dimensions.get(files.POINT)):
-                raise Refusal(
-                    f"it has {self._groups} groups of points, and another number of points"
-                )
-            self._checked: dict[int, Contents] = {}  # of points, when each is first used
+            self._sums = (_outside_heaps(self._file, files.SHAPES) or b"").decode().split()
+            self._by_shape: dict[int, Self] = {}  # opened when each is first used
             self.attributes: Mapping[str, Attribute] = _Attributes(path, self._root.attributes)
             self._show(self._root)
             self._check()
@@ -314,7 +295,7 @@ class ResultFile:
         """Refuse attributes and coordinates that eqt does not write; here, any are accepted."""
 
     def _show(self, contents: Contents, fixed: Mapping[str, int] | None = None) -> None:
-        """Show the root or a group, at a position along the `fixed` dimensions."""
+        """Show the contents, at a position along the `fixed` dimensions."""
         self._fixed = fixed or {}
         hidden = {*self._fixed, *(dim for dim in contents.dimensions if dim.endswith(files.TEXTS))}
         self._entries = {
@@ -343,8 +324,8 @@ class ResultFile:
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """Return one point of a sweep, as the result of a single experiment.
 
-        It has no dimension ``point``, no swept keys, and the shapes of this point. Both results
-        read from the same file: closing one closes the other.
+        It has no dimension ``point``, no swept keys, and the shapes of this point. Closing one
+        result closes the other.
 
         Parameters
         ----------
@@ -363,23 +344,55 @@ class ResultFile:
             raise ResultError(f"{self.path}: is not a sweep; leave the point out")
         if not 0 <= point < points:
             raise ResultError(f"{self.path}: has no point {point}; choose one of 0 to {points - 1}")
+        if self._sums:
+            shape, row = self.source(point)
+            of_shape = {**self.attributes, **shape.attributes, **(attributes or {})}
+            view = shape.at(row, of_shape)
+            for name in set(self.of_all_points) - set(ResultFile.of_all_points):
+                if name in vars(self):
+                    setattr(view, name, getattr(self, name))
+            view.path, view._open = self.path, self._open
+            return view
         view = type(self).__new__(type(self))  # which has computed nothing of another point
         for name in (name for name in self.of_all_points if hasattr(self, name)):
             setattr(view, name, getattr(self, name))
-        merged = dict(self.attributes)
-        if self._groups:
-            if point not in self._checked:
-                with _guard(self.path):
-                    group = self._file[files.point_group(point)]
-                    self._checked[point] = contents_of(group, len(self._view))
-            merged |= self._checked[point].attributes
-            view._show(self._checked[point])
-        else:
-            view._show(self._root, {files.POINT: point})
-        view.attributes = _Attributes(self.path, merged | dict(attributes or {}))
-        if self._groups:  # each group has its own attributes and coordinates
-            view._check()
+        view._show(self._root, {files.POINT: point})
+        view.attributes = _Attributes(self.path, {**self.attributes, **(attributes or {})})
         return view
+
+    def source(self, point: int) -> tuple[Self, int]:
+        """Return the result that holds a point's arrays, and their position along ``point``."""
+        if not self._sums:
+            return self, point
+        shapes = self.read(files.SHAPE)
+        row = int(np.count_nonzero(shapes[:point] == shapes[point]))
+        return self.of_shape(int(shapes[point])), row
+
+    @property
+    def shapes(self) -> range:
+        """The numbers of the shapes of points; none where all points have the same."""
+        return range(len(self._sums) if files.POINT in self.dimensions else 0)
+
+    def of_shape(self, shape: int) -> Self:
+        """Return the result of the points of one shape, which is closed with this one.
+
+        Raises
+        ------
+        ResultError
+            If it is not there, or was written with another result.
+        """
+        if shape not in self._by_shape:
+            if shape not in self.shapes:
+                raise _refused(self.path, f"it has no shape {shape}")
+            path = files.shape_file(self.path.parent, shape)
+            if not path.exists():
+                raise ResultError(f"{path}: not found; copy the whole folder {self.path.parent}")
+            result = type(self)(path)
+            self._open.push(result)
+            if files.checksum_of(path) != self._sums[shape]:
+                raise ResultError(f"{path}: was written with another {self.path.name}; {_AGAIN}")
+            self._by_shape[shape] = result
+        return self._by_shape[shape]
 
     def single(self, what: str) -> Self:
         """Return this result, unless it is a sweep; `what` says what takes no sweep.
@@ -400,11 +413,6 @@ class ResultFile:
                 ),
             )
         return self
-
-    @property
-    def has_groups(self) -> bool:
-        """Whether the points differ in shape, so that each has its arrays in a group."""
-        return bool(self._groups) and files.POINT in self.dimensions
 
     def refusal(self, reason: str) -> ResultError:
         """Return the error for a feature that eqt's files do not have."""

@@ -164,22 +164,19 @@ class Sink:
 
 
 def _create(sink: Sink) -> Any:
-    """Create an HDF5 file in `sink`, in the layout of HDF5 1.8 and without time stamps."""
+    """Create an HDF5 file in `sink`, in the layout of HDF5 1.8, without time stamps.
+
+    Names are listed in the order of writing.
+    """
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
     # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.
     access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V18)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    creation = _creation(h5py.h5p.FILE_CREATE)
-    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
-
-
-def _creation(kind: Any) -> Any:
-    """Return properties of a new file or group: names in the order of writing, and no times."""
-    creation = h5py.h5p.create(kind)
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
     creation.set_obj_track_times(False)
     creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
-    return creation
+    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
 
 
 def _refused(target: Path, error: OSError) -> ResultError:
@@ -244,11 +241,9 @@ class Assembly:
     Parameters
     ----------
     file
-        The open HDF5 file, or a group of it.
+        The open HDF5 file.
     sizes, coordinates, variables, compression
-        As in `assemble`; the compression also applies to groups.
-    texts
-        The numbers of texts and the datasets of variables, by name, also of those in groups.
+        As in `assemble`.
     """
 
     def __init__(
@@ -258,9 +253,9 @@ class Assembly:
         coordinates: Mapping[str, Variable],
         variables: Mapping[str, Blank | Variable],
         compression: Literal["gzip"] | None,
-        texts: dict[str, tuple[dict[str, int], list[Any]]],
     ) -> None:
-        self._file, self._sizes, self._compression, self._texts = file, sizes, compression, texts
+        self._file, self._sizes = file, sizes
+        self._texts: dict[str, dict[str, int]] = {}  # the numbers of texts, by variable
         self._datasets: dict[str, Any] = {}  # kept open: opening one takes as long as writing it
         for dim, size in sizes.items():
             if dim in coordinates:
@@ -275,20 +270,8 @@ class Assembly:
             self._attach(self._add(name, variable), variable.dims, {})
         for name, entry in variables.items():
             if entry.dtype is None:
-                texts.setdefault(name, ({"": 0}, []))
+                self._texts[name] = {"": 0}
             self._attach(self._add(name, entry, compression), entry.dims, extra)
-
-    def group(
-        self,
-        name: str,
-        sizes: Mapping[str, int],
-        coordinates: Mapping[str, Variable],
-        variables: Mapping[str, Blank | Variable],
-    ) -> Assembly:
-        """Add a group with its own dimensions and variables, as `assemble` does for the file."""
-        creation = _creation(h5py.h5p.GROUP_CREATE)
-        group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
-        return Assembly(group, sizes, coordinates, variables, self._compression, self._texts)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Return the shape of a variable."""
@@ -297,7 +280,7 @@ class Assembly:
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: `positions` along its first axes, and all of the other axes."""
         if name in self._texts:
-            numbers, _ = self._texts[name]
+            numbers = self._texts[name]
             listed = [numbers.setdefault(text, len(numbers)) for text in data.ravel().tolist()]
             data = np.array(listed, np.int32).reshape(data.shape)
         if data.size:
@@ -305,19 +288,20 @@ class Assembly:
 
     def put_texts(self) -> None:
         """Write the texts that complete variables number, in alphabetical order."""
-        for name, (numbers, datasets) in self._texts.items():
-            used = {number for dataset in datasets for number in np.unique(dataset[()]).tolist()}
-            by_number = [text if number in used else "" for text, number in numbers.items()]
-            texts, places = np.unique(np.array(by_number, dtype=object), return_inverse=True)
+        for name, numbers in self._texts.items():
+            dataset = self._datasets[name]
+            used = np.unique(dataset[()])
+            by_number = np.array(list(numbers), dtype=object)
+            by_number[np.setdiff1d(np.arange(len(numbers)), used)] = ""
+            texts, places = np.unique(by_number, return_inverse=True)
             if len(numbers) > 1:
-                for dataset in datasets:
-                    dataset[...] = places[dataset[...]]
+                dataset[...] = places[dataset[...]]
             table, about = name + files.TEXTS, {"long_name": f"texts that '{name}' numbers"}
             self._sizes = {table: len(texts)}
             self._add(table, Variable((table,), texts, about)).make_scale(table)
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
-        """Add attributes of the file, or of the group."""
+        """Add attributes of the file."""
         _describe(self._file, attributes)
 
     def _add(
@@ -337,8 +321,6 @@ class Assembly:
         dataset = self._file.create_dataset(name, shape=shape, dtype=dtype, **options)
         self._datasets[name] = dataset
         _describe(dataset, entry.attributes)
-        if name in self._texts:
-            self._texts[name][1].append(dataset)
         if isinstance(dtype, h5py.Datatype):
             # For h5netcdf, as an array of one, which netCDF skips: xarray would decode text again.
             dataset.attrs.create("_Encoding", [b"utf-8"], (1,), "(1,)S5")
@@ -393,7 +375,7 @@ def assemble(
             with Sink(written) as sink, _create(sink) as file:
                 file.attrs[files.FORMAT_ATTRIBUTE] = files.FORMAT
                 file.attrs[files.VERSION_ATTRIBUTE] = np.bytes_(__version__)
-                assembly = Assembly(file, sizes, coordinates, variables, compression, {})
+                assembly = Assembly(file, sizes, coordinates, variables, compression)
                 yield assembly
                 assembly.put_texts()
             files.seal(written)

@@ -180,6 +180,18 @@ class Study:
         """Marks of the keys that differ between points."""
         return [mark for key in self.sweep.sets for mark in marks_of(key)] if self.sweep else []
 
+    @cached_property
+    def varied(self) -> list[str]:
+        """The keys that differ between points; those of points of one shape have that in common."""
+        sweep = self.sweep
+        if sweep is None or self.whole is None:
+            return list(sweep.sets) if sweep else []
+        values = [sweep.settings(point) for point in range(len(sweep))]
+        first = values[0]
+        return [
+            key for key in sweep.sets if any(x.get(key, ...) != first.get(key, ...) for x in values)
+        ]
+
     @property
     def initial_varies(self) -> bool:
         """Whether the initial states differ between points."""
@@ -440,7 +452,7 @@ def study(document: Document, *, most_checked: int | None = None) -> Study:
     if checked.is_ragged and len(checked) > MOST_GROUPS:
         raise EqtError(
             f"{document.place(('sweep',))}: {len(checked):,} points that differ in group, times or "
-            f"parts are too many for one file; sweep at most {MOST_GROUPS:,}, or split the sweep"
+            f"parts are too many files; sweep at most {MOST_GROUPS:,}, or split the sweep"
         )
     with step("points checked", len(checked)):
         _check_points(checked, spread(len(checked), most_checked))

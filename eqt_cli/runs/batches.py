@@ -347,8 +347,8 @@ class _Skipped(Exception):
 
 def cross_check(
     study: Study,
-    stored: Mapping[int, Mapping[str, Sequence[Array]]],
-    longest: Mapping[int, Mapping[str, float]],
+    stored: Sequence[Mapping[str, Sequence[Array]]],
+    longest: Sequence[Mapping[str, float]],
 ) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None if no run is chosen.
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
+from eqt_cli.base.files import POINT
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.config.document import document_of
@@ -45,7 +46,8 @@ def description(config: Mapping[str, Any], departures: str) -> dict[str, Any]:
 
 def attributes_at(results: ResultFile, point: int) -> dict[str, str]:
     """Return the attributes of one point of a result file that has only those of its sweep."""
-    document = config_at(document_of(results), point)
+    number = int(results[POINT][point]) if POINT in results.coordinates else point
+    document = config_at(document_of(results), number)
     experiment = json.loads(str(results.attributes["experiment"]))
     with suppress(KeyError, TypeError, AttributeError, ValueError):  # values in other units
         experiment |= description(document.data, experiment["departures"])

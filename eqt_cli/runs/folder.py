@@ -1,16 +1,16 @@
 """The folder of a result: its files, the experiment it belongs to, and the rules for removal.
 
-If all points of a sweep have the same shape, the variables of the result file have a dimension
-`point`. Otherwise its root holds only the numbers of each run, and a group for each point holds all
-of its variables.
+The variables of a sweep have a dimension `point`. If its points differ in shape, the points of
+each shape are a result of their own in the folder `shapes`, and the result file beside it is their
+index: it holds the numbers of each run of all points.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import prod
@@ -32,6 +32,7 @@ from eqt_cli.base.errors import (
 )
 from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
+from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
 from eqt_cli.base.stored import MIXED, OUTPUT, signal_of
 from eqt_cli.base.yaml_source import dump
@@ -67,6 +68,7 @@ _ENTRIES: dict[str, Entry] = {
     files.FILE_NAME: FilePattern(re.escape(files.FILE_NAME)),
     PARTS: FolderPattern(PARTS, PART_ENTRIES),
     RERUN: FolderPattern(RERUN, PART_ENTRIES),
+    files.SHAPES: FolderPattern(files.SHAPES, (FilePattern(r"\d+\.h5"),)),
     files.FIGURES: FolderPattern(
         files.FIGURES, (FolderPattern(r"point(_\d+)+", _PICTURES), *_PICTURES)
     ),
@@ -94,6 +96,12 @@ class ResultFolder:
     def results(self) -> Path:
         """The result file."""
         return self.path / files.FILE_NAME
+
+    def files_of(self, study: Study) -> list[Path]:
+        """Return the result file of each piece of a study."""
+        if not study.is_ragged:
+            return [self.results]
+        return [files.shape_file(self.path, index) for index in range(len(study.shapes))]
 
     @property
     def parts(self) -> PartFiles:
@@ -435,25 +443,6 @@ def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
 # The file ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class NewResultFile:
-    """An unfinished result file with all its variables, still without values.
-
-    Attributes
-    ----------
-    root
-        The root of the file.
-    groups
-        The group of each point; empty if all points have the same shape.
-    places
-        Destination of each piece of the study.
-    """
-
-    root: Assembly
-    groups: list[Assembly]
-    places: Sequence[Destination]
-
-
 class Layout:
     """The stored quantities of points of one shape, and their dimensions."""
 
@@ -479,10 +468,8 @@ class Layout:
         """Whether a quantity has separate values for each point."""
         return self.study.sweep is not None and self.varies.get(quantity.per, True)
 
-    def blanks(
-        self, wanted: Iterable[Measure] | None = None, *, single: bool = False
-    ) -> dict[str, Blank]:
-        """Return all or the wanted variables, for a `single` point or for all points."""
+    def blanks(self, wanted: Iterable[Measure] | None = None) -> dict[str, Blank]:
+        """Return all or the wanted variables."""
         stored = "run" if self.study.trajectories == self.study.plan.runs else "stored_run"
         leading = {
             ValuePer.TRAJECTORY: ("controller", stored),
@@ -492,7 +479,7 @@ class Layout:
         }
         blanks = {}
         for entry in self.quantities if wanted is None else wanted:
-            point = ("point",) if self.by_point(entry) and not single else ()
+            point = ("point",) if self.by_point(entry) else ()
             dims = (*point, *leading[entry.per], *entry.dims)
             blanks[entry.name] = Blank(dims, entry.dtype, entry.attributes)
         return blanks
@@ -517,8 +504,8 @@ class Layout:
         return coordinates(self.study.base, self.study.trajectories)
 
 
-def in_root(layouts: Sequence[Layout]) -> list[Measure]:
-    """Return the quantities in the root of a result with points of these shapes.
+def in_index(layouts: Sequence[Layout]) -> list[Measure]:
+    """Return the quantities in the result file of points of these shapes.
 
     If there are several shapes, these are only the numbers per run that points of each have.
     """
@@ -529,97 +516,67 @@ def in_root(layouts: Sequence[Layout]) -> list[Measure]:
     return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in each for each in names)]
 
 
-@contextmanager
-def new_result_file(study: Study, path: Path) -> Iterator[NewResultFile]:
-    """Open the result file of a study for writing; the file appears when the block ends."""
+def new_result_file(study: Study, path: Path) -> AbstractContextManager[Assembly]:
+    """Open the result file of points of one shape for writing; it appears when the block ends."""
+    layout = Layout(study)
+    blanks: dict[str, Blank | Variable] = {**layout.blanks()}
+    coords = layout.coordinates | swept_coordinates(study)
+    if study.whole is None:
+        blanks |= _laws(study)
+    elif study.sweep is not None and study.sweep.points is not None:
+        about = {"long_name": "number of the point in the whole sweep"}
+        coords[files.POINT] = Variable((files.POINT,), np.array(study.sweep.points), about)
+    return _assembled(study, path, coords, blanks)
+
+
+def write_index(study: Study, path: Path, attributes: Mapping[str, Attribute]) -> None:
+    """Write the result file of points that differ in shape, from the results of all shapes."""
     layouts = [Layout(piece) for piece in study.pieces]
-    blanks, coords = _root(study, layouts)
-    laws = law_names(study, study.sweep) if study.sweep else None
-    if laws is not None:
-        meaning = {"long_name": "registered law without options that the law equals"}
-        blanks[files.LAW] = Blank(("point", "controller"), None, meaning)
-    sizes = {"point": len(study)} if study.sweep else {}
-    gzip = study.base.config.store.compression == "gzip"
-    with assemble(path, sizes | _sizes(coords), coords, blanks, "gzip" if gzip else None) as file:
-        if laws is not None:
-            file.put(files.LAW, laws)
-        if not study.is_ragged:
-            yield NewResultFile(file, [], [file])
-            return
-        of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
-        groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
-        places = []
-        for points, layout in zip(study.shapes, layouts, strict=True):
-            by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
-            places.append(_Spread(file, [groups[p] for p in points], points, by_point, blanks))
-        yield NewResultFile(file, groups, places)
-
-
-def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[str, Variable]]:
-    """Return the variables and coordinates of the root."""
-    swept = swept_coordinates(study)
-    if not study.is_ragged:
-        return layouts[0].blanks(), layouts[0].coordinates | swept
-    every = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
-    common = {}
-    for name in (entry.name for entry in in_root(layouts)):
-        first, *rest = (one[name].attributes for one in every)
-        same = {key: x for key, x in first.items() if all(o.get(key) == x for o in rest)}
-        if "units" in first and "units" not in same:
-            same = {"units": MIXED, **same}
-        common[name] = replace(every[0][name], attributes=same)
+    blanks = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
+    shape = np.empty(len(study), dtype=np.int32)
+    for index, points in enumerate(study.shapes):
+        shape[points] = index
+    meaning = {"long_name": f"shape of the point, whose arrays are in {files.SHAPES}/SHAPE.h5"}
+    variables = {files.SHAPE: Variable((files.POINT,), shape, meaning)} | _laws(study)
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
-    return common, shared | swept
+    sources = [files.shape_file(path.parent, index) for index in range(len(layouts))]
+    with ExitStack() as stack:
+        results = [stack.enter_context(open_results(source)) for source in sources]
+        for entry in in_index(layouts):
+            first, *others = (listed[entry.name].attributes for listed in blanks)
+            same = {key: x for key, x in first.items() if all(o.get(key) == x for o in others)}
+            if "units" in first and "units" not in same:
+                same = {"units": MIXED, **same}
+            values = [result[entry.name] for result in results]
+            data = np.empty((len(study), *values[0].shape[1:]), values[0].dtype)
+            for points, those in zip(study.shapes, values, strict=True):
+                data[points] = those
+            variables[entry.name] = Variable(blanks[0][entry.name].dims, data, same)
+        sums = {files.SHAPES: " ".join(map(files.checksum_of, sources))}
+        with _assembled(study, path, shared | swept_coordinates(study), variables) as file:
+            file.describe({**attributes, **sums})
 
 
-def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
-    """Create the group of a point, with the layout of the result of a single experiment."""
-    coords = layout.coordinates
-    group = file.group(files.point_group(point), _sizes(coords), coords, layout.blanks(single=True))
-    experiment = study.experiment(point)
-    resolved = experiment.resolved | {"store": study.resolved["store"]}
-    config = study.document.source.comment + dump(resolved)
-    about = _experiment(experiment, experiment.resolved, set())
-    group.describe({"config": config, "group": experiment.group.name, "experiment": about})
-    return group
+def _laws(study: Study) -> dict[str, Variable]:
+    """Return the variable with the registered law that each controller is, if options are swept."""
+    laws = law_names(study, study.sweep) if study.sweep else None
+    meaning = {"long_name": "registered law without options that the law equals"}
+    return {} if laws is None else {files.LAW: Variable(("point", "controller"), laws, meaning)}
+
+
+def _assembled(
+    study: Study,
+    path: Path,
+    coords: Mapping[str, Variable],
+    variables: Mapping[str, Blank | Variable],
+) -> AbstractContextManager[Assembly]:
+    sizes = ({"point": len(study)} if study.sweep else {}) | _sizes(coords)
+    gzip = study.base.config.store.compression == "gzip"
+    return assemble(path, sizes, coords, variables, "gzip" if gzip else None)
 
 
 def _sizes(variables: Mapping[str, Variable]) -> dict[str, int]:
     return {name: len(one.data) for name, one in variables.items() if one.dims == (name,)}
-
-
-@dataclass(frozen=True)
-class _Spread:
-    """Writes the variables of a piece to the groups of its points, and metrics also to the root.
-
-    Attributes
-    ----------
-    by_point, in_root
-        Names of the variables with separate values for each point, and of those in the root.
-    """
-
-    root: Assembly
-    groups: list[Assembly]
-    points: Sequence[int]
-    by_point: Collection[str]
-    in_root: Collection[str]
-
-    def put(self, name: str, data: Array, positions: tuple[int | slice, ...] = ()) -> None:
-        """Write part of a variable, at positions along (point,) and its further axes."""
-        if name not in self.by_point:
-            for group in self.groups:
-                group.put(name, data, positions)
-            return
-        points, *rest = positions
-        assert isinstance(points, slice)
-        for inner, values in zip(range(points.start, points.stop), data, strict=True):
-            self.groups[inner].put(name, values, tuple(rest))
-            if name in self.in_root:
-                self.root.put(name, values, (self.points[inner], *rest))
-
-
-Destination = Assembly | _Spread
-"""Receives the variables of a piece."""
 
 
 def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[str]) -> str:
@@ -692,13 +649,13 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
 def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     """Return the attributes that describe a result and allow running it again."""
     groups = {piece.base.group.name: None for piece in study.pieces}
-    swept = set(map(section_of, study.sweep.sets)) if study.sweep else set[str]()
+    swept = set(map(section_of, study.varied))
     return {
         "title": study.name,
-        "config": study.document.source.comment + dump(study.resolved),
+        "config": study.document.source.comment + dump((study.whole or study).resolved),
         "plugins": dump(study.base.plugins),
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
-        "digest": study.digest,
+        "digest": (study.whole or study).digest,
         "group": ", ".join(groups),
         "experiment": _experiment(study.base, study.resolved, swept),
         "provenance": json.dumps(provenance, ensure_ascii=False),

@@ -235,15 +235,12 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
 
 
 def result_size(study: Study) -> int:
-    """Return the size of the variables of the result file, bytes."""
+    """Return the size of the variables of the result files, bytes."""
     layouts = [Layout(piece) for piece in study.pieces]
-    if not study.is_ragged:
-        return layouts[0].size(layouts[0].blanks())
-    return sum(
-        layout.size(layout.blanks(layout.of(ValuePer.RUN)))
-        + len(layout.study) * layout.size(layout.blanks(single=True))
-        for layout in layouts
-    )
+    total = sum(layout.size(layout.blanks()) for layout in layouts)
+    if study.is_ragged:  # whose numbers per run are in two files
+        total += sum(layout.size(layout.blanks(layout.of(ValuePer.RUN))) for layout in layouts)
+    return total
 
 
 def parts_size(study: Study) -> int:

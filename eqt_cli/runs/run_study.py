@@ -16,10 +16,10 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy, ResultError
-from eqt_cli.base.files import LAW, kind_of
+from eqt_cli.base.files import LAW, SHAPE, kind_of
 from eqt_cli.base.reporting import RUNS_DONE, count_of, reporter, step
 from eqt_cli.base.store_reader import ResultFile, open_results
-from eqt_cli.base.store_writer import Assembly, Attribute
+from eqt_cli.base.store_writer import Assembly
 from eqt_cli.base.stored import Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
@@ -32,12 +32,12 @@ from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
 from eqt_cli.runs.folder import (
     CONFIG,
     RERUN,
-    Destination,
     Layout,
     ResultFolder,
     described,
-    in_root,
+    in_index,
     new_result_file,
+    write_index,
 )
 from eqt_cli.runs.lock import LOCK, locked
 from eqt_cli.runs.part_files import PartFiles
@@ -58,10 +58,12 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
         If the result holds variables that this version does not know, or lacks integer variables,
         which have no value for a missing number.
     """
-    root = in_root([Layout(piece) for piece in study.pieces])
+    root = in_index([Layout(piece) for piece in study.pieces])
     integers = {entry.name for entry in root if entry.dtype is not None and entry.dtype.kind != "f"}
     with open_results(results) as old:
-        if set(old.names) - {LAW, *(entry.name for entry in root)} or integers - set(old.names):
+        if set(old.names) - {LAW, SHAPE, *(entry.name for entry in root)} or integers - set(
+            old.names
+        ):
             raise EqtError(
                 f"{results}: was written by a version of eqt that stores other variables",
                 Remedy("compute its failed runs with that version"),
@@ -301,8 +303,7 @@ class _Session:
         with timed(self.seconds, "simulation", without=COMPILING):
             self._compute(again)
         with timed(self.seconds, "writing"):
-            described = json.dumps(self.origin, ensure_ascii=False)
-            still = replace_runs(again, self.folder.results, {"provenance": described})
+            still = replace_runs(again, self.folder, self.origin)
         self.folder.finish(manifest | {"failed": still, "provenance": self.origin})
         self.folder.remove(RERUN)
         done, total = self.plan.total - failed, self.plan.total
@@ -330,10 +331,10 @@ class _Session:
 
     def _pack(self) -> None:
         """Pack all parts; damaged parts are computed again."""
-        attributes, mended = described(self.study, self.origin), set[Path]()
+        mended = set[Path]()
         while True:
             try:
-                pack(self.task, self.folder.results, attributes, self.seconds)
+                pack(self.task, self.folder, self.origin, self.seconds)
                 return
             except BrokenPart as broken:
                 if broken.path in mended:  # computing it again did not help
@@ -399,6 +400,12 @@ COMPILING = "compiling"
 
 COPIED_BYTES = 64 * 2**20
 
+States = dict[str, list[Array]]
+"""The states of the runs to cross-check, in blocks, by controller."""
+
+Works = dict[str, float]
+"""The largest work of a run, by controller."""
+
 
 class BrokenPart(ResultError):
     """A part that cannot be read and must be computed again.
@@ -415,12 +422,18 @@ class BrokenPart(ResultError):
 
 
 def pack(
-    task: PartTask, results: Path, attributes: Mapping[str, Attribute], seconds: dict[str, float]
+    task: PartTask, folder: ResultFolder, origin: dict[str, Any], seconds: dict[str, float]
 ) -> None:
     """Write the result file from all parts, which must exist.
 
+    Every number is copied once. Parts have files of their own, because processes and computers that
+    write to one file would have to wait for each other, and may damage it when they are killed.
+    Those of a short session in one process stay in memory, and are written here only.
+
     Parameters
     ----------
+    origin
+        Where its numbers come from.
     seconds
         Wall times of what was done; receives that of the cross-check.
 
@@ -431,52 +444,73 @@ def pack(
     ResultError
         If the file cannot be written.
     """
-    study = task.study
-    with new_result_file(study, results) as file:
-        for index, place in enumerate(file.places):
-            shared, decimate = task.shared(index), study.base.config.store.decimate
-            for name, values in (shared or {}).items():
-                place.put(name, values[::decimate])
-        with step(PACKING, len(task)):
-            states, longest = _put_parts(task, file.places)
-        redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in study.pieces)
-        with timed(seconds, "cross-check"), step(CHECKING, redone):
-            check = cross_check(study, states, longest)
-        fields = {} if check is None else asdict(check)
-        checked = {f"cross_check_{name}": value for name, value in fields.items()}
-        file.root.describe({**attributes, **checked})
+    study, decimate = task.study, task.study.base.config.store.decimate
+    pieces = list(zip(study.pieces, folder.files_of(study), strict=True))
+    checked: list[tuple[States, Works]] = []
+    checks, parts = dict[str, Any](), _finished(task)
+    with step(PACKING, len(task)):
+        for index, (piece, path) in enumerate(pieces):
+            path.parent.mkdir(exist_ok=True)
+            with new_result_file(piece, path) as file:
+                for name, values in (task.shared(index) or {}).items():
+                    file.put(name, values[::decimate])
+                checked.append(_put_parts(task, piece, parts[index], file))
+                if not study.is_ragged:
+                    checks = _cross_checked(study, checked, seconds)
+                file.describe({**described(piece, origin), **checks})
+    if study.is_ragged:
+        checks = _cross_checked(study, checked, seconds)
+        write_index(study, folder.results, {**described(study, origin), **checks})
 
 
-def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribute]) -> int:
-    """Rewrite a result file with the parts of a task in their places; return its failed runs.
+def _cross_checked(
+    study: Study, checked: Sequence[tuple[States, Works]], seconds: dict[str, float]
+) -> dict[str, Any]:
+    """Return the attributes of the cross-check of all pieces."""
+    redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in study.pieces)
+    with timed(seconds, "cross-check"), step(CHECKING, redone):
+        check = cross_check(study, *map(list, zip(*checked, strict=True)))
+    fields = {} if check is None else asdict(check)
+    return {f"cross_check_{name}": value for name, value in fields.items()}
+
+
+def replace_runs(task: PartTask, folder: ResultFolder, origin: dict[str, Any]) -> int:
+    """Rewrite a result with the parts of a task in their places; return its failed runs.
 
     Parameters
     ----------
-    attributes
-        Attributes that change.
+    origin
+        Where its numbers come from now.
     """
-    layouts = [Layout(piece) for piece in task.study.pieces]
-    with open_results(results) as old, new_result_file(task.study, results) as file:
-        _copy(file.root, old, in_root(layouts))
-        for point, group in enumerate(file.groups):
-            _copy(group, old.at(point), layouts[0].quantities)
-        with step(PACKING, len(task)):
-            _put_parts(task, file.places)
-        file.root.describe({**old.attributes, **attributes})
-    with open_results(results) as new:
+    study, layouts = task.study, [Layout(piece) for piece in task.study.pieces]
+    now, parts = {"provenance": json.dumps(origin, ensure_ascii=False)}, _finished(task)
+    with step(PACKING, len(task)):
+        for index, path in enumerate(folder.files_of(study)):
+            piece = study.piece(index)
+            with open_results(path) as old, new_result_file(piece, path) as file:
+                _copy(file, old, layouts[index].quantities)
+                _put_parts(task, piece, parts[index], file)
+                file.describe({**old.attributes, **now})
+    if study.is_ragged:
+        with open_results(folder.results) as old:
+            attributes = {**old.attributes, **now}
+        write_index(study, folder.results, attributes)
+    with open_results(folder.results) as new:
         return int(np.count_nonzero(new["status"]))
 
 
 def _copy(file: Assembly, old: ResultFile, stored: Iterable[Measure]) -> None:
     """Copy all variables in blocks of rows; numbers that `old` does not hold become NaN."""
-    for name in old.names:
-        for rows in _rows(file.shape(name)):
-            file.put(name, old.read(name, **{old.dims(name)[0]: rows}), (rows,))
     for entry in stored:
-        if entry.dtype is not None and entry.name not in old.names:
-            _, *others = shape = file.shape(entry.name)
-            for rows in _rows(shape):
-                file.put(entry.name, np.full((rows.stop - rows.start, *others), np.nan), (rows,))
+        shape = file.shape(entry.name)
+        for rows in _rows(shape):
+            if entry.name in old.names:
+                values = old.read(entry.name, **{old.dims(entry.name)[0]: rows})
+            elif entry.dtype is None:
+                continue
+            else:
+                values = np.full((rows.stop - rows.start, *shape[1:]), np.nan)
+            file.put(entry.name, values, (rows,))
 
 
 def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
@@ -486,46 +520,50 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
         yield slice(start, min(start + step, shape[0]))
 
 
+def _finished(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:
+    """Return the number, the extent and the file of the finished parts of each piece."""
+    listed: dict[int, list[tuple[int, StudyPart, Path]]] = defaultdict(list)
+    for item, finished in sorted(task.finished().items()):
+        index, part = task.part(item)
+        listed[index].append((item, part, finished.path))
+    return listed
+
+
 def _put_parts(
-    task: PartTask, places: Sequence[Destination]
-) -> tuple[dict[int, dict[str, list[Array]]], dict[int, dict[str, float]]]:
-    """Write the content of all finished parts into the result file, by piece.
+    task: PartTask, study: Study, parts: Iterable[tuple[int, StudyPart, Path]], file: Assembly
+) -> tuple[States, Works]:
+    """Write the content of the finished parts of a piece into its result file.
 
     Returns
     -------
     states, longest
-        Inputs of the cross-check by piece and controller: the states of the chosen runs, and the
-        largest work of a run.
+        Inputs of the cross-check.
     """
-    states: dict[int, dict[str, list[Array]]] = defaultdict(lambda: defaultdict(list))
-    longest: dict[int, dict[str, float]] = defaultdict(lambda: defaultdict(float))
-    for item, listed in sorted(task.finished().items()):
-        index, part = task.part(item)
-        study, place = task.study.piece(index), places[index]
-        layout = Layout(study)
+    states: States = defaultdict(list)
+    longest: Works = defaultdict(float)
+    layout, chosen = Layout(study), chosen_entries(study)
+    for item, part, path in parts:
         label, loop = list(study.base.loops.items())[part.controller]
         try:
-            with task.opened(item, listed.path) as results:
+            with task.opened(item, path) as results:
                 digest = task.study.digest
                 if results.attributes.get("digest", digest) != digest:
-                    raise ResultError(f"{listed.path}: is a part of another experiment")
-                variables = read_part(results, listed.path, layout.quantities)
+                    raise ResultError(f"{path}: is a part of another experiment")
+                variables = read_part(results, path, layout.quantities)
                 for entry in layout.quantities:
                     if entry.name in variables:
-                        _put(place, layout, entry, variables[entry.name], part)
-                chosen = chosen_entries(study)
+                        _put(file, layout, entry, variables[entry.name], part)
                 if ((chosen >= part.start) & (chosen < part.stop)).any():
-                    states[index][label].append(checked_states(results, loop.layout))
+                    states[label].append(checked_states(results, loop.layout))
                 if "steps" in variables:
-                    work = float(np.max(variables["steps"]))
-                    longest[index][label] = max(longest[index][label], work)
+                    longest[label] = max(longest[label], float(np.max(variables["steps"])))
         except ResultError as error:
-            raise BrokenPart(listed.path, str(error)) from error
+            raise BrokenPart(path, str(error)) from error
         reporter().advance(1)
     return states, longest
 
 
-def _put(place: Destination, layout: Layout, entry: Measure, data: Array, part: StudyPart) -> None:
+def _put(file: Assembly, layout: Layout, entry: Measure, data: Array, part: StudyPart) -> None:
     """Write the values of a quantity in a part into the result file."""
     study: Study = layout.study
     if entry.per is ValuePer.DESIRED:  # a point cut by parts belongs to its first one
@@ -533,9 +571,9 @@ def _put(place: Destination, layout: Layout, entry: Measure, data: Array, part: 
         begins_here = points * part.runs >= part.start
         if begins_here.any():
             first, last = int(points[begins_here][0]), int(points[begins_here][-1])
-            place.put(entry.name, data[begins_here], (slice(first, last + 1),))
+            file.put(entry.name, data[begins_here], (slice(first, last + 1),))
     elif entry.per is ValuePer.INITIAL and not study.initial_varies:
-        place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
+        file.put(entry.name, data, (slice(part.start, part.start + len(data)),))
     else:
         controller = () if entry.per is ValuePer.INITIAL else (part.controller,)
         runs = study.trajectories if entry.per is ValuePer.TRAJECTORY else part.runs
@@ -543,6 +581,6 @@ def _put(place: Destination, layout: Layout, entry: Measure, data: Array, part: 
             block = data[slab.rows].reshape(*slab.shape, *data.shape[1:])
             where = (*controller, slab.runs)
             if study.sweep:
-                place.put(entry.name, block, (slab.points, *where))
+                file.put(entry.name, block, (slab.points, *where))
             else:
-                place.put(entry.name, block[0], where)
+                file.put(entry.name, block[0], where)

@@ -150,12 +150,12 @@ def test_the_summary_of_a_sweep_over_durations_names_none(eqt):
 
 
 @pytest.mark.usefixtures("untimed")
-def test_dry_run_tells_the_size_of_groups(eqt):
+def test_dry_run_tells_the_size_of_all_files(eqt):
     eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
     expected = json.loads(eqt("sweep", "c.yaml", *RAGGED, "--dry-run", "--json").out)
-    size = Path("out/results.h5").stat().st_size
-    # The rest of the file is structure, attributes and coordinates, of five groups.
-    assert expected["bytes"] < size < expected["bytes"] + 5 * 60_000
+    size = sum(file.stat().st_size for file in Path("out").rglob("*.h5"))
+    # The rest of the files is structure, attributes and coordinates.
+    assert expected["bytes"] < size < expected["bytes"] + 3 * 60_000
 
 
 @pytest.mark.usefixtures("grid")
@@ -172,3 +172,11 @@ def test_python_opens_one_point():
         assert re.fullmatch(LAST, title)
     found = eqt_cli.compare("out", ["effort"], point=3, resamples=9)
     assert found.levels[0].mean == pytest.approx(efforts[0].mean(), rel=1e-12)
+
+
+def test_two_whole_sweeps_are_not_compared(eqt, refused):
+    eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
+    assert refused("compare", "out", "out") == (
+        f"eqt: {Path('out/results.h5')}: controllers are compared within one experiment, and this "
+        f"is a sweep of 4 points; {HOW}\n"
+    )

@@ -241,7 +241,7 @@ def test_a_file_with_more_datasets_than_eqt_writes_is_refused_at_once(result, in
         for number in range(1000):
             file[f"x{number}"] = 1.0
         count = len(file)
-    refused(invoke, result, "show", f"it holds {count} datasets in '/'")
+    refused(invoke, result, "show", f"it holds {count} datasets")
 
 
 def test_a_damaged_result_leaves_nothing_half_said(result, invoke):

@@ -96,7 +96,7 @@ def reference(made_once):
             (folder / "duration").write_text(str(time.monotonic() - started), encoding="utf-8")
 
         folder = made_once(f"uninterrupted {which}", compute)
-        results = contents(folder / "out" / "results.h5")
+        results = contents(folder / "out")
         return folder / "config.yaml", results, float((folder / "duration").read_text())
 
     return find
@@ -130,14 +130,14 @@ def test_kills_lose_nothing_and_change_nothing(reference, tmp_path, which, optio
         done += strike(session, rng, duration, out, wanted - done)
         if session.process.returncode != -9:
             session.finish()
-            assert_equal(out / "results.h5", expected)
+            assert_equal(out, expected)
             finished += 1
         if done >= wanted:
             break
     assert done >= wanted
     document = Session(command, config, tmp_path / f"out{finished}", options).finish()
     assert document["failed"] == 0
-    assert_equal(tmp_path / f"out{finished}" / "results.h5", expected)
+    assert_equal(tmp_path / f"out{finished}", expected)
 
 
 def _strike_coordinator(session, rng, duration, out, wanted):
@@ -188,7 +188,7 @@ def test_kills_of_shards_beside_each_other(reference, tmp_path):
                 session.finish()
         if whole:
             Session("pack", config, out, []).finish()
-            assert_equal(out / "results.h5", expected)
+            assert_equal(out, expected)
             finished += 1
             if done >= wanted:
                 break
@@ -219,7 +219,7 @@ def test_kills_of_pack(reference, tmp_path, which):
         if session.process.returncode == -9:
             session = Session("pack", config, out, [])
         session.finish()
-        assert_equal(out / "results.h5", expected)
+        assert_equal(out, expected)
         assert {path.name for path in out.iterdir()} == left
         if done >= wanted:
             break
@@ -236,4 +236,4 @@ def test_a_resumed_run_does_not_compute_again_what_was_there(reference, tmp_path
     before = parts(out)
     document = Session("run", config, out, ["--executor", "serial"]).finish()
     assert document["resumed"] >= 50 * len(before) > 0
-    assert_equal(out / "results.h5", expected)
+    assert_equal(out, expected)

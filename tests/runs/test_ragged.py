@@ -1,5 +1,7 @@
-"""Sweeps whose points differ in shape: a group per point, and the metrics of all in the root."""
+"""Sweeps whose points differ in shape: a result for each shape, and an index of all points."""
 
+import json
+import shutil
 from functools import partial
 
 import h5py
@@ -12,6 +14,7 @@ from small_experiment import configuration, study_of
 from stored import of_variable_length
 
 from eqt_cli.api.loading import open_at
+from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.stored import Status
 from eqt_cli.config.document import read_config
@@ -94,11 +97,12 @@ def test_each_shape_is_cross_checked_at_its_own_samples(tmp_path):
 
 
 @only(["groups"])
-def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
+def test_the_index_is_that_of_any_sweep_without_what_differs(finished):
     with open_results(finished[0]) as results:
         assert dict(results.dimensions) == {"point": 4, "controller": 2, "run": 5}
-        dims = {results.dims(name) for name in results.names}
+        dims = {results.dims(name) for name in results.names if name != "shape"}
         assert dims == {("point", "controller", "run")}
+        assert results["shape"].tolist() == [0, 1, 0, 1]
         assert results["group"].tolist() == ["SO3", "SE3"] * 2
         assert results["gains.kp"].tolist() == [1, 1, 2, 2]
         assert results.attributes["group"] == "SO3, SE3"
@@ -108,25 +112,95 @@ def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
 
 
 @pytest.mark.ci("computes an experiment several times")
-def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
+def test_points_are_the_results_of_single_experiments(make, finished, tmp_path):
     """Blocks of five hold the runs of one point only, so that even the last bits agree."""
     found = make(finished[1])
+    for point in (0, 3):
+        values = found.sweep.point(point)
+        settings = [f"{key}={value}" for key, value in values.items()]
+        execute(make("", *settings), tmp_path / str(point))
+        with (
+            open_at(finished[0], point) as there,
+            open_results(finished[0]) as index,
+            open_results(tmp_path / str(point)) as alone,
+        ):
+            assert dict(there.dimensions) == dict(alone.dimensions)
+            assert (there.names, there.coordinates) == (alone.names, alone.coordinates)
+            assert study_digest(there, tmp_path) == study_digest(alone, tmp_path)
+            assert (
+                json.loads(there.attributes["experiment"])["parts"]
+                == (json.loads(alone.attributes["experiment"])["parts"])
+            )
+            for name in (*alone.names, *alone.coordinates):
+                np.testing.assert_array_equal(there[name], alone[name], err_msg=name)
+                assert there.dims(name) == alone.dims(name)
+                assert there.units(name) == alone.units(name)
+            for name in index.names:
+                if name != "shape":
+                    np.testing.assert_array_equal(index[name][point], alone[name])
+
+
+@only(["groups"])
+def test_a_shape_is_a_result_of_its_own(finished):
+    """With the numbers of its points in the whole sweep."""
+    with open_at(finished[0] / "shapes/1.h5", 1) as alone, open_at(finished[0], 3) as there:
+        assert alone.attributes["title"] == "config, kp 2"
+        assert there.attributes["title"].startswith("config, kp 2, group SE3")
+        assert alone.attributes["config"] == there.attributes["config"]
+        np.testing.assert_array_equal(alone["pose"], there["pose"])
+    with open_results(finished[0] / "shapes/1.h5") as alone:
+        assert alone["point"].tolist() == [1, 3]
+        assert (alone.attributes["group"], alone.units("effort")) == ("SE3", "mixed")
+
+
+def _without_a_shape(folder):
+    (folder / "shapes/1.h5").unlink()
+
+
+def _with_a_shape_of_another_session(folder):
+    (folder / "shapes/1.h5").write_bytes((folder / "shapes/0.h5").read_bytes())
+
+
+def _with_a_shape_that_is_not_there(folder):
+    with h5py.File(folder / "results.h5", "r+") as file:
+        file["shape"][1] = 7
+
+
+SHAPE_FAULTS = {
+    _without_a_shape: "{}/shapes/1.h5: not found; copy the whole folder {}",
+    _with_a_shape_of_another_session: (
+        "{}/shapes/1.h5: was written with another results.h5; copy it again or run the experiment "
+        "again"
+    ),
+    _with_a_shape_that_is_not_there: (
+        "{}/results.h5: refused: it has no shape 7; eqt writes no such file: copy it again or run "
+        "the experiment again"
+    ),
+}
+
+
+@only(["groups"])
+@pytest.mark.parametrize("damage", SHAPE_FAULTS, ids=lambda damage: damage.__name__.strip("_"))
+def test_shapes_that_do_not_fit_are_refused(finished, tmp_path, damage):
+    folder = tmp_path / "copy"
+    shutil.copytree(finished[0], folder)
+    damage(folder)
+    with open_results(folder) as results:
+        assert results["effort"].shape == (4, 2, 5)
+        assert results.at(0)["pose"].shape[-1] == 3
+        with pytest.raises(ResultError) as caught:
+            results.at(1)
+    assert str(caught.value) == SHAPE_FAULTS[damage].format(folder, folder)
+
+
+@only(["groups"])
+def test_closing_the_index_closes_the_shapes(finished):
     with open_results(finished[0]) as results:
-        for point in (0, 3):
-            values = found.sweep.point(point)
-            settings = [f"{key}={value}" for key, value in values.items()]
-            execute(make("", *settings), tmp_path / str(point))
-            group = results.at(point)
-            with open_results(tmp_path / str(point)) as alone:
-                assert dict(group.dimensions) == dict(alone.dimensions)
-                assert (group.names, group.coordinates) == (alone.names, alone.coordinates)
-                assert group.attributes["config"] == alone.attributes["config"]
-                for name in (*alone.names, *alone.coordinates):
-                    np.testing.assert_array_equal(group[name], alone[name], err_msg=name)
-                    assert group.dims(name) == alone.dims(name)
-                    assert group.units(name) == alone.units(name)
-                for name in results.names:
-                    np.testing.assert_array_equal(results[name][point], alone[name])
+        point = results.at(1)
+        with results.at(0) as other:
+            assert other["pose"].size
+        with pytest.raises(ResultError, match="is closed"):
+            point.read("pose")
 
 
 @pytest.mark.ci("computes a sweep anew")
@@ -152,48 +226,46 @@ def test_a_result_runs_again_from_its_own_config(make, finished):
 def test_metrics_only(make, text, tmp_path):
     execute(make(text, "store.trajectories=none"), tmp_path / "out")
     with open_results(tmp_path / "out") as results:
-        group = results.at(1)
-        assert not group.has("pose")
-        assert group["initial_pose"].shape[0] == 5
-        np.testing.assert_array_equal(group["effort"], results["effort"][1])
+        point = results.at(1)
+        assert not point.has("pose")
+        assert point["initial_pose"].shape[0] == 5
+        np.testing.assert_array_equal(point["effort"], results["effort"][1])
 
 
 @pytest.mark.ci("computes a sweep anew")
-def test_xarray_opens_root_and_groups(finished):
+def test_xarray_opens_index_and_shapes(finished):
     xarray = pytest.importorskip("xarray")
-    file = finished[0] / "results.h5"
-    with xarray.open_dataset(file, engine="h5netcdf") as root:
-        assert root.effort.dims == ("point", "controller", "run")
-        assert "gains.kp" in root.effort.coords
-        effort = root.effort.values
-    for point in range(4):
-        with xarray.open_dataset(file, engine="h5netcdf", group=f"point_{point}") as group:
-            assert group.pose.dims == ("controller", "run", "time", "row", "col")
-            late = group.pose_error.sel(controller="gt").isel(time=-1)
-            np.testing.assert_array_equal(late, group.final_pose_error.sel(controller="gt"))
-            np.testing.assert_array_equal(group.effort, effort[point])
-    if not hasattr(xarray, "open_datatree"):  # added in 2024.10
-        return
-    with xarray.open_datatree(file, engine="h5netcdf") as tree:  # whose dimensions fit each other
-        np.testing.assert_array_equal(tree["point_1"].effort, effort[1])
-        assert tree["point_1"].message_text.values.tolist() == [""]
+    with xarray.open_dataset(finished[0] / "results.h5", engine="h5netcdf") as index:
+        assert index.effort.dims == ("point", "controller", "run")
+        assert "gains.kp" in index.effort.coords
+        effort = index.effort
+        for shape in range(2):
+            file = finished[0] / f"shapes/{shape}.h5"
+            with xarray.open_dataset(file, engine="h5netcdf") as points:
+                assert points.pose.dims == ("point", "controller", "run", "time", "row", "col")
+                late = points.pose_error.sel(controller="gt").isel(time=-1)
+                np.testing.assert_array_equal(late, points.final_pose_error.sel(controller="gt"))
+                np.testing.assert_array_equal(points.effort, effort[points.point])
+                assert points.message_text.values.tolist() == [""]
 
 
 def test_no_string_has_a_variable_length(finished):
-    assert of_variable_length(finished[0] / "results.h5") == []
+    for file in finished[0].rglob("*.h5"):
+        assert of_variable_length(file) == []
 
 
-def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):
-    """And without names of laws, which stay the same."""
+def test_points_of_one_shape_have_one_file(make, tmp_path):
+    """And no names of laws, which stay the same."""
     execute(make("sweep: [{grid: {group: [SO3], gains.kp: [1, 2]}}]\n"), tmp_path / "out")
+    assert not (tmp_path / "out/shapes").exists()
     with h5py.File(tmp_path / "out/results.h5") as file:
         assert "pose" in file
-        assert "law" not in file
+        assert {"law", "shape"}.isdisjoint(file)
         assert not any(isinstance(entry, h5py.Group) for entry in file.values())
 
 
 @pytest.mark.ci("computes an experiment several times")
-def test_one_point_of_a_sweep_without_groups(make, tmp_path):
+def test_one_point_of_a_sweep_of_one_shape(make, tmp_path):
     execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
     execute(make("", "gains.kp=2"), tmp_path / "alone")
     with (
@@ -241,11 +313,11 @@ def test_what_is_kept_is_decided_for_all_points_together(make, monkeypatch):
     )
 
 
-def test_more_groups_than_a_file_should_have(make, tmp_path):
+def test_more_shapes_than_a_folder_should_have(make, tmp_path):
     values = f"{{low: 1, high: 2, points: {MOST_GROUPS + 1}}}"
     assert error_of(make, f"sweep: [{{grid: {{time.duration: {values}}}}}]\n") == (
         f"{tmp_path / 'config.yaml'}:10:1: 1,001 points that differ in group, times or parts are "
-        "too many for one file; sweep at most 1,000, or split the sweep"
+        "too many files; sweep at most 1,000, or split the sweep"
     )
 
 

@@ -196,14 +196,13 @@ def check_left_over(out: Path, before: dict[str, tuple[int, int]]) -> None:
 
 
 def contents(path: Path) -> dict[str, np.ndarray]:
-    """Every dataset of a result and of its groups, read without eqt."""
+    """Every dataset of a result and of its shapes, read without eqt."""
     datasets = {}
-    with h5py.File(path / "results.h5" if path.is_dir() else path) as file:
-        file.visititems(
-            lambda name, item: (
-                datasets.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
-            )
-        )
+    paths = [path / "results.h5", *path.glob("shapes/*.h5")] if path.is_dir() else [path]
+    for source in paths:
+        with h5py.File(source) as file:
+            of = "" if source.parent.name != "shapes" else f"{source.name}: "
+            datasets.update({of + name: item[()] for name, item in file.items()})
     return datasets
 
 
