@@ -29,6 +29,7 @@ import tiers
 import typer.main
 from hypothesis import settings
 from hypothesis import strategies as st
+from made_up import Table, write
 from measuring import Measuring
 from small_experiment import configuration
 
@@ -37,7 +38,7 @@ from eqt_cli.base.errors import EqtWarning, Problems
 from eqt_cli.base.extensions import shipped
 from eqt_cli.base.process import STOP_SIGNALS
 from eqt_cli.base.reporting import Reporter, reporting
-from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.store_writer import Variable
 from eqt_cli.cli import main
 from eqt_cli.cli import output as progress
 from eqt_cli.components.groups import MatrixLieGroup, group_named, groups

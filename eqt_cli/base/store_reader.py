@@ -570,6 +570,21 @@ def open_results(path: str | Path, oldest: int = files.FORMAT) -> ResultFile:
     return ResultFile(path, oldest)
 
 
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """Read what `store_writer.write_arrays` wrote.
+
+    Raises
+    ------
+    ResultError
+        If it is damaged.
+    """
+    with _guard(path), files.open_regular(path) as stream:
+        if not files.is_intact_file(path):
+            raise ResultError(f"{path}: is damaged; {_AGAIN}")
+        names = np.lib.format.read_array(stream, allow_pickle=False).tolist()
+        return {name: np.lib.format.read_array(stream, allow_pickle=False) for name in names}
+
+
 class MissingAttributeError(ResultError, KeyError):
     """Raised where a result lacks an attribute that every result has."""
 

@@ -33,57 +33,27 @@ class Variable:
         One name per axis; empty for a scalar.
     data
         Integers of 1 to 8 bytes, floats of 4 or 8 bytes, or strings (of any NumPy string dtype, or
-        an object array of `str`).
+        an object array of `str`). Of a blank, which is written later, only the type of its data:
+        None for strings.
     attributes
         Descriptions of the array: ``units``, ``long_name``, and so on.
     """
 
     dims: tuple[str, ...]
-    data: NDArray[Any]
+    data: NDArray[Any] | np.dtype[Any] | None
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
 
     @property
     def dtype(self) -> np.dtype[Any] | None:
         """The type of the data; None for strings."""
+        if not isinstance(self.data, np.ndarray):
+            return self.data
         return None if self.data.dtype.kind in "UTO" else self.data.dtype
 
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """Variables that share dimensions, with their coordinates and common attributes.
-
-    Parameters
-    ----------
-    variables
-        The data, by name.
-    coordinates
-        The meaning of positions along the dimensions, by name. A 1-D array with the name of a
-        dimension belongs to that dimension; others are further coordinates, such as ``gains.kd``
-        along ``point``. A dimension may have no coordinate.
-    attributes
-        Descriptions of the whole table.
-    """
-
-    variables: Mapping[str, Variable]
-    coordinates: Mapping[str, Variable] = field(default_factory=dict)
-    attributes: Mapping[str, Attribute] = field(default_factory=dict)
-
-    def has(self, name: str) -> bool:
-        """Whether it holds a variable of this name."""
-        return name in self.variables
-
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """Return the data of a variable, as a file does."""
-        return self.variables[name].data
-
     @property
-    def dimensions(self) -> dict[str, int]:
-        """The size of every dimension, those with coordinates first."""
-        return {
-            dim: size
-            for variable in (*self.coordinates.values(), *self.variables.values())
-            for dim, size in zip(variable.dims, variable.data.shape, strict=True)
-        }
+    def size(self) -> int:
+        """The number of its entries; 0 of a blank."""
+        return self.data.size if isinstance(self.data, np.ndarray) else 0
 
 
 READ_BACK = 2**24
@@ -216,25 +186,6 @@ def _describe(owner: Any, attributes: Mapping[str, Attribute]) -> None:
 _CHUNK_BYTES = 2**20
 
 
-@dataclass(frozen=True)
-class Blank:
-    """A variable whose data are written later.
-
-    Parameters
-    ----------
-    dims
-        One name per axis.
-    dtype
-        The type of the data; None for strings.
-    attributes
-        Descriptions of the array.
-    """
-
-    dims: tuple[str, ...]
-    dtype: np.dtype[Any] | None
-    attributes: Mapping[str, Attribute] = field(default_factory=dict)
-
-
 class Assembly:
     """An unfinished result file, with every dimension, coordinate and variable.
 
@@ -251,7 +202,7 @@ class Assembly:
         file: Any,
         sizes: Mapping[str, int],
         coordinates: Mapping[str, Variable],
-        variables: Mapping[str, Blank | Variable],
+        variables: Mapping[str, Variable],
         compression: Literal["gzip"] | None,
     ) -> None:
         self._file, self._sizes = file, sizes
@@ -304,13 +255,11 @@ class Assembly:
         """Add attributes of the file."""
         _describe(self._file, attributes)
 
-    def _add(
-        self, name: str, entry: Blank | Variable, compression: Literal["gzip"] | None = None
-    ) -> Any:
+    def _add(self, name: str, entry: Variable, compression: Literal["gzip"] | None = None) -> Any:
         """Create a dataset; for a variable, write its data."""
         shape = tuple(self._sizes[dim] for dim in entry.dims)
         options: dict[str, Any] = {}
-        data = entry.data if isinstance(entry, Variable) else None
+        data = entry.data if isinstance(entry.data, np.ndarray) else None
         if data is not None and entry.dtype is None and name not in self._texts:
             # Declared as ASCII, because Octave's `load` stops at UTF-8.
             data, dtype = _fixed(data.tolist(), h5py.h5t.CSET_ASCII)
@@ -342,7 +291,7 @@ def assemble(
     path: str | Path,
     sizes: Mapping[str, int],
     coordinates: Mapping[str, Variable],
-    variables: Mapping[str, Blank | Variable],
+    variables: Mapping[str, Variable],
     compression: Literal["gzip"] | None = None,
 ) -> Iterator[Assembly]:
     """Create a result file, to be filled in the block; every blank must be written.
@@ -358,9 +307,11 @@ def assemble(
     sizes
         The size of every dimension.
     coordinates
-        As in a `Table`.
+        The meaning of positions along the dimensions, by name. A 1-D array with the name of a
+        dimension belongs to that dimension; others are further coordinates, such as ``gains.kd``
+        along ``point``. A dimension may have no coordinate.
     variables
-        Blanks by name, or variables that are written immediately.
+        The data by name; blanks are written in the block.
     compression
         ``"gzip"`` stores numbers in shuffled, compressed chunks, None contiguously.
 
@@ -394,23 +345,18 @@ def _compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
     return {"compression": "gzip", "shuffle": True, "chunks": tuple(chunks)}
 
 
-def write(path: str | Path, table: Table, compression: Literal["gzip"] | None = None) -> None:
-    """Write `table` to the HDF5 file `path`, and replace an old one; equal tables give equal bytes.
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays one after the other, as `numpy.save` does, whole or not at all.
 
-    Parameters
-    ----------
-    path
-        The file; its folder must exist.
-    table
-        The data.
-    compression
-        As in `eqt_cli.base.store_writer.assemble`.
-
-    Raises
-    ------
-    ResultError
-        If the file cannot be written; `path` is then unchanged.
+    Their names come first, and a checksum of all bytes last. Raises as `assemble`.
     """
-    sizes, coordinates = table.dimensions, table.coordinates
-    with assemble(path, sizes, coordinates, table.variables, compression) as file:
-        file.describe(table.attributes)
+    try:
+        with files.replacement(path) as written:
+            for values in (np.array(list(arrays)), *map(np.ascontiguousarray, arrays.values())):
+                head, about = io.BytesIO(), np.lib.format.header_data_from_array_1_0(values)
+                np.lib.format.write_array_header_1_0(head, about)
+                files.write_whole(written, head.getvalue())
+                files.write_whole(written, values.tobytes())
+            files.seal(written)
+    except OSError as error:
+        raise _refused(path, error) from error

@@ -22,7 +22,7 @@ MANY_PARTS = 4000
 
 
 @dataclass(frozen=True)
-class Slab:
+class Box:
     """Entries of a part that are rectangular in (point, run).
 
     Attributes
@@ -72,8 +72,8 @@ class StudyPart:
 
         return np.arange(self.start, self.stop)
 
-    def slabs(self, limit: int) -> Iterator[Slab]:
-        """Yield the entries as at most three slabs.
+    def boxes(self, limit: int) -> Iterator[Box]:
+        """Yield the entries as at most three boxes.
 
         Only the first `limit` runs of each point count, and `rows` count those.
         """
@@ -86,7 +86,7 @@ class StudyPart:
             runs = slice(min(first, limit), min(last, limit))
             count = (points.stop - points.start) * (runs.stop - runs.start)
             if count:
-                yield Slab(slice(row, row + count), points, runs)
+                yield Box(slice(row, row + count), points, runs)
             row += count
             entry += (points.stop - points.start) * (last - first)
 

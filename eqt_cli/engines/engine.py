@@ -259,12 +259,18 @@ class Solution:
         Work, as the engine counts it.
     messages
         Why a run failed; empty if it did not.
+    numbers : (runs,) each
+        Numbers of each run that follow from its states, by name, if it was measured.
+    arrays : (runs, samples, …) each
+        Requested arrays of a measured solution, by name; then its states may be left out.
     """
 
     states: Array
     status: Array
     steps: Array
     messages: list[str]
+    numbers: dict[str, Array] = field(default_factory=dict)
+    arrays: dict[str, Array] = field(default_factory=dict)
 
 
 Progress = Callable[[float], None]
@@ -723,25 +729,6 @@ Equal reductions give the same numbers.
 
 
 @dataclass(frozen=True)
-class Measured:
-    """A solution, with numbers and arrays that follow from it.
-
-    Attributes
-    ----------
-    solution
-        The solution; its states may be left out if they are not asked for.
-    numbers : (runs,) each
-        Numbers of each run, by name.
-    arrays : (runs, samples, …) each
-        Requested arrays, by name.
-    """
-
-    solution: Solution
-    numbers: dict[str, Array]
-    arrays: dict[str, Array]
-
-
-@dataclass(frozen=True)
 class Engine(Component):
     """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
 
@@ -825,7 +812,7 @@ class Engine(Component):
         returned: Sequence[str] | None,
         workers: int = 1,
         progress: Progress = lambda runs: None,
-    ) -> Measured:
+    ) -> Solution:
         """Solve, and compute numbers of each run from arrays at every sample.
 
         Parameters
@@ -839,7 +826,7 @@ class Engine(Component):
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             arrays = self.evaluate(function, problem, solution.states, *rows)
             numbers = dict(reduction(SampledRuns(problem.times), arrays))
-        return Measured(solution, numbers, arrays)
+        return replace(solution, numbers=numbers, arrays=arrays)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """Return the work, as `counted`, at which no decaying error grows; 0 if there is no limit.

@@ -33,11 +33,11 @@ from eqt_cli.engines.engine import (
     Engine,
     Failure,
     Integrator,
-    Measured,
     Problem,
     Progress,
     Reduction,
     SampledFunction,
+    Solution,
     Span,
     SpanResult,
     walked,
@@ -739,7 +739,7 @@ class Native(Engine):
         returned: Sequence[str] | None,
         workers: int = 1,
         progress: Progress = lambda runs: None,
-    ) -> Measured:
+    ) -> Solution:
         """Solve and measure sample by sample on the way, if not all arrays are asked for.
 
         Runs with several spans or a sampled law, and functions that cannot be compiled, are
@@ -769,7 +769,7 @@ class Native(Engine):
             name: stretch.reshape(*stretch.shape[:2], *shape)
             for (name, shape), stretch in zip(measures.stored, stretches, strict=False)
         }
-        return Measured(solution, numbers, arrays)
+        return replace(solution, numbers=numbers, arrays=arrays)
 
 
 def refusal(loops: Iterable[ClosedLoop] = ()) -> TraceError | None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,19 +15,19 @@ from eqt_cli.base.arrays import Array, Arrays, less, minimum, sqrt, where
 from eqt_cli.base.errors import ComponentError, ResultError, TraceError
 from eqt_cli.base.registry import blamed, described, place_of
 from eqt_cli.base.reporting import working_for
-from eqt_cli.base.store_reader import ResultFile, open_results
-from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.store_reader import read_arrays
+from eqt_cli.base.store_writer import Assembly, write_arrays
 from eqt_cli.base.stored import LAW_OUTPUT, Status
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Measured, Solution, Stopped
-from eqt_cli.loop.closed_loop import ClosedLoop, StateLayout
+from eqt_cli.engines.engine import Solution, Stopped
+from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
-from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, QUANTITIES, SETTLING
+from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, SETTLING
 from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import (
@@ -40,30 +40,13 @@ from eqt_cli.runs.batches import (
     squares,
 )
 from eqt_cli.runs.executors import TaskContext
-from eqt_cli.runs.folder import Layout, measured_of, outputs_of_laws
+from eqt_cli.runs.folder import measured_of, outputs_of_laws, sizes_of, stored_quantities
 from eqt_cli.runs.part_files import FinishedPart, PartFiles
 from eqt_cli.runs.provenance import versions
 
-LEADING = {
-    ValuePer.TRAJECTORY: "kept",
-    ValuePer.RUN: "entry",
-    ValuePer.INITIAL: "start",
-    ValuePer.DESIRED: "reference",
-}
-"""The leading dimension of each kind of variable in the table of a part."""
-
-NUMBERS = "numbers"
-"""Variable of a part with the real numbers of each run, a row for each quantity."""
-
-ROWS = "rows_of_numbers"
-"""Attribute of a part with the names of the rows of `NUMBERS`, in their order."""
-
-CHECKED = "checked_"
-"""Prefix of the variables with the states, ``(checked, sample, …)``, of the runs that are
-cross-checked when the parts are packed."""
-
-ENDED = "ended"
-"""Variable of a part that was stopped: 1 for runs that have ended, else 0."""
+ENDED, CHECKED, STUDY = ".ended", ".states", ".study"
+"""Arrays in the file of a slab that are no quantities, whose names have no dots: whether each run
+has ended, the states of the runs to cross-check, and the digest of the study."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
@@ -110,7 +93,7 @@ def compute_part(
     shared: Desired | None,
     context: TaskContext,
     begun: Path | None = None,
-) -> Table:
+) -> Slab:
     """Compute everything that is stored of a part's runs.
 
     Parameters
@@ -123,34 +106,34 @@ def compute_part(
     Raises
     ------
     StoppedPart
-        If it is stopped, with the table of the runs that have ended.
+        If it is stopped, with the slab of the runs that have ended.
     """
-    gathered = PartArrays(study, part)
+    slab = Slab(study, part)
     if begun is not None:
         with suppress(ResultError):  # they are computed again
-            gathered.read(begun)
-            context.progress(float(gathered.ended.sum()))
-    left = np.flatnonzero(~gathered.ended)
+            slab = Slab.stored(study, part, begun)
+            context.progress(float(slab.ended.sum()))
+    left = np.flatnonzero(~slab.ended)
     desired = None
     if shared is None:
-        desired = solve_references(study, gathered.points)
-        for name in DESIRED.keys() & gathered.data.keys():
-            gathered.data[name][:] = desired[name][:, gathered.samples]
+        desired = solve_references(study, slab.points)
+        for name in DESIRED.keys() & slab.data.keys():
+            slab.data[name][:] = desired[name][:, slab.samples]
     laws = list(study.base.loops)
-    which = f"law {laws.index(gathered.label) + 1} of {len(laws)} ({gathered.label})"
+    which = f"law {laws.index(slab.label) + 1} of {len(laws)} ({slab.label})"
     with working_for(which):
-        for batch in batches(study, gathered.label, gathered.entries[left]):
+        for batch in batches(study, slab.label, slab.entries[left]):
             batch = replace(batch, rows=left[batch.rows])
             for runs in batch.engine.blocks(batch.problem, context.threads):
                 block, reference = batch.select(runs), shared
                 if desired is not None:
-                    where = np.searchsorted(gathered.points, block.points)
+                    where = np.searchsorted(slab.points, block.points)
                     reference = {name: values[where] for name, values in desired.items()}
                 assert reference is not None
-                gathered.add(block, *_solve(block, reference, *gathered.wanted(block), context))
-                if not gathered.ended[block.rows].all():
-                    raise StoppedPart(gathered)
-    return gathered.table()
+                slab.add(block, _solve(block, reference, *slab.wanted(block), context))
+                if not slab.ended[block.rows].all():
+                    raise StoppedPart(slab)
+    return slab
 
 
 class StoppedPart(Stopped):
@@ -158,55 +141,111 @@ class StoppedPart(Stopped):
 
     Attributes
     ----------
-    gathered
+    slab
         The arrays of the runs that have ended.
     """
 
-    def __init__(self, gathered: PartArrays) -> None:
+    def __init__(self, slab: Slab) -> None:
         super().__init__()
-        self.gathered = gathered
+        self.slab = slab
 
 
-class PartArrays:
-    """The arrays of a part, filled batch by batch; values that are never added stay missing.
+class Slab:
+    """The rows of the result's arrays that belong to a part; missing until its runs are added.
 
-    The parts of the first controller also hold the initial states (of the first point if all points
+    Slabs of the first controller also hold the initial states (of the first point if all points
     share them), and the references if each point has its own.
+
+    Parameters
+    ----------
+    arrays
+        All arrays, as they were saved; None for missing values.
+
+    Attributes
+    ----------
+    data
+        The rows of each stored quantity, by name.
+    ended
+        Whether each run has ended.
+    check_states
+        States of the runs to cross-check, ``(runs, samples, n)``.
     """
 
-    def __init__(self, study: Study, part: StudyPart) -> None:
-        base = study.base
+    def __init__(self, study: Study, part: StudyPart, arrays: Arrays | None = None) -> None:
+        self.study, self.part, base = study, part, study.base
         self.label = list(base.loops)[part.controller]
         self.entries = np.arange(part.start, part.stop)
         self.points = np.unique(part.points)
         self.samples = slice(None, None, base.config.store.decimate)
-        self.stored_rows = np.flatnonzero(part.run_numbers < study.trajectories)
+        stored = np.flatnonzero(part.run_numbers < study.trajectories)
         is_first = part.controller == 0
         starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
         counts = {
-            ValuePer.TRAJECTORY: len(self.stored_rows),
+            ValuePer.TRAJECTORY: len(stored),
             ValuePer.RUN: len(part),
             ValuePer.INITIAL: len(starts),
             ValuePer.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
         }
-        always = (ValuePer.RUN, ValuePer.TRAJECTORY)
-        layout, self.outputs = Layout(study), outputs_of_laws(base)
+        always, self.outputs = (ValuePer.RUN, ValuePer.TRAJECTORY), outputs_of_laws(base)
         self.quantities = [
-            entry for entry in layout.quantities if counts[entry.per] or entry.per in always
+            entry for entry in stored_quantities(study) if counts[entry.per] or entry.per in always
         ]
-        sizes = layout.sizes
-        self.data = {
-            entry.name: _blank(entry, (counts[entry.per], *(sizes[dim] for dim in entry.dims)))
-            for entry in self.quantities
+        self._starts, self._stored = _positions(starts, len(part)), _positions(stored, len(part))
+        checked = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
+        self._checked = _positions(checked, len(part))
+        states = base.config.time.samples, base.loops[self.label].state_length
+        shapes, sizes = {CHECKED: (len(checked), *states), ENDED: (len(part),)}, sizes_of(study)
+        for entry in self.quantities:
+            shapes[entry.name] = (counts[entry.per], *(sizes[dim] for dim in entry.dims))
+        if arrays is None:
+            self.check_states = np.full(shapes[CHECKED], np.nan)
+            self.ended = np.zeros(len(part), dtype=bool)
+            self.data = {
+                entry.name: _missing(entry, shapes[entry.name]) for entry in self.quantities
+            }
+            return
+        for name, shape in shapes.items():
+            if name not in arrays or arrays[name].shape != shape:
+                raise ResultError(f"does not hold '{name}' of shape {shape}")
+        self.check_states, self.ended = arrays[CHECKED], arrays[ENDED]
+        self.data = {entry.name: arrays[entry.name] for entry in self.quantities}
+
+    @classmethod
+    def stored(cls, study: Study, part: StudyPart, path: Path) -> Self:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        ResultError
+            If the file is damaged, of another study, or does not hold every quantity.
+        """
+        arrays = read_arrays(path)
+        if STUDY not in arrays or arrays[STUDY].tolist() != [_digest(study)]:
+            raise ResultError(f"{path}: is a part of another experiment")
+        try:
+            return cls(study, part, arrays)
+        except ResultError as error:
+            raise ResultError(f"{path}: {error}") from error
+
+    def save(self, path: Path) -> None:
+        """Write all arrays, whole or not at all."""
+        texts = {name: x.astype(str) for name, x in self.data.items() if x.dtype == object}
+        more = {
+            CHECKED: self.check_states,
+            ENDED: self.ended,
+            STUDY: np.array([_digest(self.study)]),
         }
-        self._starts = _positions(starts, len(part))
-        self._stored = _positions(self.stored_rows, len(part))
-        check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
-        self._checked = _positions(check_rows, len(part))
-        self.state_layout = base.loops[self.label].layout
-        shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
-        self.check_states = np.full(shape, np.nan)
-        self.ended = np.zeros(len(part), dtype=bool)
+        write_arrays(path, self.data | texts | more)
+
+    @property
+    def nbytes(self) -> int:
+        """The size of all arrays, bytes."""
+        return self.check_states.nbytes + sum(array.nbytes for array in self.data.values())
+
+    @property
+    def failed(self) -> int:
+        """The number of failed runs."""
+        return int(np.count_nonzero(self.data["status"]))
 
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.
@@ -218,13 +257,11 @@ class PartArrays:
         names = [entry.name for entry in self.quantities if entry.per in kinds]
         return names, bool(stored or (self._checked[batch.rows] >= 0).any())
 
-    def add(self, batch: Batch, solution: Solution, values: dict[str, Array]) -> None:
+    def add(self, batch: Batch, solution: Solution) -> None:
         """Store the required quantities of a batch."""
-        values = values | {
-            "steps": solution.steps,
-            "status": solution.status,
-            "message": np.array(solution.messages, dtype=object),
-        }
+        values = solution.arrays | solution.numbers
+        values["steps"], values["status"] = solution.steps, solution.status
+        values["message"] = np.array(solution.messages, dtype=object)
         stored, checked = self._stored[batch.rows], self._checked[batch.rows]
         starts = self._starts[batch.rows]
         if (starts >= 0).any():
@@ -252,34 +289,37 @@ class PartArrays:
                 signal = values[name][stored >= 0][:, self.samples, k]
                 dataset[rows, :, list(self.outputs).index(output)] = signal
 
-    def read(self, path: Path) -> None:
-        """Read the runs that had ended when the part was stopped."""
-        with open_results(path) as results:
-            data, ended = read_part(results, path, self.quantities), results[ENDED] != 0
-            if len(self.check_states):
-                self.check_states = checked_states(results, self.state_layout)
-        self.data, self.ended = data, ended
+    def put_into(self, file: Assembly) -> None:
+        """Write every quantity into its place in the result file."""
+        study, part = self.study, self.part
+        for entry in self.quantities:
+            data = self.data[entry.name]
+            if entry.per is ValuePer.DESIRED:  # a point cut by parts belongs to its first one
+                begins_here = self.points * part.runs >= part.start
+                if begins_here.any():
+                    first, last = self.points[begins_here][[0, -1]].tolist()
+                    file.put(entry.name, data[begins_here], (slice(first, last + 1),))
+            elif entry.per is ValuePer.INITIAL and not study.initial_varies:
+                file.put(entry.name, data, (slice(part.start, part.start + len(data)),))
+            else:
+                law = () if entry.per is ValuePer.INITIAL else (part.controller,)
+                runs = study.trajectories if entry.per is ValuePer.TRAJECTORY else part.runs
+                for box in part.boxes(runs):
+                    block = data[box.rows].reshape(*box.shape, *data.shape[1:])
+                    if study.sweep:
+                        file.put(entry.name, block, (box.points, *law, box.runs))
+                    else:
+                        file.put(entry.name, block[0], (*law, box.runs))
 
-    def table(self) -> Table:
-        """Return the table of the part. The numbers per run are the rows of one array.
 
-        Writing many small datasets can take longer than computing the runs.
-        """
-        rows = [entry.name for entry in self.quantities if is_number(entry)]
-        variables = {
-            entry.name: Variable((LEADING[entry.per], *entry.dims), self.data[entry.name])
-            for entry in self.quantities
-            if entry.name not in rows
-        }
-        numbers = np.array([self.data[name] for name in rows])
-        variables[NUMBERS] = Variable(("quantity", LEADING[ValuePer.RUN]), numbers)
-        if len(self.check_states):
-            for name, values in self.state_layout.split(self.check_states).items():
-                dims = ("checked", "sample", f"entry_of_{name}")
-                variables[CHECKED + name] = Variable(dims, values)
-        if not self.ended.all():
-            variables[ENDED] = Variable((LEADING[ValuePer.RUN],), self.ended.astype(np.int8))
-        return Table(variables, {}, {ROWS: " ".join(rows)})
+def _missing(quantity: Measure, shape: tuple[int, ...]) -> Array:
+    if quantity.dtype is None:
+        return np.full(shape, "", dtype=object)
+    return np.full(shape, np.nan if quantity.dtype.kind == "f" else 0, dtype=quantity.dtype)
+
+
+def _digest(study: Study) -> str:
+    return (study.whole or study).digest
 
 
 def _positions(chosen: Array, count: int) -> Array:
@@ -289,55 +329,9 @@ def _positions(chosen: Array, count: int) -> Array:
     return places
 
 
-def _blank(quantity: Measure, shape: tuple[int, ...]) -> Array:
-    if quantity.dtype is None:
-        return np.full(shape, "", dtype=object)
-    return np.full(shape, np.nan if quantity.dtype.kind == "f" else 0, dtype=quantity.dtype)
-
-
-StoredPart = Table | ResultFile
-"""A finished part, in memory or in a file."""
-
-
-def checked_states(results: StoredPart, layout: StateLayout) -> Array:
-    """Return the states of the cross-checked runs of a part, ``(checked, samples, n)``."""
-    return np.concatenate([results[CHECKED + name] for name in layout.lengths], axis=-1)
-
-
-def is_number(quantity: Measure) -> bool:
-    """Whether a part stores a quantity as a row of `NUMBERS`."""
-    return (
-        quantity.per is ValuePer.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
-    )
-
-
-def read_part(results: StoredPart, path: Path, quantities: Sequence[Measure]) -> dict[str, Array]:
-    """Read all variables of a part, which is kept at a path, by name.
-
-    Raises
-    ------
-    ResultError
-        If a variable that every run must have is missing.
-    """
-    rows, numbers = str(results.attributes.get(ROWS, "")).split(), results[NUMBERS]
-    missing = [
-        entry.name
-        for entry in quantities
-        if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
-        and not (entry.name in rows if is_number(entry) else results.has(entry.name))
-    ]
-    if missing:
-        raise ResultError(f"{path}: does not hold {', '.join(missing)}")
-    return {
-        entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
-        for entry in quantities
-        if is_number(entry) or results.has(entry.name)
-    }
-
-
 def _solve(
     batch: Batch, reference: Desired, names: Sequence[str], whole: bool, context: TaskContext
-) -> tuple[Solution, dict[str, Array]]:
+) -> Solution:
     """Solve a batch; return the solution with its metrics and, if `whole`, all signals."""
     engine, solver = batch.engine, batch.experiment.solver
     # An error estimate solves a run twice; each solution counts as half of the run.
@@ -353,13 +347,13 @@ def _solve(
         tighter = engine.tightened(0.05 if batch.problem.loop.period else 0.1)
         second = tighter.measured(difference, largest_difference, again, motion, (), *how)
         estimate = np.maximum(second.numbers[ERROR], np.finfo(float).eps)  # both are rounded
-        first.solution.status[second.solution.status == Status.STOPPED] = Status.STOPPED
+        first.status[second.status == Status.STOPPED] = Status.STOPPED
     _find_undefined(first)
     _find_by_rounding(batch, first, context.threads)
     limit = solver.judgement.max_error
     if solver.estimates_errors and limit is not None:
-        _judge(first.solution, estimate, limit)
-    return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}
+        _judge(first, estimate, limit)
+    return replace(first, numbers=first.numbers | {"error_estimate": estimate})
 
 
 def measured(
@@ -570,24 +564,24 @@ LARGE = 1e-3
 """Error, rad or m, that is no longer small; to grow to it from `NEAR` takes 14 time constants."""
 
 
-def _find_undefined(first: Measured) -> None:
+def _find_undefined(first: Solution) -> None:
     """Set the status `NON_FINITE` for runs whose steps missed a torque that is not finite."""
-    peaks = first.numbers.get("peak_torque", np.zeros(len(first.solution.status)))
-    for run in np.flatnonzero((first.solution.status == Status.OK) & ~np.isfinite(peaks)):
-        first.solution.status[run] = Status.NON_FINITE
-        first.solution.messages[run] = (
+    peaks = first.numbers.get("peak_torque", np.zeros(len(first.status)))
+    for run in np.flatnonzero((first.status == Status.OK) & ~np.isfinite(peaks)):
+        first.status[run] = Status.NON_FINITE
+        first.messages[run] = (
             "the torque is not finite at a sample, between steps; lower solver.rtol to find when"
         )
 
 
-def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
+def _find_by_rounding(batch: Batch, first: Solution, threads: int) -> None:
     """Set the status `BY_ROUNDING` for runs that start within rounding of an unstable motion.
 
     In such a motion a velocity stays, or the pose is critical; and an error of `NEAR` at the start
     becomes `LARGE`. So it does even where a run, by rounding, does not leave it until its end.
     """
     still = np.fmin(first.numbers[STILL], first.numbers["unstable_distance"])
-    near = np.flatnonzero((first.solution.status == Status.OK) & (still <= NEAR))
+    near = np.flatnonzero((first.status == Status.OK) & (still <= NEAR))
     if not len(near):
         return
     problem, limit = batch.problem.select(near), max(LARGE, BOUND_PER_RTOL * batch.engine.rtol)
@@ -600,12 +594,12 @@ def _find_by_rounding(batch: Batch, first: Measured, threads: int) -> None:
         start = loop.initial_state(s.Q @ loop.group.exp(x), s.V + x, s.Qd, s.Vd + x, t)
         other = replace(problem, states=start)
         solved = batch.engine.measured(difference, largest_difference, other, motion, (), threads)
-        ends = solved.solution.status == Status.OK  # or the error has made it diverge
-        first.solution.status[near[solved.solution.status == Status.STOPPED]] = Status.STOPPED
+        ends = solved.status == Status.OK  # or the error has made it diverge
+        first.status[near[solved.status == Status.STOPPED]] = Status.STOPPED
         apart = np.fmax(apart, np.where(ends, solved.numbers[ERROR], np.inf))
-    for run in near[(apart > limit) & (first.solution.status[near] == Status.OK)]:
-        first.solution.status[run] = Status.BY_ROUNDING
-        first.solution.messages[run] = (
+    for run in near[(apart > limit) & (first.status[near] == Status.OK)]:
+        first.status[run] = Status.BY_ROUNDING
+        first.messages[run] = (
             f"rounding decides: at its start, an error of {NEAR:g} grows beyond {limit:g}; no "
             "solver.rtol helps; start it elsewhere"
         )
@@ -651,7 +645,7 @@ class PartTask:
     chosen: tuple[tuple[int, StudyPart], ...] | None = None
     keeps: bool = False
     stopped: dict[int, Path] = field(default_factory=dict)
-    _tables: dict[int, Table] = field(default_factory=dict, init=False)
+    _slabs: dict[int, Slab] = field(default_factory=dict, init=False)
     """Finished parts in memory, by number."""
     _unsaved: dict[int, FinishedPart] = field(default_factory=dict, init=False)
     """Those of them that have no file yet, with the file that each will have."""
@@ -691,46 +685,45 @@ class PartTask:
         index, part = self.part(item)
         piece, shared = self.study.piece(index), self.shared(index)
         try:
-            table = compute_part(piece, part, shared, context, self.stopped.get(item))
+            slab = compute_part(piece, part, shared, context, self.stopped.get(item))
         except StoppedPart as stopped:
-            if runs := int(stopped.gathered.ended.sum()):
-                write(self.files.part(item, runs, "r"), stopped.gathered.table())
+            if runs := int(stopped.slab.ended.sum()):
+                stopped.slab.save(self.files.part(item, runs, "r"))
             raise
-        return self._keep(item, table)
+        return self._keep(item, slab)
 
     def lose(self, item: int, message: str) -> int:
         """Keep a part whose workers were lost; returns the number of its runs, which all fail."""
         index, part = self.part(item)
-        gathered = PartArrays(self.study.piece(index), part)
-        gathered.data["status"][:] = Status.WORKER_LOST
-        gathered.data["message"][:] = message
-        return self._keep(item, gathered.table())
+        slab = Slab(self.study.piece(index), part)
+        slab.data["status"][:], slab.data["message"][:] = Status.WORKER_LOST, message
+        return self._keep(item, slab)
 
-    def _keep(self, item: int, table: Table) -> int:
-        failed = int(np.count_nonzero(table["status"]))
-        whole = replace(table, attributes={**table.attributes, "digest": self.study.digest})
-        path = self.files.part(item, failed)
-        self._tables.pop(item, None)
-        tables = (whole, *self._tables.values())
-        size = sum(entry.data.nbytes for table in tables for entry in table.variables.values())
+    def _keep(self, item: int, slab: Slab) -> int:
+        path = self.files.part(item, slab.failed)
+        self._slabs.pop(item, None)
+        size = slab.nbytes + sum(other.nbytes for other in self._slabs.values())
         if self.keeps and size <= MEMORY_BYTES:
-            self._tables[item], self._unsaved[item] = whole, FinishedPart(path, failed)
+            self._slabs[item], self._unsaved[item] = slab, FinishedPart(path, slab.failed)
         else:
-            write(path, whole)
-        return failed
+            slab.save(path)
+        return slab.failed
 
     def save(self) -> None:
         """Write the parts that are only in memory."""
         for item, part in list(self._unsaved.items()):
             if not part.path.exists():  # else it was interrupted after it had written the file
-                write(part.path, self._tables[item])
+                self._slabs[item].save(part.path)
             del self._unsaved[item]
 
-    def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
-        """Open a finished part: from memory the first time if it is there, else from its file."""
+    def slab(self, item: int, path: Path) -> Slab:
+        """Return a finished part: from memory the first time if it is there, else from its file."""
         if item in self._unsaved:
-            return nullcontext(self._tables[item])
-        return nullcontext(self._tables.pop(item)) if item in self._tables else open_results(path)
+            return self._slabs[item]
+        index, part = self.part(item)
+        if item in self._slabs:
+            return self._slabs.pop(item)
+        return Slab.stored(self.study.piece(index), part, path)
 
     @blamed()
     def prepare(self) -> None:
@@ -741,21 +734,16 @@ class PartTask:
             piece, path = self.study.piece(index), self.files.reference(index)
             if piece.desired_varies:
                 continue
-            with suppress(ResultError), open_results(path) as results:
-                if all(map(results.has, DESIRED)):
+            with suppress(ResultError):
+                if DESIRED.keys() <= read_arrays(path).keys():
                     continue
-            stored = {
-                name: Variable(("sample", *QUANTITIES[name].dims[1:]), values)
-                for name, values in shared_reference(piece).items()
-            }
-            write(path, Table(stored))
+            write_arrays(path, shared_reference(piece))
 
     def shared(self, index: int) -> Desired | None:
         """Return the reference that all points of a piece share; None if each has its own."""
         if index not in self._references and not self.study.piece(index).desired_varies:
-            with open_results(self.files.reference(index)) as results:
-                self._references[index] = {name: results[name] for name in DESIRED}
+            self._references[index] = read_arrays(self.files.reference(index))
         return self._references.get(index)
 
     def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"keeps": False, "_tables": {}, "_unsaved": {}, "_references": {}}
+        return vars(self) | {"keeps": False, "_slabs": {}, "_unsaved": {}, "_references": {}}

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from eqt_cli.base.errors import (
 from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.base.store_writer import Assembly, Attribute, Blank, Variable, assemble
+from eqt_cli.base.store_writer import Assembly, Attribute, Variable, assemble
 from eqt_cli.base.stored import MIXED, OUTPUT, signal_of
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
@@ -443,115 +443,101 @@ def coordinates(experiment: Experiment, most: int) -> dict[str, Variable]:
 # The file ----------------------------------------------------------------------------------------
 
 
-class Layout:
-    """The stored quantities of points of one shape, and their dimensions."""
-
-    def __init__(self, study: Study) -> None:
-        self.study = study
-        self.varies = {
-            ValuePer.INITIAL: study.initial_varies,
-            ValuePer.DESIRED: study.desired_varies,
-        }
-        over_time = [ValuePer.TRAJECTORY, *([ValuePer.DESIRED] if study.desired_varies else [])]
-        left_out = over_time if study.trajectories == 0 else []
-        self.quantities = [
-            quantity
-            for quantity in quantities(study.base, study.vehicles)
-            if quantity.per not in left_out
-        ]
-
-    def of(self, per: ValuePer) -> Iterator[Measure]:
-        """Return the quantities of a kind."""
-        return (entry for entry in self.quantities if entry.per is per)
-
-    def by_point(self, quantity: Measure) -> bool:
-        """Whether a quantity has separate values for each point."""
-        return self.study.sweep is not None and self.varies.get(quantity.per, True)
-
-    def blanks(self, wanted: Iterable[Measure] | None = None) -> dict[str, Blank]:
-        """Return all or the wanted variables."""
-        stored = "run" if self.study.trajectories == self.study.plan.runs else "stored_run"
-        leading = {
-            ValuePer.TRAJECTORY: ("controller", stored),
-            ValuePer.RUN: ("controller", "run"),
-            ValuePer.INITIAL: ("run",),
-            ValuePer.DESIRED: (),
-        }
-        blanks = {}
-        for entry in self.quantities if wanted is None else wanted:
-            point = ("point",) if self.by_point(entry) else ()
-            dims = (*point, *leading[entry.per], *entry.dims)
-            blanks[entry.name] = Blank(dims, entry.dtype, entry.attributes)
-        return blanks
-
-    def size(self, blanks: Mapping[str, Blank]) -> int:
-        """Return the size of some variables, bytes."""
-        sizes = self.sizes
-        return sum(
-            prod(sizes[dim] for dim in blank.dims)
-            * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
-            for blank in blanks.values()
-        )
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """The length of every dimension."""
-        return {"point": len(self.study)} | _sizes(self.coordinates)
-
-    @property
-    def coordinates(self) -> dict[str, Variable]:
-        """Coordinates along the dimensions of a point."""
-        return coordinates(self.study.base, self.study.trajectories)
+@lru_cache(maxsize=8)
+def stored_quantities(study: Study) -> list[Measure]:
+    """Return the quantities that are stored of points of one shape."""
+    left_out: list[ValuePer] = []
+    if study.trajectories == 0:
+        left_out = [ValuePer.TRAJECTORY, *([ValuePer.DESIRED] if study.desired_varies else [])]
+    listed = quantities(study.base, study.vehicles)
+    return [quantity for quantity in listed if quantity.per not in left_out]
 
 
-def in_index(layouts: Sequence[Layout]) -> list[Measure]:
-    """Return the quantities in the result file of points of these shapes.
+def blanks(study: Study, *kinds: ValuePer) -> dict[str, Variable]:
+    """Return the variables of points of one shape without their values; of some kinds, or all."""
+    stored = "run" if study.trajectories == study.plan.runs else "stored_run"
+    leading = {
+        ValuePer.TRAJECTORY: ("controller", stored),
+        ValuePer.RUN: ("controller", "run"),
+        ValuePer.INITIAL: ("run",),
+        ValuePer.DESIRED: (),
+    }
+    varies = {ValuePer.INITIAL: study.initial_varies, ValuePer.DESIRED: study.desired_varies}
+    variables = {}
+    for entry in stored_quantities(study):
+        if not kinds or entry.per in kinds:
+            by_point = study.sweep is not None and varies.get(entry.per, True)
+            dims = (*((files.POINT,) if by_point else ()), *leading[entry.per], *entry.dims)
+            variables[entry.name] = Variable(dims, entry.dtype, entry.attributes)
+    return variables
 
-    If there are several shapes, these are only the numbers per run that points of each have.
+
+def sizes_of(study: Study) -> dict[str, int]:
+    """Return the length of every dimension of points of one shape."""
+    along = coordinates(study.base, study.trajectories)
+    return {files.POINT: len(study)} | _sizes(along)
+
+
+def bytes_of(study: Study, *kinds: ValuePer) -> int:
+    """Return the size of the variables of points of one shape, of some kinds or all, bytes."""
+    sizes = sizes_of(study)
+    return sum(
+        prod(sizes[dim] for dim in blank.dims)
+        * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
+        for blank in blanks(study, *kinds).values()
+    )
+
+
+def in_index(study: Study) -> list[Measure]:
+    """Return the quantities in the result file of a study.
+
+    If its points differ in shape, these are only the numbers per run that points of each have.
     """
-    first, *others = layouts
+    first, *others = map(stored_quantities, study.pieces)
     if not others:
-        return first.quantities
-    names = [{entry.name for entry in layout.of(ValuePer.RUN)} for layout in others]
-    return [entry for entry in first.of(ValuePer.RUN) if all(entry.name in each for each in names)]
+        return first
+    names = [{entry.name for entry in listed if entry.per is ValuePer.RUN} for listed in others]
+    return [
+        entry
+        for entry in first
+        if entry.per is ValuePer.RUN and all(entry.name in listed for listed in names)
+    ]
 
 
 def new_result_file(study: Study, path: Path) -> AbstractContextManager[Assembly]:
     """Open the result file of points of one shape for writing; it appears when the block ends."""
-    layout = Layout(study)
-    blanks: dict[str, Blank | Variable] = {**layout.blanks()}
-    coords = layout.coordinates | swept_coordinates(study)
+    coords = coordinates(study.base, study.trajectories) | swept_coordinates(study)
     if study.whole is None:
-        blanks |= _laws(study)
-    elif study.sweep is not None and study.sweep.points is not None:
-        about = {"long_name": "number of the point in the whole sweep"}
-        coords[files.POINT] = Variable((files.POINT,), np.array(study.sweep.points), about)
-    return _assembled(study, path, coords, blanks)
+        return _assembled(study, path, coords, blanks(study) | _laws(study))
+    assert study.sweep is not None
+    points, about = np.array(study.sweep.points), {"long_name": "number of the point in the sweep"}
+    coords[files.POINT] = Variable((files.POINT,), points, about)
+    return _assembled(study, path, coords, blanks(study))
 
 
 def write_index(study: Study, path: Path, attributes: Mapping[str, Attribute]) -> None:
     """Write the result file of points that differ in shape, from the results of all shapes."""
-    layouts = [Layout(piece) for piece in study.pieces]
-    blanks = [layout.blanks(layout.of(ValuePer.RUN)) for layout in layouts]
+    of_shapes = [blanks(piece, ValuePer.RUN) for piece in study.pieces]
     shape = np.empty(len(study), dtype=np.int32)
     for index, points in enumerate(study.shapes):
         shape[points] = index
     meaning = {"long_name": f"shape of the point, whose arrays are in {files.SHAPES}/SHAPE.h5"}
     variables = {files.SHAPE: Variable((files.POINT,), shape, meaning)} | _laws(study)
-    shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
-    sources = [files.shape_file(path.parent, index) for index in range(len(layouts))]
+    along = coordinates(study.base, 0)
+    shared = {name: along[name] for name in ("controller", "run")}
+    sources = [files.shape_file(path.parent, index) for index in range(len(of_shapes))]
     with ExitStack() as stack:
         results = [stack.enter_context(open_results(source)) for source in sources]
-        for entry in in_index(layouts):
-            first, *others = (listed[entry.name].attributes for listed in blanks)
+        for name in (entry.name for entry in in_index(study)):
+            first, *others = (listed[name].attributes for listed in of_shapes)
             same = {key: x for key, x in first.items() if all(o.get(key) == x for o in others)}
             if "units" in first and "units" not in same:
                 same = {"units": MIXED, **same}
-            values = [result[entry.name] for result in results]
+            values = [result[name] for result in results]
             data = np.empty((len(study), *values[0].shape[1:]), values[0].dtype)
             for points, those in zip(study.shapes, values, strict=True):
                 data[points] = those
-            variables[entry.name] = Variable(blanks[0][entry.name].dims, data, same)
+            variables[name] = Variable(of_shapes[0][name].dims, data, same)
         sums = {files.SHAPES: " ".join(map(files.checksum_of, sources))}
         with _assembled(study, path, shared | swept_coordinates(study), variables) as file:
             file.describe({**attributes, **sums})
@@ -565,10 +551,7 @@ def _laws(study: Study) -> dict[str, Variable]:
 
 
 def _assembled(
-    study: Study,
-    path: Path,
-    coords: Mapping[str, Variable],
-    variables: Mapping[str, Blank | Variable],
+    study: Study, path: Path, coords: Mapping[str, Variable], variables: Mapping[str, Variable]
 ) -> AbstractContextManager[Assembly]:
     sizes = ({"point": len(study)} if study.sweep else {}) | _sizes(coords)
     gzip = study.base.config.store.compression == "gzip"
@@ -576,7 +559,7 @@ def _assembled(
 
 
 def _sizes(variables: Mapping[str, Variable]) -> dict[str, int]:
-    return {name: len(one.data) for name, one in variables.items() if one.dims == (name,)}
+    return {name: along.size for name, along in variables.items() if along.dims == (name,)}
 
 
 def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[str]) -> str:

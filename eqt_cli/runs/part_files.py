@@ -19,10 +19,10 @@ from eqt_cli.runs.lock import holder
 MANIFEST, PARTS = "manifest.json", "parts"
 """Names in a result folder: the record of the experiment, and the folder of finished parts."""
 
-_NAME = re.compile(r"(\d{6,})(?:\.([fr])(\d+))?\.h5")
+_NAME = re.compile(r"(\d{6,})(?:\.([fr])(\d+))?\.npy")
 
 _PART = files.FilePattern(_NAME.pattern)
-PART_ENTRIES = (_PART, files.FilePattern(r"reference(-\d+)?\.h5"))
+PART_ENTRIES = (_PART, files.FilePattern(r"reference(-\d+)?\.npy"))
 """Entries that eqt writes in the folder of the parts."""
 
 
@@ -42,7 +42,7 @@ class PartFiles:
 
     def reference(self, piece: int) -> Path:
         """Return the file of the reference that all runs of a piece share."""
-        return self.folder / (f"reference-{piece}.h5" if piece else "reference.h5")
+        return self.folder / (f"reference-{piece}.npy" if piece else "reference.npy")
 
     def listed(self) -> dict[int, FinishedPart]:
         """Return the finished parts, by number."""
@@ -64,7 +64,7 @@ class PartFiles:
 
     def part(self, number: int, count: int, kind: str = "f") -> Path:
         """Return the file of a finished part with so many failed runs; `r`: finished ones."""
-        return self.folder / (f"{number:06d}.{kind}{count}.h5" if count else f"{number:06d}.h5")
+        return self.folder / (f"{number:06d}.{kind}{count}.npy" if count else f"{number:06d}.npy")
 
     def tidy(self) -> None:
         """Remove parts of which another file has fewer failed runs, or more runs."""

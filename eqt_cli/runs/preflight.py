@@ -28,7 +28,7 @@ from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.batches import Batch, batches, by_kind
 from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import Executor, TaskContext
-from eqt_cli.runs.folder import Layout, coordinates, quantities
+from eqt_cli.runs.folder import bytes_of, coordinates, quantities
 
 # Begins a study with two runs of every law --------------------------------------------------------
 
@@ -129,8 +129,8 @@ def _rates(problem: Problem) -> Array:
 MOST_PIECES = 3
 """Largest number of pieces (points of one shape) whose runs are timed."""
 
-PART_OVERHEAD = 10_000
-"""Least overhead of the file of a part, bytes; 10 to 18 kB were measured."""
+PART_OVERHEAD = 5_000
+"""Least overhead of the file of a part, bytes; 6 to 7 kB were measured."""
 
 MOST_TIMED = 200
 """Largest number of points whose runs are timed; to build each takes some milliseconds."""
@@ -236,10 +236,9 @@ def _time_per_run(study: Study, threads: int, most_seconds: float) -> float | No
 
 def result_size(study: Study) -> int:
     """Return the size of the variables of the result files, bytes."""
-    layouts = [Layout(piece) for piece in study.pieces]
-    total = sum(layout.size(layout.blanks()) for layout in layouts)
+    total = sum(map(bytes_of, study.pieces))
     if study.is_ragged:  # whose numbers per run are in two files
-        total += sum(layout.size(layout.blanks(layout.of(ValuePer.RUN))) for layout in layouts)
+        total += sum(bytes_of(piece, ValuePer.RUN) for piece in study.pieces)
     return total
 
 
@@ -247,11 +246,11 @@ def parts_size(study: Study) -> int:
     """Return the size of the files of all parts, which exist until the result is packed, bytes."""
     total = 0
     for piece in study.pieces:
-        layout, base = Layout(piece), piece.base
+        base = piece.base
         redone = min(base.solver.judgement.cross_check, piece.plan.entries)
         numbers = sum(loop.state_length for loop in base.loops.values())
         states = redone * base.config.time.samples * numbers
-        total += layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(piece.plan)
+        total += bytes_of(piece) + 8 * states + PART_OVERHEAD * len(piece.plan)
     return total
 
 
@@ -307,7 +306,7 @@ def _part_memory(study: Study) -> int:
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
     vehicle = base.loop.vehicle
-    sizes = {dim: len(along.data) for dim, along in coordinates(base, 1).items()} | {"time": 1}
+    sizes = {dim: along.size for dim, along in coordinates(base, 1).items()} | {"time": 1}
     signals = sum(
         prod(sizes.get(dim, 0) for dim in entry.dims)
         for entry in quantities(base, study.vehicles)

@@ -24,19 +24,19 @@ from eqt_cli.base.stored import Status
 from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.results.quantity import Measure, ValuePer
+from eqt_cli.results.quantity import Measure
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
-from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask, checked_states, read_part
+from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask
 from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
 from eqt_cli.runs.folder import (
     CONFIG,
     RERUN,
-    Layout,
     ResultFolder,
     described,
     in_index,
     new_result_file,
+    stored_quantities,
     write_index,
 )
 from eqt_cli.runs.lock import LOCK, locked
@@ -58,7 +58,7 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
         If the result holds variables that this version does not know, or lacks integer variables,
         which have no value for a missing number.
     """
-    root = in_index([Layout(piece) for piece in study.pieces])
+    root = in_index(study)
     integers = {entry.name for entry in root if entry.dtype is not None and entry.dtype.kind != "f"}
     with open_results(results) as old:
         if set(old.names) - {LAW, SHAPE, *(entry.name for entry in root)} or integers - set(
@@ -482,13 +482,13 @@ def replace_runs(task: PartTask, folder: ResultFolder, origin: dict[str, Any]) -
     origin
         Where its numbers come from now.
     """
-    study, layouts = task.study, [Layout(piece) for piece in task.study.pieces]
+    study = task.study
     now, parts = {"provenance": json.dumps(origin, ensure_ascii=False)}, _finished(task)
     with step(PACKING, len(task)):
         for index, path in enumerate(folder.files_of(study)):
             piece = study.piece(index)
             with open_results(path) as old, new_result_file(piece, path) as file:
-                _copy(file, old, layouts[index].quantities)
+                _copy(file, old, stored_quantities(piece))
                 _put_parts(task, piece, parts[index], file)
                 file.describe({**old.attributes, **now})
     if study.is_ragged:
@@ -541,46 +541,16 @@ def _put_parts(
     """
     states: States = defaultdict(list)
     longest: Works = defaultdict(float)
-    layout, chosen = Layout(study), chosen_entries(study)
     for item, part, path in parts:
-        label, loop = list(study.base.loops.items())[part.controller]
+        label = list(study.base.loops)[part.controller]
         try:
-            with task.opened(item, path) as results:
-                digest = task.study.digest
-                if results.attributes.get("digest", digest) != digest:
-                    raise ResultError(f"{path}: is a part of another experiment")
-                variables = read_part(results, path, layout.quantities)
-                for entry in layout.quantities:
-                    if entry.name in variables:
-                        _put(file, layout, entry, variables[entry.name], part)
-                if ((chosen >= part.start) & (chosen < part.stop)).any():
-                    states[label].append(checked_states(results, loop.layout))
-                if "steps" in variables:
-                    longest[label] = max(longest[label], float(np.max(variables["steps"])))
+            slab = task.slab(item, path)
+            slab.put_into(file)
         except ResultError as error:
             raise BrokenPart(path, str(error)) from error
+        if len(slab.check_states):
+            states[label].append(slab.check_states)
+        if "steps" in slab.data:
+            longest[label] = max(longest[label], float(np.max(slab.data["steps"])))
         reporter().advance(1)
     return states, longest
-
-
-def _put(file: Assembly, layout: Layout, entry: Measure, data: Array, part: StudyPart) -> None:
-    """Write the values of a quantity in a part into the result file."""
-    study: Study = layout.study
-    if entry.per is ValuePer.DESIRED:  # a point cut by parts belongs to its first one
-        points = np.unique(part.points)
-        begins_here = points * part.runs >= part.start
-        if begins_here.any():
-            first, last = int(points[begins_here][0]), int(points[begins_here][-1])
-            file.put(entry.name, data[begins_here], (slice(first, last + 1),))
-    elif entry.per is ValuePer.INITIAL and not study.initial_varies:
-        file.put(entry.name, data, (slice(part.start, part.start + len(data)),))
-    else:
-        controller = () if entry.per is ValuePer.INITIAL else (part.controller,)
-        runs = study.trajectories if entry.per is ValuePer.TRAJECTORY else part.runs
-        for slab in part.slabs(runs):
-            block = data[slab.rows].reshape(*slab.shape, *data.shape[1:])
-            where = (*controller, slab.runs)
-            if study.sweep:
-                file.put(entry.name, block, (slab.points, *where))
-            else:
-                file.put(entry.name, block[0], where)

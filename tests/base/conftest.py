@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from made_up import Table
 
-from eqt_cli.base.store_writer import Table, Variable
+from eqt_cli.base.store_writer import Variable
 
 RUNS = ("controller", "run")
 

@@ -3,10 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from made_up import Table, write
 
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.store_writer import Variable
 
 
 @pytest.fixture(params=[None, "gzip"])

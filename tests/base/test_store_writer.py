@@ -11,11 +11,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from made_up import Table, write
 from said import error_of
 
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
-from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.store_writer import Variable
 
 
 @pytest.fixture
@@ -180,13 +181,13 @@ WITHIN_LIMIT = """
 import resource, sys
 import numpy as np
 from eqt_cli.base.errors import ResultError
-from eqt_cli.base.store_writer import Table, Variable
-from eqt_cli.base.store_writer import write
+from eqt_cli.base.store_writer import Variable, assemble
 
-wide = Table({"pose": Variable(("sample",), np.ones(200_000))}, {}, {"note": "x" * 2000})
+wide = {"pose": Variable(("sample",), np.ones(200_000))}
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 try:
-    write(sys.argv[1], wide)
+    with assemble(sys.argv[1], {"sample": 200_000}, {}, wide) as file:
+        file.describe({"note": "x" * 2000})
 except ResultError as error:
     print(error)
 """

@@ -220,8 +220,8 @@ def test_lanes_processors_and_optimisation_change_no_bit(loop, built, lanes, fla
 
 def stored(study):
     """The digest of every variable of a part."""
-    table = compute_part(study, study.plan.part(0), shared_reference(study), TaskContext())
-    numbers = {name: each.data for name, each in table.variables.items() if name != "message"}
+    part = compute_part(study, study.plan.part(0), shared_reference(study), TaskContext())
+    numbers = {name: values for name, values in part.data.items() if name != "message"}
     return {name: digest(values) for name, values in numbers.items()}
 
 

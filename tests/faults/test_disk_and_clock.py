@@ -41,7 +41,7 @@ def expected(config):
 
 @pytest.mark.parametrize(
     ("name", "number"),
-    [("manifest.json", errno.EIO), ("000001.h5", errno.ENOSPC), ("results.h5", errno.EIO)],
+    [("manifest.json", errno.EIO), ("000001.npy", errno.ENOSPC), ("results.h5", errno.EIO)],
 )
 def test_what_cannot_be_written_is_written_later(config, expected, monkeypatch, name, number):
     opened = io.FileIO

@@ -7,10 +7,11 @@ import h5py
 import numpy as np
 import pytest
 import yaml
+from made_up import Table, write
 from small_experiment import mapping, study_of
 
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.store_writer import Variable
 from eqt_cli.runs.run_study import execute
 
 RUNS = 6

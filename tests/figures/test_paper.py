@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from made_up import Table, write
 from matplotlib.colors import to_rgba
 from said import error_of
 
-from eqt_cli.base.store_writer import Table, Variable, write
+from eqt_cli.base.store_writer import Variable
 from eqt_cli.figures.run_figures import RunsFigure
 from eqt_cli.figures.time_figures import Paper, Summary
 

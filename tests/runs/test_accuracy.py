@@ -1,23 +1,15 @@
 """Error estimates of every run, their limit, and which runs the cross-check redoes."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Measured, Problem, Solution, Status
-from eqt_cli.results.quantity import ValuePer
+from eqt_cli.engines.engine import Problem, Solution, Status
 from eqt_cli.runs.batches import chosen_entries, distance
-from eqt_cli.runs.compute_part import (
-    _find_undefined,
-    _judge,
-    compute_part,
-    read_part,
-    shared_reference,
-)
+from eqt_cli.runs.compute_part import _find_undefined, _judge, compute_part, shared_reference
 from eqt_cli.runs.executors import TaskContext
-from eqt_cli.runs.folder import Layout
 
 NATIVE = "{engine: native, rtol: 1.0e-6, atol: 1.0e-6, cross_check: 0}"
 
@@ -27,18 +19,12 @@ def simulate(experiment):
     study = Study(None, experiment)
     shared = shared_reference(study)
     assert len(study.plan) == len(experiment.loops)
-    tables = [
-        compute_part(study, study.plan.part(number), shared, TaskContext())
+    first, *others = (
+        compute_part(study, study.plan.part(number), shared, TaskContext()).data
         for number in range(len(study.plan))
-    ]
-    kept = [
-        entry
-        for entry in Layout(study).quantities
-        if entry.per in (ValuePer.RUN, ValuePer.TRAJECTORY)
-    ]
-    found = [read_part(table, Path("part"), kept) for table in tables]
-    start = {name: tables[0].variables[name].data for name in ("initial_pose", "initial_velocity")}
-    return start | {name: np.array([one[name] for one in found]) for name in found[0]}
+    )
+    start = {name: first.pop(name) for name in ("initial_pose", "initial_velocity")}
+    return start | {name: np.array([first[name], *(x[name] for x in others)]) for name in first}
 
 
 @pytest.fixture
@@ -83,7 +69,8 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
 
 def test_a_torque_that_steps_miss_ends_a_run():
     solution = Solution(np.zeros((3, 1, 1)), np.array([0, 0, 1]), np.zeros(3, int), [""] * 3)
-    _find_undefined(Measured(solution, {"peak_torque": np.array([1.0, np.nan, np.nan])}, {}))
+    peaks = {"peak_torque": np.array([1.0, np.nan, np.nan])}
+    _find_undefined(replace(solution, numbers=peaks))
     assert solution.status.tolist() == [Status.OK, Status.NON_FINITE, 1]
     assert solution.messages[1].startswith("the torque is not finite at a sample, between steps")
 

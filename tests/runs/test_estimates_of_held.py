@@ -1,7 +1,6 @@
 """The error estimate of sampled loops is their error, by a program that was written without eqt."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import plain_held as plain
@@ -12,9 +11,8 @@ from small_experiment import WHEEL, study_of
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.runs.batches import batches
-from eqt_cli.runs.compute_part import compute_part, read_part, shared_reference
+from eqt_cli.runs.compute_part import compute_part, shared_reference
 from eqt_cli.runs.executors import TaskContext
-from eqt_cli.runs.folder import Layout
 
 LAG, BOUND, READ = {"lag": 0.3}, {"limit": 0.8}, {"estimator": True}
 LOOPS = [
@@ -44,8 +42,7 @@ MORE = pytest.mark.ci("three of them are fast")
 
 
 def table_of(study):
-    part = compute_part(study, study.plan.part(0), shared_reference(study), TaskContext())
-    return read_part(part, Path("part"), Layout(study).quantities)
+    return compute_part(study, study.plan.part(0), shared_reference(study), TaskContext()).data
 
 
 def error_and_estimate(folder, group, law, engine, period, rtol, more):

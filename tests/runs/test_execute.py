@@ -8,7 +8,6 @@ import shutil
 from dataclasses import dataclass
 from functools import partial
 
-import h5py
 import numpy as np
 import pytest
 from case_tables import from_yaml, in_ci
@@ -16,11 +15,11 @@ from faults_harness import Losing, assert_equal, assert_same, contents
 from plugin_sources import component
 from said import error_of
 from small_experiment import configuration, study_of
-from stored import fixed
 
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.reporting import reporting
-from eqt_cli.base.store_reader import open_results
+from eqt_cli.base.store_reader import open_results, read_arrays
+from eqt_cli.base.store_writer import write_arrays
 from eqt_cli.base.stored import Status
 from eqt_cli.results.result import open_result
 from eqt_cli.runs import compute_part, run_study
@@ -161,14 +160,14 @@ def test_a_short_session_writes_no_files_of_parts(make, whole, tmp_path, monkeyp
 
 
 def test_parts_that_are_removed_while_others_are_computed_are_missed(make, tmp_path, monkeypatch):
-    found = compute_part.write
+    found = compute_part.write_arrays
 
-    def removing(path, table):
-        found(path, table)
-        if path.name == "000001.h5":
-            (path.parent / "000000.h5").unlink()
+    def removing(path, arrays):
+        found(path, arrays)
+        if path.name == "000001.npy":
+            (path.parent / "000000.npy").unlink()
 
-    monkeypatch.setattr(compute_part, "write", removing)
+    monkeypatch.setattr(compute_part, "write_arrays", removing)
     monkeypatch.setattr(run_study, "UNSAVED_SECONDS", 0.0)
     with pytest.raises(EqtError, match=r"out/parts: 1 of \d+ parts were removed while others"):
         execute(make(), tmp_path / "out")
@@ -177,19 +176,19 @@ def test_parts_that_are_removed_while_others_are_computed_are_missed(make, tmp_p
 
 
 def test_an_interruption_after_a_file_was_written_writes_it_once(make, tmp_path, monkeypatch):
-    written, found = [], compute_part.write
+    written, found = [], compute_part.write_arrays
 
-    def interrupting(path, table):
-        found(path, table)
+    def interrupting(path, arrays):
+        found(path, arrays)
         written.append(path.name)
-        if path.name == "000001.h5":
+        if path.name == "000001.npy":
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(compute_part, "write", interrupting)
+    monkeypatch.setattr(compute_part, "write_arrays", interrupting)
     monkeypatch.setattr(run_study, "UNSAVED_SECONDS", 0.0)
     with pytest.raises(KeyboardInterrupt):
         execute(make(), tmp_path / "out")
-    assert written == ["reference.h5", "000000.h5", "000001.h5"]
+    assert written == ["reference.npy", "000000.npy", "000001.npy"]
 
 
 def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
@@ -210,12 +209,12 @@ def test_an_interrupted_packing_keeps_the_parts_of_a_short_session(
     "damage", ["foreign", in_ci("as the first", "truncated"), in_ci("as the first", "reference")]
 )
 def test_what_is_damaged_is_computed_again(make, whole, tmp_path, damage, begun):
-    part = begun / ("parts/reference.h5" if damage == "reference" else "parts/000001.h5")
+    part = begun / ("parts/reference.npy" if damage == "reference" else "parts/000001.npy")
     data = part.read_bytes()[:2000]
     if damage == "foreign":
         other = tmp_path / "other"
         interrupted(make(CONFIG, "gains.kp=2"), other)
-        data = (other / "parts/000001.h5").read_bytes()
+        data = (other / "parts/000001.npy").read_bytes()
     part.write_bytes(data)
     execute(make(), begun)
     assert_equal(begun, whole)
@@ -354,38 +353,23 @@ def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
 # Parts of versions that keep other numbers.
 
 
-def edit(path, change):
-    """Give a finished part other names for its rows of numbers, or other rows."""
-    with h5py.File(path, "r+") as file:
-        rows, names = file["numbers"][()], file.attrs["rows_of_numbers"].decode().split()
-        file["numbers"][()], names = change(rows, names)
-        if names is None:
-            del file.attrs["rows_of_numbers"]
-        else:
-            file.attrs["rows_of_numbers"] = fixed(" ".join(names))
-
-
-def exchanged(rows, names):
-    """As a version writes them in whose source mean torque and effort have changed places."""
-    assert names[:2] == ["mean_torque", "effort"]
-    order = [1, 0, *range(2, len(rows))]
-    return rows[order], [names[index] for index in order]
-
-
-def unnamed(rows, names):
-    return rows, None
-
-
 @pytest.mark.ci("computes an experiment several times")
 def test_numbers_of_a_part_are_read_by_name(make, whole, remarks, begun):
-    edit(begun / "parts/000001.h5", exchanged)
+    """As a version writes them in whose source they have another order."""
+    path = begun / "parts/000001.npy"
+    arrays = read_arrays(path)
+    write_arrays(path, dict(reversed(arrays.items())))
     assert execute(make(), begun).resumed == 6
     assert remarks == []
     assert_equal(begun, whole)
 
 
-def test_a_part_that_lacks_a_number_is_computed_again(make, whole, begun):
-    edit(begun / "parts/000001.h5", unnamed)
+@pytest.mark.parametrize("change", [lambda effort: None, lambda effort: effort[1:]])
+def test_a_part_without_a_number_of_every_run_is_computed_again(make, whole, begun, change):
+    path = begun / "parts/000001.npy"
+    arrays = read_arrays(path)
+    arrays["effort"] = change(arrays["effort"])
+    write_arrays(path, {name: x for name, x in arrays.items() if x is not None})
     execute(make(), begun)
     assert_equal(begun, whole)
 
@@ -555,7 +539,7 @@ def test_a_disk_that_refuses_locks_is_told_of_once(
 def test_status_counts_from_the_listing_alone(make, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out, after=4)
-    (out / "parts/000001.h5").rename(out / "parts/000001.f2.h5")
+    (out / "parts/000001.npy").rename(out / "parts/000001.f2.npy")
     found = unfinished(out)
     assert (found.runs, found.done, found.failed) == (14, 12, 2)
     assert found.writer is None

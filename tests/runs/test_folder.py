@@ -197,7 +197,7 @@ def test_what_a_kill_after_packing_left_is_tidied_by_the_next_command(run, exper
     folder = first.folder
     manifest = folder.manifest
     (folder.path / "parts").mkdir()
-    (folder.path / "parts/000001.h5").touch()
+    (folder.path / "parts/000001.npy").touch()
     (folder.path / ".lock").touch()
     for key in ("finished", "failed", "seconds"):
         del manifest[key]

@@ -26,20 +26,20 @@ def test_parts_hold_every_run_once(plan):
 
 
 @given(PLANS, st.integers(0, 9))
-def test_slabs_hold_every_kept_run_of_a_part_in_its_order(plan, kept):
+def test_boxes_hold_every_kept_run_of_a_part_in_its_order(plan, kept):
     kept = min(kept, plan.runs)
     for number in range(len(plan)):
         part = plan.part(number)
         entries = np.arange(part.start, part.stop)
         entries = entries[entries % plan.runs < kept]
-        slabs = list(part.slabs(kept))
-        assert len(slabs) <= 3
+        boxes = list(part.boxes(kept))
+        assert len(boxes) <= 3
         found = np.full(len(entries), -1)
-        for slab in slabs:
-            points = np.arange(slab.points.start, slab.points.stop)
-            runs = np.arange(slab.runs.start, slab.runs.stop)
-            assert slab.shape == (len(points), len(runs))
-            found[slab.rows] = (points[:, None] * plan.runs + runs).ravel()
+        for box in boxes:
+            points = np.arange(box.points.start, box.points.stop)
+            runs = np.arange(box.runs.start, box.runs.stop)
+            assert box.shape == (len(points), len(runs))
+            found[box.rows] = (points[:, None] * plan.runs + runs).ravel()
         np.testing.assert_array_equal(found, entries)
 
 

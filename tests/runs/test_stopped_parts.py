@@ -51,7 +51,7 @@ def test_finished_runs_of_a_stopped_part_are_kept(tmp_path, monkeypatch, more):
     for kept in (2, 5):
         with pytest.raises(Stopped):
             execute(study, out, executor=StopsAfter(runs=kept))
-        assert (out / f"parts/000000.r{kept}.h5").exists()
+        assert (out / f"parts/000000.r{kept}.npy").exists()
         assert unfinished(out).done == kept
     assert execute(study, out).resumed == 5
     assert_equal(out, contents(tmp_path / "whole"))
@@ -63,6 +63,6 @@ def test_a_damaged_file_of_a_stopped_part_is_computed_again(tmp_path, monkeypatc
     monkeypatch.setattr(native, "BLOCK_BYTES", 1)
     with pytest.raises(Stopped):
         execute(study, out, executor=StopsAfter(runs=3))
-    (out / "parts/000000.r3.h5").write_bytes(b"not HDF5")
+    (out / "parts/000000.r3.npy").write_bytes(b"not HDF5")
     execute(study, out)
     assert_equal(out, contents(tmp_path / "whole"))

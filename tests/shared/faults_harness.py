@@ -16,7 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from eqt_cli.base.store_reader import open_results
+from eqt_cli.base.store_reader import open_results, read_arrays
 from eqt_cli.runs.executors import Executor, Outcome, Serial, Task
 from eqt_cli.runs.folder import ResultFolder
 
@@ -192,7 +192,7 @@ def check_left_over(out: Path, before: dict[str, tuple[int, int]]) -> None:
         now = parts(out)
         assert before.items() <= now.items()
     for entry in folder.parts.listed().values():
-        open_results(entry.path).close()
+        assert read_arrays(entry.path)
 
 
 def contents(path: Path) -> dict[str, np.ndarray]:

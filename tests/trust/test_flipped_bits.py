@@ -55,7 +55,7 @@ def made(request, tmp_path_factory):
         pytest.raises(KeyboardInterrupt),
     ):
         eqt_cli.run(study, folder / BEGUN)
-    assert list((folder / BEGUN).glob("parts/0*.h5"))
+    assert list((folder / BEGUN).glob("parts/0*.npy"))
     return folder, study
 
 
@@ -77,7 +77,9 @@ def test_no_flipped_bit_becomes_another_number(made, tmp_path, state, count):
     for _ in range(count):
         out = tmp_path / "out"
         shutil.copytree(folder / state, out)
-        path = random_.choice(sorted([*out.rglob("*.h5"), out / "manifest.json"]))
+        path = random_.choice(
+            sorted([*out.rglob("*.h5"), *out.rglob("*.npy"), out / "manifest.json"])
+        )
         flipped(path, random_.randrange(8 * path.stat().st_size))
         kind = path.name if path.parent == out else "part"
         assert not is_intact_file(path)  # of which `eqt verify --file` tells
@@ -100,7 +102,7 @@ def test_verify_names_the_file(made, tmp_path, invoke):
     shutil.copytree(folder / BEGUN, tmp_path / "out")
     done = invoke("verify", tmp_path / "out", "--file")
     assert done.stdout == f"{tmp_path / 'out'}: 0 of 4 files damaged\n"
-    path = tmp_path / "out" / "parts" / "000001.h5"
+    path = tmp_path / "out" / "parts" / "000001.npy"
     flipped(path, 12345)
     done = invoke("verify", tmp_path / "out", "--file", "--json", code=4)
     assert json.loads(done.stdout)["damaged"] == [str(path)]

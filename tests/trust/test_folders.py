@@ -21,6 +21,7 @@ from pathlib import Path
 
 import pytest
 from ci_cases import mostly_ci
+from made_up import Table, write
 from small_experiment import configuration
 from typer.main import get_command
 
@@ -37,7 +38,6 @@ from eqt_cli.base.files import (
     new_file,
     replace_file,
 )
-from eqt_cli.base.store_writer import Table, write
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
 from eqt_cli.config import study as studies
@@ -297,7 +297,7 @@ def canary(tmp_path):
     """A folder of others, whose files have the names and the marks of eqt's."""
     home = tmp_path / "canary"
     (home / "folder" / "inner").mkdir(parents=True)
-    names = ("000000.h5", "reference.h5", "0-a.py", "eqt.yaml", "1.yaml", "config.yaml", "x.tmp")
+    names = ("000000.npy", "reference.npy", "0-a.py", "eqt.yaml", "1.yaml", "config.yaml", "x.tmp")
     for folder in (home, home / "folder", home / "folder" / "inner"):
         for name in (*names, "results.h5", "torque.json", f"a.{'0' * 16}.tmp"):
             (folder / name).write_text(CONFIG_MARK.format("tune"))
@@ -407,7 +407,7 @@ def test_only_own_names_are_deleted(lay, command):
     kept = {
         f"{folder}/{name}"
         for folder in (PARTS, RERUN, FIGURES, PLUGINS, FILES, "generations/eqt/seeds-0-0")
-        for name in ("notes.txt", "x.tmp", "mine/000000.h5", f"notes.{'0' * 16}.tmp")
+        for name in ("notes.txt", "x.tmp", "mine/000000.npy", f"notes.{'0' * 16}.tmp")
     }
     kept |= {"x.tmp", "results.h5.tmp", "notes.txt", f"{FIGURES}/mine/torque.json"}
     if base == "tuned":
@@ -416,7 +416,7 @@ def test_only_own_names_are_deleted(lay, command):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_bytes(b"mine")
     unfinished = {"tuned": ["tuning.json", "tuned/eqt.yaml"]}.get(
-        base, ["results.h5", "parts/000000.h5"]
+        base, ["results.h5", "parts/000000.npy"]
     )
     killed = [f"{name}.{'0' * 16}.tmp" for name in unfinished]
     for name in killed:
@@ -436,7 +436,7 @@ def test_a_folder_of_others_takes_no_result(lay, name, force):
     out = lay("complete")
     shutil.rmtree(out)
     (out / name).mkdir(parents=True)
-    (out / name / "000000.h5").write_bytes(b"mine")
+    (out / name / "000000.npy").write_bytes(b"mine")
     before = state(out / name)
     assert call(f"run c.yaml --out OUT{force}") == Done(
         2, f"eqt: out: holds {name} that eqt did not write; choose another folder with --out\n"

@@ -57,8 +57,8 @@ def test_parts_and_result_are_counted_together(begun, monkeypatch):
         preflight, "_free_disk", lambda folder: result + preflight.parts_size(found) - 1
     )
     assert error_of(preflight.check_resources, found, Path("new"), kind=ConfigError) == (
-        "c.yaml:7:12: ensemble.runs: 66 kB are needed on the disk (13 kB for the result, "
-        "53 kB for the parts from which it is packed), and new has 66 kB left; "
+        "c.yaml:7:12: ensemble.runs: 46 kB are needed on the disk (13 kB for the result, "
+        "33 kB for the parts from which it is packed), and new has 46 kB left; "
         "take fewer runs, fewer samples, or store.trajectories: none"
     )
     preflight.check_resources(found, out, missing=0.5)  # the other half is there
@@ -99,14 +99,14 @@ def test_what_cannot_be_packed_is_kept(begun, monkeypatch, name, command):
 @pytest.mark.ci("computes an experiment on a full disk")
 def test_a_part_that_does_not_fit_tells_what_is_kept(begun, monkeypatch):
     found, out = begun
-    (out / "parts/000002.h5").unlink()
+    (out / "parts/000002.npy").unlink()
     with monkeypatch.context() as patch:
-        full_when(patch, "000002.h5")
+        full_when(patch, "000002.npy")
         patch.setattr("eqt_cli.runs.run_study.UNSAVED_SECONDS", 0.0)
         with pytest.raises(FullDiskError) as caught:
             execute(found, out)
     assert str(caught.value) == (
-        f"{out.resolve() / 'parts/000002.h5'}: cannot be written: No space left on device; 5 of 6 "
+        f"{out.resolve() / 'parts/000002.npy'}: cannot be written: No space left on device; 5 of 6 "
         "runs are kept in out; free some space and run the same command again, or move the folder "
         "to another disk and name it with out=…"
     )

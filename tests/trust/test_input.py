@@ -231,7 +231,7 @@ def test_a_record_that_is_nested_deeply_is_none(sent, refused):
 )
 def test_a_plan_of_another_shape_is_none(sent, plan):
     (sent / "out/parts").mkdir(parents=True)
-    (sent / "out/parts/000000.h5").touch()
+    (sent / "out/parts/000000.npy").touch()
     text = json.dumps({"plan": plan, "name": "x", "begun": "y"})
     (sent / "out/manifest.json").write_text(text, encoding="utf-8")
     assert unfinished(sent / "out") is None

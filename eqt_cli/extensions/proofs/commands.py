@@ -130,7 +130,8 @@ def verify(
 
 def _verify_files(target: Path, *, json: bool) -> None:
     """Print which files of a result have other bytes than eqt wrote; exit 4 if some have."""
-    names = (f for f in [target, *target.rglob("*")] if f.suffix == ".h5" or f.name in RECORDS)
+    sealed = {".h5", ".npy"}
+    names = (f for f in [target, *target.rglob("*")] if f.suffix in sealed or f.name in RECORDS)
     intact = {str(path): is_intact_file(path) for path in sorted(names)}
     damaged = [path for path, known in intact.items() if not known]
     for path in damaged:

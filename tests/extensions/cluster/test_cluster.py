@@ -194,12 +194,12 @@ def test_an_interrupted_sweep_goes_on_and_has_the_bits_of_one_process(eqt, tmp_p
     ended(eqt("sweep", "c.yaml", "--executor", "serial", "--out", "alone"), 0)
     command = "sweep", "c.yaml", "--executor", "parsl:cluster.py", "--out", "many"
     first, many = eqt(*command), tmp_path / "many"
-    wait_for(lambda: list((many / "parts").glob("0*.h5")))
+    wait_for(lambda: list((many / "parts").glob("0*.npy")))
     begun = time.monotonic()
     first.send_signal(signal.SIGINT)
     assert "runs are kept in many: run the same command again to continue" in ended(first, 130)
     assert time.monotonic() < begun + 10  # 2 s where nothing else runs
-    assert list((many / "parts").glob("0*.h5"))
+    assert list((many / "parts").glob("0*.npy"))
     assert " runs were already computed" in ended(eqt(*command), 0)
     assert numbers(many) == numbers(tmp_path / "alone")
     left = {path.name for path in tmp_path.iterdir() if path.suffix not in (".py", ".yaml")}
