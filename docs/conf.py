@@ -23,6 +23,7 @@ extensions = [
     "long_names",
     "redirects",
     "descriptions",
+    "drawings",
     "offline",
 ]
 
@@ -68,7 +69,7 @@ html_theme_options = {
         "image_dark": "_static/favicon.svg",
         "text": "eqt",
     },
-    "header_links_before_dropdown": 5,
+    "header_links_before_dropdown": 7,
     "navigation_with_keys": False,
     "show_nav_level": 2,
     "secondary_sidebar_items": ["page-toc"],
