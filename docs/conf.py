@@ -24,6 +24,7 @@ extensions = [
     "redirects",
     "descriptions",
     "drawings",
+    "symbols",
     "offline",
 ]
 
