@@ -552,6 +552,29 @@ def smallest_result(group: str) -> Iterator[Any]:
 
 
 @part
+def shipped_configurations() -> Iterator[str]:
+    """The shipped configurations with their groups, laws and commands."""
+    from eqt_cli.config import shipped
+
+    rows = []
+    for name in shipped.names():
+        data = yaml.safe_load(shipped.text(name))
+        laws = [x if isinstance(x, str) else x.get("label", x["kind"]) for x in data["controllers"]]
+        more = f", {len(laws) - 4} more" if len(laws) > 4 else ""
+        command = next((x for x in ("tune", "worst", "sweep") if data.get(x)), "run")
+        rows.append(
+            [
+                code(name),
+                shipped.summary(name),
+                str(data.get("group", "SO3")),
+                ", ".join(map(code, laws[:4])) + more,
+                code(f"eqt {command} {name}"),
+            ]
+        )
+    yield from table(["configuration", "what it is", "group", "laws", "command"], rows)
+
+
+@part
 def statuses() -> Iterator[str]:
     """How a run can end."""
     from eqt_cli.base.stored import Status
