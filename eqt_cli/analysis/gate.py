@@ -1,0 +1,238 @@
+"""Gates: whether numbers became worse by more than a margin, by one-sided bounds, and in words.
+
+Knows neither results nor flights: who has a change and its bounds makes a `Finding`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.analysis import intervals
+from eqt_cli.analysis.intervals import Interval
+from eqt_cli.base import units
+from eqt_cli.base.arrays import Array
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.reporting import count_of, fixed
+
+TWO_SIDED = 0.90
+"""Confidence of an interval whose ends are both one-sided bounds of 95 %."""
+
+UNKNOWN = Interval(math.nan, math.nan, math.nan)
+
+Outcome = StrEnum("Outcome", {"WORSE": "worse", "NOT_SHOWN": "not shown", "HOLDS": "holds"})
+"""What the bounds of a change say of a margin, the worst first."""
+
+_RULE = re.compile(r"(\S+)\s+worse\s+by\s+(-?\d*\.?\d+(?:e-?\d+)?)\s*([^\d\s.,].*)?")
+
+
+class Rule(NamedTuple):
+    """A number that must not become worse by more than a margin.
+
+    Attributes
+    ----------
+    metric
+        Its name; empty for the rule ``worse``: no number may be called worse.
+    margin, unit
+        The margin and its unit: ``%`` of the mean before, ``points`` of 100 for shares, or a unit
+        of the number; empty for a pure number.
+    """
+
+    metric: str = ""
+    margin: float = math.inf
+    unit: str = ""
+
+    def __str__(self) -> str:
+        """The rule as a user writes it."""
+        by = f"{self.metric} worse by {self.margin:g} {self.unit}".rstrip()
+        return by if self.metric else "worse"
+
+    def factor(self, unit: str, *, is_share: bool = False) -> float:
+        """Return the factor from a change to the unit of the margin.
+
+        The change is in the unit of the number, or a fraction for ``%`` and ``points``.
+
+        Parameters
+        ----------
+        unit
+            Unit of the number; empty or 1 of a pure one.
+        is_share
+            Whether it is a share of runs or of time, whose margin is in points.
+
+        Raises
+        ------
+        EqtError
+            If the margin has another unit.
+        """
+        is_fraction = self.unit == ("points" if is_share else "%")
+        ratio = 100.0 if is_fraction else units.factor(unit or "1", self.unit or "1")
+        if ratio is None or (is_share and not is_fraction):
+            number = "a number without a unit" if unit in ("", "1") else units.offered(unit)
+            expected = "points of 100, as 2 points" if is_share else f"%, or {number}"
+            raise EqtError(f"'{self}': expected a margin in {expected}")
+        return ratio
+
+
+def rules_of(texts: Sequence[str]) -> list[Rule]:
+    """Parse ``METRIC worse by MARGIN``, ``worse``, and ``failed``, which every gate tests anyway.
+
+    Raises
+    ------
+    EqtError
+        If a text is none of these, or its margin is not above 0.
+    """
+    rules = [Rule()] * ("worse" in texts)
+    for text in (text for text in texts if text not in ("worse", "failed")):
+        if not (match := _RULE.fullmatch(text.strip())):
+            expected = "METRIC worse by MARGIN, as 'effort worse by 5 %'; or worse; or failed"
+            raise EqtError(f"'{text}': expected {expected}")
+        if not 0 < float(match[2]) < math.inf:
+            advice = "`eqt diff` tests whether two results are equal"
+            raise EqtError(f"'{text}': expected a margin above 0; {advice}")
+        rules.append(Rule(match[1], float(match[2]), (match[3] or "").strip()))
+    return rules
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A rule with what is known of it, by which it holds or not.
+
+    Attributes
+    ----------
+    rule
+        The rule. ``worse`` has findings only of what is worse.
+    of
+        The number in words: ``EqT: mean attitude error``.
+    change
+        The number now minus the one before, in the unit of the margin. Its ends are one-sided
+        bounds of 95 % (`TWO_SIDED`); NaN with too few pairs.
+    pairs, to_show
+        How many pairs it rests on, and how many would show that it holds if nothing changed.
+    is_gain
+        Whether higher numbers are better.
+    why
+        What stands in the place of numbers.
+    noun
+        What a pair is: ``run``, ``flight``.
+    names
+        Names of the number and what has it, for programs.
+    """
+
+    rule: Rule
+    of: str
+    change: Interval = UNKNOWN
+    pairs: int = 0
+    to_show: int | None = None
+    is_gain: bool = False
+    why: str = ""
+    noun: str = "run"
+    names: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def outcome(self) -> Outcome:
+        """*Holds* if both bounds are within the margin on the worse side, *worse* if none is.
+
+        Else it is *not shown*.
+        """
+        low, high = sorted(-end if self.is_gain else end for end in self.change[1:])
+        if not self.rule.metric or low > self.rule.margin:
+            return Outcome.WORSE
+        return Outcome.HOLDS if high <= self.rule.margin else Outcome.NOT_SHOWN
+
+    def __str__(self) -> str:
+        """``holds: EqT: effort not worse by 5 %: +1.4 %, at most +4.1 % (95 %)``."""
+        is_worse, shown = self.outcome is Outcome.WORSE, self.why
+        says = "worse by more than" if is_worse else "not worse by"
+        if not self.why:
+            is_upper = is_worse == self.is_gain
+            bound = self.change.high if is_upper else self.change.low
+            shown = f"no bound from {count_of(self.pairs, self.noun)}"
+            if math.isfinite(bound):
+                outward = self._written(bound, math.ceil if is_upper else math.floor)
+                shown = f"at {'most' if is_upper else 'least'} {outward} (95 %)"
+            shown = f"{self._written(self.change.value, round)}, {shown}"
+        worsening = -self.change.value if self.is_gain else self.change.value
+        if self.to_show and self.outcome is Outcome.NOT_SHOWN and worsening <= self.rule.margin:
+            shown += f"; {count_of(self.to_show, self.noun)} would show it if nothing changed"
+        by = str(self.rule).partition("worse by")[2]
+        return f"{self.outcome}: {self.of} {says}{by}: {shown}"
+
+    def _written(self, value: float, whole: Any) -> str:
+        """Return a number to a tenth of the first digit of the margin, with its unit."""
+        digits = max(0, 1 - math.floor(math.log10(self.rule.margin)))
+        number = whole(round(value * 10**digits, 6)) / 10**digits if math.isfinite(value) else value
+        return f"{fixed(number, digits, signed=True).replace('-', '−')} {self.rule.unit}".rstrip()
+
+    def record(self) -> dict[str, Any]:
+        """Return the finding for programs."""
+        words = {"rule": str(self.rule), "outcome": self.outcome, "words": str(self)}
+        numbers = {"pairs": self.pairs, "pairs_to_show": self.to_show}
+        return {**self.names, **words, **numbers, **self.change._asdict(), "unit": self.rule.unit}
+
+
+def passes(findings: Sequence[Finding], *, undecided: bool = False) -> bool:
+    """Whether every rule holds; with `undecided`, also if some are not shown."""
+    allowed = {Outcome.HOLDS, Outcome.NOT_SHOWN} if undecided else {Outcome.HOLDS}
+    return all(each.outcome in allowed for each in findings)
+
+
+def lines(findings: Sequence[Finding], *, undecided: bool = False) -> list[str]:
+    """Say whether the gate passes, and then each finding, the worst first."""
+    counts = Counter(each.outcome for each in findings)
+    word = "passes" if passes(findings, undecided=undecided) else "fails"
+    though = " although not shown" if word == "passes" and counts[Outcome.NOT_SHOWN] else ""
+    parts = (f"{n} {each.removesuffix('s' * (n > 1))}" for each in Outcome if (n := counts[each]))
+    order = sorted(findings, key=lambda each: list(Outcome).index(each.outcome))
+    return [f"gate {word}{though}: {', '.join(parts) or 'no run failed'}", *map(str, order)]
+
+
+def change_of_mean(
+    rule: Rule, before: Array, now: Array, factor: float
+) -> tuple[Interval, int | None]:
+    """Return the change of the mean of paired runs, and how many runs would show a change of 0.
+
+    The bounds are Fieller's (1954) relative to the mean before, else Student's. So many runs show
+    with probability `POWER` that the rule holds, if the spread is as measured.
+
+    Parameters
+    ----------
+    before, now : (runs,)
+        The numbers of the same runs.
+    factor
+        `Rule.factor` of the number.
+    """
+    difference, base = now - before, before
+    if not difference.any():
+        return Interval(0.0, 0.0, 0.0), None
+    if rule.unit != "%":  # Fieller's interval relative to a constant is Student's.
+        base = np.full_like(before, 10 * np.abs(difference).max())
+        factor *= float(base[0])
+    change = intervals.relative_difference(difference, base, TWO_SIDED)
+    spread = np.std(difference - rule.margin / factor * np.abs(base), ddof=1)
+    effect = float(rule.margin / factor * abs(np.mean(base)) / spread)
+    return _scaled(change, factor), intervals.runs_to_decide(effect, TWO_SIDED)
+
+
+def change_of_share(rule: Rule, before: Array, now: Array) -> tuple[Interval, int | None]:
+    """Return the change of a share of runs, in points, as `change_of_mean`.
+
+    The bounds are Newcombe's (1998); where all runs of both count, z²/(n + z²) from 0.
+    """
+    change, _ = intervals.difference_of_shares(now, before, TWO_SIDED)
+    margin, differ = rule.margin / 100, float(np.mean(now != before))
+    to_show = math.ceil(2.706 * (1 / margin - 1))  # z² of 95 %
+    if differ:
+        more = intervals.runs_to_decide(margin / math.sqrt(differ), TWO_SIDED)
+        to_show = max(to_show, more or 0)
+    return _scaled(change, 100.0), to_show
+
+
+def _scaled(interval: Interval, factor: float) -> Interval:
+    return Interval(*(factor * end for end in interval))
