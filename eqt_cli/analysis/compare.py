@@ -287,7 +287,7 @@ def compare(
         If a metric or window does not exist, data is missing, or the result is a sweep.
     """
     _check(result, how)
-    chosen = _chosen(result, metrics, windows)
+    chosen = measures_of(result, metrics, windows)
     concluded = conclusion_of(result)
     chosen_laws, tuned = labels or concluded.compared(result), concluded.starts
     labels = [label for label in result.labels if label in chosen_laws]
@@ -414,10 +414,11 @@ def compare_two(
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
     between: Sequence[str] = (),
+    counterparts: Mapping[str, str],
     how: Resampling = Resampling(),  # noqa: B008  # it is frozen
     negligible: float = NEGLIGIBLE,
 ) -> Comparison:
-    """Compare each law of the second result with the same law of the first, or with its first law.
+    """Compare laws of the second result with laws of the first.
 
     Runs with equal numbers are pairs. Where their starts differ, the runs of a pair are
     independent, and intervals and tests hold, too. Numbers of L are left out, since L may differ.
@@ -426,6 +427,8 @@ def compare_two(
     ----------
     between
         Sentences on the two results.
+    counterparts
+        Labels of laws of the second result, with those of the first that they are compared with.
 
     Raises
     ------
@@ -446,7 +449,7 @@ def compare_two(
     }
     runs = min(result.runs for result in both)
     good = np.vstack([result.good[:, :runs] for result in both])
-    chosen, measured = _chosen(first, metrics, windows), []
+    chosen, measured = measures_of(first, metrics, windows), []
     for quantity, window in chosen:
         wanted = second.comparable_named if metrics else second.comparable.get  # raises, or None
         other = wanted(quantity.name)
@@ -455,12 +458,11 @@ def compare_two(
         of_first = first.per_run(quantity, window.within(first.times))
         of_second = second.per_run(other, window.within(second.times))
         if of_first.unit == of_second.unit:
-            measured.append(_beside(of_first, of_second, runs))
+            measured.append(beside(of_first, of_second, runs))
     if identical := first.repeats and second.repeats:
         measured = [_first_run(numbers) for numbers in measured]
     levels, pairs, resamples = statistics(measured, list(laws), good, how)
-    same = {law: law if law in first.labels else first.labels[0] for law in second.labels}
-    bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in same.items()}
+    bases = {f"{names[1]}/{law}": f"{names[0]}/{base}" for law, base in counterparts.items()}
     titles = {k: f"{result.title_of[law]} ({name})" for k, (name, result, law) in laws.items()}
     errors_of = {k: (result.described.small_errors, law) for k, (_, result, law) in laws.items()}
     small = {label: errors[law] for label, (errors, law) in errors_of.items() if law in errors}
@@ -490,7 +492,7 @@ def compare_two(
     )
 
 
-def _beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
+def beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
     """Return the numbers of two results, those of the first above those of the second."""
     values = np.vstack([first.values[:, :runs], second.values[:, :runs]])
     censored = np.vstack([first.censored[:, :runs], second.censored[:, :runs]])
@@ -516,9 +518,10 @@ def _key(measured: PerRun) -> _Key:
     return measured.quantity.name, measured.window
 
 
-def _chosen(
+def measures_of(
     result: Result, metrics: Sequence[str], windows: Sequence[Window]
 ) -> list[tuple[Measure, Window]]:
+    """Return named measures over windows; of empty lists, the default ones."""
     if not metrics and not windows:
         return _defaults(result)
     names = metrics or list(dict.fromkeys(measure.name for measure, _ in _defaults(result)))

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Level, Pair
 from eqt_cli.base.reporting import InNotebook
 from eqt_cli.results.result import PerRun
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.gate import Finding
 
 
 class ClaimVerdict(StrEnum):
@@ -110,6 +113,8 @@ class Comparison(InNotebook):
         Of two results: the law of the first with which each law of the second is compared.
     between
         Sentences on two results: whether their runs are pairs, and what differs.
+    gate
+        Of two results: a finding for each rule and law; None without a gate.
     in_words, in_rows
         How `answer` and `records` follow.
     """
@@ -139,6 +144,7 @@ class Comparison(InNotebook):
     identical: bool = False
     bases: Mapping[str, str] = field(default_factory=dict)
     between: Sequence[str] = ()
+    gate: Sequence[Finding] | None = None
     in_words: Callable[[Comparison], list[str]] = lambda comparison: []
     in_rows: Callable[[Comparison], list[dict[str, Any]]] = lambda comparison: []
 

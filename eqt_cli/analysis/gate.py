@@ -39,20 +39,25 @@ class Rule(NamedTuple):
     Attributes
     ----------
     metric
-        Its name; empty for the rule ``worse``: no number may be called worse.
+        Its name. ``worse`` and ``failed`` without a margin: no number may be called worse, and no
+        run may fail that did not fail before.
     margin, unit
         The margin and its unit: ``%`` of the mean before, ``points`` of 100 for shares, or a unit
         of the number; empty for a pure number.
     """
 
-    metric: str = ""
+    metric: str
     margin: float = math.inf
     unit: str = ""
 
     def __str__(self) -> str:
         """The rule as a user writes it."""
-        by = f"{self.metric} worse by {self.margin:g} {self.unit}".rstrip()
-        return by if self.metric else "worse"
+        return f"{self.metric} worse by {self.by}" if self.margin < math.inf else self.metric
+
+    @property
+    def by(self) -> str:
+        """The margin with its unit."""
+        return f"{self.margin:g} {self.unit}".rstrip()
 
     def factor(self, unit: str, *, is_share: bool = False) -> float:
         """Return the factor from a change to the unit of the margin.
@@ -81,14 +86,14 @@ class Rule(NamedTuple):
 
 
 def rules_of(texts: Sequence[str]) -> list[Rule]:
-    """Parse ``METRIC worse by MARGIN``, ``worse``, and ``failed``, which every gate tests anyway.
+    """Parse ``METRIC worse by MARGIN``, ``worse`` and ``failed``.
 
     Raises
     ------
     EqtError
         If a text is none of these, or its margin is not above 0.
     """
-    rules = [Rule()] * ("worse" in texts)
+    rules = [Rule(text) for text in texts if text in ("worse", "failed")]
     for text in (text for text in texts if text not in ("worse", "failed")):
         if not (match := _RULE.fullmatch(text.strip())):
             expected = "METRIC worse by MARGIN, as 'effort worse by 5 %'; or worse; or failed"
@@ -107,7 +112,7 @@ class Finding:
     Attributes
     ----------
     rule
-        The rule. ``worse`` has findings only of what is worse.
+        The rule. Those without a margin have findings only of what is worse.
     of
         The number in words: ``EqT: mean attitude error``.
     change
@@ -142,33 +147,33 @@ class Finding:
         Else it is *not shown*.
         """
         low, high = sorted(-end if self.is_gain else end for end in self.change[1:])
-        if not self.rule.metric or low > self.rule.margin:
+        if low > self.rule.margin or self.rule.margin == math.inf:
             return Outcome.WORSE
         return Outcome.HOLDS if high <= self.rule.margin else Outcome.NOT_SHOWN
 
     def __str__(self) -> str:
         """``holds: EqT: effort not worse by 5 %: +1.4 %, at most +4.1 % (95 %)``."""
         is_worse, shown = self.outcome is Outcome.WORSE, self.why
-        says = "worse by more than" if is_worse else "not worse by"
         if not self.why:
             is_upper = is_worse == self.is_gain
             bound = self.change.high if is_upper else self.change.low
             shown = f"no bound from {count_of(self.pairs, self.noun)}"
             if math.isfinite(bound):
-                outward = self._written(bound, math.ceil if is_upper else math.floor)
-                shown = f"at {'most' if is_upper else 'least'} {outward} (95 %)"
-            shown = f"{self._written(self.change.value, round)}, {shown}"
+                shown = f"at {'most' if is_upper else 'least'} {self._written(bound)} (95 %)"
+            says = "worse by more than" if is_worse else "not worse by"
+            shown = f"{says} {self.rule.by}: {self._written(self.change.value)}, {shown}"
         worsening = -self.change.value if self.is_gain else self.change.value
         if self.to_show and self.outcome is Outcome.NOT_SHOWN and worsening <= self.rule.margin:
             shown += f"; {count_of(self.to_show, self.noun)} would show it if nothing changed"
-        by = str(self.rule).partition("worse by")[2]
-        return f"{self.outcome}: {self.of} {says}{by}: {shown}"
+        colon = ":" * bool(self.why)
+        return f"{self.outcome}: {self.of}{colon} {shown}"
 
-    def _written(self, value: float, whole: Any) -> str:
-        """Return a number to a tenth of the first digit of the margin, with its unit."""
+    def _written(self, value: float) -> str:
+        """Return a number to a tenth of the first digit of the margin, and more beside it."""
         digits = max(0, 1 - math.floor(math.log10(self.rule.margin)))
-        number = whole(round(value * 10**digits, 6)) / 10**digits if math.isfinite(value) else value
-        return f"{fixed(number, digits, signed=True).replace('-', '−')} {self.rule.unit}".rstrip()
+        if math.isfinite(value) and round(abs(value), digits) == self.rule.margin:
+            digits += 2
+        return f"{fixed(value, digits, signed=True).replace('-', '−')} {self.rule.unit}".rstrip()
 
     def record(self) -> dict[str, Any]:
         """Return the finding for programs."""
@@ -190,7 +195,7 @@ def lines(findings: Sequence[Finding], *, undecided: bool = False) -> list[str]:
     though = " although not shown" if word == "passes" and counts[Outcome.NOT_SHOWN] else ""
     parts = (f"{n} {each.removesuffix('s' * (n > 1))}" for each in Outcome if (n := counts[each]))
     order = sorted(findings, key=lambda each: list(Outcome).index(each.outcome))
-    return [f"gate {word}{though}: {', '.join(parts) or 'no run failed'}", *map(str, order)]
+    return [f"gate {word}{though}: {', '.join(parts) or 'nothing failed'}", *map(str, order)]
 
 
 def change_of_mean(
@@ -208,30 +213,34 @@ def change_of_mean(
     factor
         `Rule.factor` of the number.
     """
-    difference, base = now - before, before
+    difference, base = intervals.resolved_differences(now, before), before
     if not difference.any():
-        return Interval(0.0, 0.0, 0.0), None
+        end = 0.0 if len(difference) >= intervals.FEWEST else math.nan
+        return Interval(end, end, end), intervals.FEWEST
     if rule.unit != "%":  # Fieller's interval relative to a constant is Student's.
         base = np.full_like(before, 10 * np.abs(difference).max())
         factor *= float(base[0])
     change = intervals.relative_difference(difference, base, TWO_SIDED)
-    spread = np.std(difference - rule.margin / factor * np.abs(base), ddof=1)
-    effect = float(rule.margin / factor * abs(np.mean(base)) / spread)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of runs that are all alike
+        spread = np.std(difference - rule.margin / factor * np.abs(base))
+        effect = float(rule.margin / factor * abs(np.mean(base)) / spread)
     return _scaled(change, factor), intervals.runs_to_decide(effect, TWO_SIDED)
 
 
-def change_of_share(rule: Rule, before: Array, now: Array) -> tuple[Interval, int | None]:
-    """Return the change of a share of runs, in points, as `change_of_mean`.
+def change_of_share(
+    rule: Rule, before: Array, now: Array, factor: float
+) -> tuple[Interval, int | None]:
+    """Return the change of a share of runs as `change_of_mean` does.
 
-    The bounds are Newcombe's (1998); where all runs of both count, z²/(n + z²) from 0.
+    The bounds are Newcombe's (1998); where all runs of both count, they are z²/(n + z²) from 0.
     """
     change, _ = intervals.difference_of_shares(now, before, TWO_SIDED)
-    margin, differ = rule.margin / 100, float(np.mean(now != before))
+    margin, differ = rule.margin / factor, float(np.mean(now != before)) if now.size else 0.0
     to_show = math.ceil(2.706 * (1 / margin - 1))  # z² of 95 %
     if differ:
         more = intervals.runs_to_decide(margin / math.sqrt(differ), TWO_SIDED)
         to_show = max(to_show, more or 0)
-    return _scaled(change, 100.0), to_show
+    return _scaled(change, factor), to_show
 
 
 def _scaled(interval: Interval, factor: float) -> Interval:

@@ -158,7 +158,7 @@ def matrix(comparison: Comparison, against: str = "", *, whole: bool = False) ->
             for x in shown
         )
         rows.append([law, *cells])
-    header = ["law", *_names(shown, comparison)]
+    header = ["law", *names_of(shown, comparison)]
     blocks = [Block("", rows)] if rows else []
     return TextTable("verdict", "", header, blocks, list(_meaning(comparison, against)))
 
@@ -209,7 +209,7 @@ def remarks(comparison: Comparison, against: str = "", *, whole: bool = False) -
         tuning = "`eqt tune CONFIG` tunes all laws alike"
         sentences.append(f"gains are not tuned alike: {alone}; {tuning}")
     within = [x.pair.measured for x in conclusions if unresolved(x.pair, comparison.resolution)]
-    if names := ", ".join(dict.fromkeys(_names(within, comparison))):
+    if names := ", ".join(dict.fromkeys(names_of(within, comparison))):
         estimate = f"the error estimate of {comparison.resolution:.1g}"
         sentences.append(f"not judged, as both are within {estimate}: {names}")
     failed = [f"{titles[k]} {count} of {runs}" for k, count in comparison.failed.items() if count]
@@ -245,7 +245,7 @@ def _also(of_law: Sequence[Answer], comparison: Comparison) -> Iterator[str]:
             if (_topic(x), word) not in marked and x.pair.measured.quantity.name not in SETTLING
         ]
         if others:
-            yield f"{word} in {', '.join(_names(others, comparison))}"
+            yield f"{word} in {', '.join(names_of(others, comparison))}"
 
 
 def _topic(answer: Answer) -> str:
@@ -281,7 +281,7 @@ def _times(pair: Pair) -> str:
     return f"{fixed(100 * pair.relative, 0, signed=True).replace('-', '−')} %"
 
 
-def _names(numbers: Sequence[PerRun], comparison: Comparison) -> list[str]:
+def names_of(numbers: Sequence[PerRun], comparison: Comparison) -> list[str]:
     """Return the numbers, each with its window unless that is the whole run."""
     names = []
     for measured in numbers:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eqt_cli.analysis.intervals import NEGLIGIBLE, Resampling
 from eqt_cli.api.loading import ResultPath, open_at, path_from, require_list
-from eqt_cli.base.errors import EqtError
+from eqt_cli.base.errors import EqtError, Remedy, suggestion
 from eqt_cli.results.conclusion import conclusion_of
 from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result, open_result
@@ -29,6 +30,9 @@ def compare(
     windows: Sequence[str | Window] = (),
     *,
     other: ResultPath | None = None,
+    fail_on: Sequence[str] | None = None,
+    law: Mapping[str, str] | None = None,
+    same: Sequence[str] = (),
     controllers: Sequence[str] = (),
     without_start: bool = False,
     point: int | None = None,
@@ -51,6 +55,14 @@ def compare(
     other
         Another result, such as one with other gains, whose laws are compared with the same laws of
         the first.
+    fail_on
+        What the other result must not have: ``"effort worse by 5 %"``, ``"worse"``, ``"failed"``.
+        Then ``gate`` of the comparison says of each law what holds, and what is not shown.
+    law
+        Laws of the other result, and those of the first that they are compared with, where their
+        names differ.
+    same
+        Sections of the configuration that must be equal in both results.
     controllers
         Labels or titles of the controllers to compare; all if empty.
     without_start
@@ -72,7 +84,7 @@ def compare(
     Raises
     ------
     EqtError
-        If the result does not have a metric or a window.
+        If the result does not have a metric or a window, or a gate cannot compare the results.
 
     Examples
     --------
@@ -95,16 +107,29 @@ def compare(
         results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
         if other is not None:
+            from eqt_cli.analysis.gate import rules_of
+
+            rules = rules_of(fail_on or ())
             with open_at(path_from("other", other), point) as second:
-                return compare_two(
+                now = second.in_units(units)
+                _require_same(opened, second, same)
+                counterparts = _counterparts(opened, second, law or {}, controllers, fail_on)
+                compared = compare_two(
                     results,
-                    second.in_units(units),
+                    now,
                     metrics=metrics,
                     windows=parsed,
                     between=_between(opened, second),
+                    counterparts=counterparts,
                     how=how,
                     negligible=negligible,
                 )
+                if fail_on is None:
+                    return compared
+                from eqt_cli.analysis.worsening import findings
+
+                gate = findings(compared, results, now, rules, parsed, counterparts)
+                return replace(compared, gate=list(gate))
         return compare_results(
             results,
             metrics=metrics,
@@ -115,16 +140,81 @@ def compare(
         )
 
 
+def _counterparts(
+    first: Result,
+    second: Result,
+    named: Mapping[str, str],
+    controllers: Sequence[str],
+    fail_on: Sequence[str] | None,
+) -> dict[str, str]:
+    """Return the law of the first result for each law of the second, or for some controllers.
+
+    A law without a counterpart is compared with the first law; a gate refuses it.
+    """
+    pairs = {law: law for law in second.labels}
+    for law, base in named.items():
+        pairs[second.labels[second.position_of(law)]] = first.labels[first.position_of(base)]
+    chosen = [second.labels[second.position_of(name)] for name in controllers] or second.labels
+    pairs = {law: pairs[law] for law in chosen}
+    if fail_on is None:
+        return {
+            law: base if base in first.labels else first.labels[0] for law, base in pairs.items()
+        }
+    for law, base in pairs.items():
+        if base not in first.labels:
+            remedy = Remedy(f"name its counterpart with {{}} {law}=NAME", "law")
+            raise EqtError(f"{first.path}: holds no law '{base}', which {second.path} does", remedy)
+    for law in () if controllers else first.labels:
+        if law not in pairs.values():
+            remedy = Remedy("name the laws to judge with {}", "controller")
+            raise EqtError(f"{second.path}: holds no law '{law}', which {first.path} does", remedy)
+    return pairs
+
+
+_STORED = {
+    "initial": ("initial_pose", "initial_velocity"),
+    "reference": ("desired_pose", "desired_velocity"),
+}
+"""What results store of a section."""
+
+
+def _require_same(first: Result, second: Result, sections: Sequence[str]) -> None:
+    """Refuse results that differ in these sections of the configuration.
+
+    Raises
+    ------
+    EqtError
+        If they differ, or if there is no such section.
+    """
+    from eqt_cli.analysis.differences import changed_keys
+    from eqt_cli.config.schema import Config
+
+    for section in sections:
+        if section not in Config.model_fields:
+            raise EqtError(f"no section '{section}'{suggestion(section, Config.model_fields)}")
+        changes = [each["key"] for each in changed_keys(first, second)]
+        changed = [key for key in changes if key.partition(".")[0] == section]
+        if changed or not _agree(first, second, _STORED.get(section, ())):
+            what = ", ".join(changed) or "its values"
+            raise second.error(f"'{section}' is not that of {first.path}: {what} differ")
+
+
+def _agree(first: Result, second: Result, names: Sequence[str]) -> bool:
+    """Whether both results store equal numbers of these names, of the runs that both have."""
+    runs = slice(min(first.runs, second.runs))
+    for name in names:
+        some = {"run": runs} if "run" in first.dims(name) else {}
+        one, other = (result.read(name, **some) for result in (first, second))
+        if one.shape != other.shape or not np.allclose(one, other, ROUNDED, ROUNDED):
+            return False
+    return True
+
+
 def _between(first: Result, second: Result) -> list[str]:
     """Say whether the runs of two results are pairs, and what differs between the results."""
-    from eqt_cli.analysis.compare import WITHIN_ONE
     from eqt_cli.analysis.differences import changed_keys
 
-    runs = slice(min(first.runs, second.runs))
-    paired = True
-    for name in ("initial_pose", "initial_velocity"):
-        one, other = (result.single(WITHIN_ONE).read(name, run=runs) for result in (first, second))
-        paired &= one.shape == other.shape and np.allclose(one, other, ROUNDED, ROUNDED)
+    paired = _agree(first, second, _STORED["initial"])
     changes = [
         f"{each['key']} {each.get('first', '-')} → {each.get('second', '-')}"
         for each in changed_keys(first, second)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -18,6 +18,7 @@ from eqt_cli.cli.tables import as_csv, as_latex
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.differences import Dataset, Differences
+    from eqt_cli.analysis.gate import Finding
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.base.reporting import TextTable
     from eqt_cli.results.quantity import Plain
@@ -26,13 +27,33 @@ if TYPE_CHECKING:
 TableFormat = StrEnum("TableFormat", "TEXT CSV LATEX")
 TableName = StrEnum("TableName", "CONTROLLERS PAIRS CLAIMS ALL FRONTS WINNERS POINTS")
 Rows = StrEnum("Rows", "MEASURES CONTROLLERS")
-"""Formats of the printed tables, the tables, and rows of that of means: words in lower case."""
+Undecided = StrEnum("Undecided", "FAIL PASS")
+"""Formats of printed tables, the tables, rows of that of means, and what a gate does where the
+outcome is not shown: words in lower case."""
 
 _NEEDS = {
     TableName.WINNERS: "a whole sweep; this is a single experiment",
     TableName.POINTS: "a whole sweep; this is a single experiment",
     TableName.FRONTS: "a result of `eqt tune` with two `objectives`",
 }
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What the second of two results must not have."""
+
+    fail_on: Annotated[list[str] | None, options.option("--fail-on")] = None
+    undecided: Annotated[Undecided, options.option("--undecided")] = Undecided.FAIL
+    law: Annotated[list[str] | None, options.option("--law")] = None
+    same: Annotated[str, options.option("--same")] = ""
+
+    def arguments(self, other: Path | None) -> dict[str, Any]:
+        """Return the arguments of `api.compare`."""
+        if other is None and any((self.fail_on, self.law, self.same)):
+            raise EqtError("--fail-on, --law and --same compare two results; name OTHER, too")
+        same = [name.strip() for name in self.same.split(",") if name.strip()]
+        laws = options.pairs("--law", self.law, "NEW=OLD")
+        return {"other": other, "fail_on": self.fail_on, "law": laws, "same": same}
 
 
 def compare(
@@ -68,11 +89,14 @@ def compare(
     json: options.Json = False,
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.01,
     quiet: options.Quiet = False,
+    *,
+    gate: Gate,
 ) -> None:
     """Compare the laws of a result run by run, with confidence intervals.
 
     Of two results, such as before and after a change of gains, this compares each law of the second
-    with the same law of the first.
+    with the same law of the first. With --fail-on, it exits with 4 if a law became worse by more
+    than a margin, or if the runs do not show that it did not.
 
     This prints a row per law: its error, effort and settled runs against the first law, each with
     an interval, ▲ where it is better and ▼ where it is worse. --table prints the numbers behind it.
@@ -94,6 +118,13 @@ def compare(
             or all of them.
         --run K  Run for --measured, counted from 0.
         --list  List the metrics of this result.
+    Two results
+        --fail-on RULE  What must not be: 'effort worse by 5 %', 'settled worse by 2 points', worse
+            (by the words of the comparison); failed, which is always tested. Repeatable.
+        --undecided WORD  fail or pass, where a rule is not shown to hold.
+        --law NEW=OLD  The law of the first result with which a law of the second is compared.
+            Repeatable.
+        --same SECTIONS  Sections of the configuration that must be equal: reference,initial.
     Output
         --rows NAME  Rows of the table of means: measures or `controllers`. Default:
             `controllers` in LaTeX that spans two columns of text.
@@ -112,10 +143,10 @@ def compare(
     from eqt_cli.api.loading import open_at
     from eqt_cli.results.quantity import Latex, Plain
 
-    if other and any((controller, without_start, measured, against)):
+    of_two = gate.arguments(other)
+    if other and any((without_start, measured, against)):
         raise EqtError(
-            "--controller, --without-start, --measured and --against apply to one result; leave "
-            "them out with two"
+            "--without-start, --measured and --against apply to one result; leave them out with two"
         )
     if json and format is not TableFormat.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
@@ -160,7 +191,7 @@ def compare(
             result,
             metric or (),
             window or (),
-            other=other,
+            **of_two,
             controllers=controller or (),
             without_start=without_start,
             point=point,
@@ -181,10 +212,24 @@ def compare(
             laws_as_rows=as_rows,
             json=json,
         )
+        shown = _with_gate(shown, comparison.gate, gate.undecided is Undecided.PASS)
     _print(shown, result, format, json, columns)
 
 
+def _with_gate(shown: _Findings, findings: Sequence[Finding] | None, lenient: bool) -> _Findings:
+    if findings is None:
+        return shown
+    from eqt_cli.analysis import gate
+
+    passes = gate.passes(findings, undecided=lenient)
+    record = {"passes": passes, "findings": [each.record() for each in findings]}
+    lines = [*gate.lines(findings, undecided=lenient), ""]
+    return shown._replace(document={"gate": record, **shown.document}, passes=passes, gate=lines)
+
+
 def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, columns: int) -> None:
+    for line in () if json else shown.gate:
+        (output.print_text if format is TableFormat.TEXT else output.say)(line)
     if json:
         output.print_json({"path": str(result), **shown.document})
     elif format is TableFormat.CSV:
@@ -198,16 +243,23 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
             output.print_text(*([""] * (number > 0 or bool(shown.premises))), output.laid_out(each))
     for remark in () if json else shown.remarks:
         output.say(remark)
+    if not shown.passes:
+        raise typer.Exit(4)
 
 
 class _Findings(NamedTuple):
-    """Findings to print: a document for programs, rows, tables, and what comes before them."""
+    """Findings to print: a document for programs, rows, tables, and what comes before them.
+
+    Of a gate, its lines and whether it passes.
+    """
 
     document: dict[str, Any]
     records: Sequence[Mapping[str, Any]]
     tables: Sequence[TextTable]
     remarks: Sequence[str] = ()
     premises: Sequence[str] = ()
+    gate: Sequence[str] = ()
+    passes: bool = True
 
 
 def _of_whole(
