@@ -13,12 +13,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from eqt_cli.analysis import intervals
 from eqt_cli.analysis.intervals import Interval
 from eqt_cli.base import units
-from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of, fixed
 
@@ -178,8 +174,8 @@ class Finding:
     def record(self) -> dict[str, Any]:
         """Return the finding for programs."""
         words = {"rule": str(self.rule), "outcome": self.outcome, "words": str(self)}
-        numbers = {"pairs": self.pairs, "pairs_to_show": self.to_show}
-        return {**self.names, **words, **numbers, **self.change._asdict(), "unit": self.rule.unit}
+        numbers = {"pairs": self.pairs, "pairs_to_show": self.to_show, "margin": self.rule.margin}
+        return {**self.names, **words, **self.change._asdict(), **numbers, "unit": self.rule.unit}
 
 
 def passes(findings: Sequence[Finding], *, undecided: bool = False) -> bool:
@@ -196,52 +192,3 @@ def lines(findings: Sequence[Finding], *, undecided: bool = False) -> list[str]:
     parts = (f"{n} {each.removesuffix('s' * (n > 1))}" for each in Outcome if (n := counts[each]))
     order = sorted(findings, key=lambda each: list(Outcome).index(each.outcome))
     return [f"gate {word}{though}: {', '.join(parts) or 'nothing failed'}", *map(str, order)]
-
-
-def change_of_mean(
-    rule: Rule, before: Array, now: Array, factor: float
-) -> tuple[Interval, int | None]:
-    """Return the change of the mean of paired runs, and how many runs would show a change of 0.
-
-    The bounds are Fieller's (1954) relative to the mean before, else Student's. So many runs show
-    with probability `POWER` that the rule holds, if the spread is as measured.
-
-    Parameters
-    ----------
-    before, now : (runs,)
-        The numbers of the same runs.
-    factor
-        `Rule.factor` of the number.
-    """
-    difference, base = intervals.resolved_differences(now, before), before
-    if not difference.any():
-        end = 0.0 if len(difference) >= intervals.FEWEST else math.nan
-        return Interval(end, end, end), intervals.FEWEST
-    if rule.unit != "%":  # Fieller's interval relative to a constant is Student's.
-        base = np.full_like(before, 10 * np.abs(difference).max())
-        factor *= float(base[0])
-    change = intervals.relative_difference(difference, base, TWO_SIDED)
-    with np.errstate(divide="ignore", invalid="ignore"):  # of runs that are all alike
-        spread = np.std(difference - rule.margin / factor * np.abs(base))
-        effect = float(rule.margin / factor * abs(np.mean(base)) / spread)
-    return _scaled(change, factor), intervals.runs_to_decide(effect, TWO_SIDED)
-
-
-def change_of_share(
-    rule: Rule, before: Array, now: Array, factor: float
-) -> tuple[Interval, int | None]:
-    """Return the change of a share of runs as `change_of_mean` does.
-
-    The bounds are Newcombe's (1998); where all runs of both count, they are z²/(n + z²) from 0.
-    """
-    change, _ = intervals.difference_of_shares(now, before, TWO_SIDED)
-    margin, differ = rule.margin / factor, float(np.mean(now != before)) if now.size else 0.0
-    to_show = math.ceil(2.706 * (1 / margin - 1))  # z² of 95 %
-    if differ:
-        more = intervals.runs_to_decide(margin / math.sqrt(differ), TWO_SIDED)
-        to_show = max(to_show, more or 0)
-    return _scaled(change, factor), to_show
-
-
-def _scaled(interval: Interval, factor: float) -> Interval:
-    return Interval(*(factor * end for end in interval))

@@ -1,21 +1,20 @@
 """The findings of a gate on two results: which runs fail anew, and what each rule says."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from eqt_cli.analysis import verdict
-from eqt_cli.analysis.compare import beside, measures_of
+from eqt_cli.analysis import intervals
+from eqt_cli.analysis.compare import compare_two
 from eqt_cli.analysis.comparison import Comparison
-from eqt_cli.analysis.gate import UNKNOWN, Finding, Rule, change_of_mean, change_of_share
-from eqt_cli.analysis.intervals import Word
+from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule
+from eqt_cli.analysis.intervals import FEWEST, Interval, Pair, Resampling, Word
+from eqt_cli.analysis.verdict import answers, names_of, unresolved
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of
-from eqt_cli.results.quantity import Measure, Window
-from eqt_cli.results.result import PerRun, Result
+from eqt_cli.results.quantity import Window
+from eqt_cli.results.result import Result
 
 
 def findings(
@@ -45,77 +44,95 @@ def findings(
     if not math.isclose(horizon := second.times[-1] - second.times[0], comparison.horizon):
         lasts = f"its runs last {horizon:g} s, those of {first.path} {comparison.horizon:g} s"
         raise second.error(f"{lasts}; a gate compares equal horizons")
-    for law, base in counterparts.items():
-        before, now = first.good[first.labels.index(base)], second.good[second.labels.index(law)]
-        failed = [run for run in np.flatnonzero(~now) if run >= len(before) or before[run]]
+    by_margin = [rule for rule in rules if rule.margin < math.inf]
+    for rule in by_margin:
+        _check(rule, first, second)
+    rows = {
+        law: (first.labels.index(base), second.labels.index(law))
+        for law, base in counterparts.items()
+    }
+    for law, (old, new) in rows.items():
+        failed = [k for k in np.flatnonzero(~second.good[new]) if first.good[old, k : k + 1].all()]
         if failed:
-            some = f"{', '.join(map(str, failed[:5]))}{', …' * (len(failed) > 5)}"
+            some = ", ".join([*map(str, failed[:5]), *["…"] * (len(failed) > 5)])
             why = f"{count_of(len(failed), 'run')} failed that did not before: {some}"
-            names = {"controller": law, "against": base}
-            yield Finding(Rule("failed"), second.title_of[law], why=why, names=names)
-    for answer in verdict.answers(comparison) if Rule("worse") in rules else ():
-        if answer.decided and answer.word is Word.WORSE:
-            [words] = verdict.names_of([answer.pair.measured], comparison)
-            of = f"{comparison.titles[answer.pair.first]}: {words}"
-            yield Finding(Rule("worse"), of, why=answer.pair.percent)
-    for rule in (rule for rule in rules if rule.margin < math.inf):
-        for quantity, window in measures_of(first, [rule.metric], windows):
-            number = _in_both(first, second, rule, quantity, window)
-            [words] = verdict.names_of([number], comparison)
-            for law, base in counterparts.items():
-                yield _judged(rule, number, first, second, base, law, words)
+            yield Finding(Rule("failed"), second.title_of[law], why=why)
+    worse = [x for x in answers(comparison) if x.decided and x.word is Word.WORSE]
+    for pair in (x.pair for x in worse if Rule("worse") in rules):
+        of = f"{comparison.titles[pair.first]}: {names_of([pair.measured], comparison)[0]}"
+        yield Finding(Rule("worse"), of, why=pair.percent)
+    for rule in by_margin:
+        both = compare_two(
+            first,
+            second,
+            metrics=[rule.metric],
+            windows=windows,
+            counterparts=counterparts,
+            how=Resampling(TWO_SIDED, FEWEST),  # Fieller's and Newcombe's: no resample is read
+        )
+        for pair in both.against():
+            law = pair.first.partition("/")[2]
+            of = f"{second.title_of[law]}: {names_of([pair.measured], both)[0]}"
+            yield _judged(rule, pair, of, both, _unchanged(first, second, *rows[law]))
 
 
-def _in_both(
-    first: Result, second: Result, rule: Rule, quantity: Measure, window: Window
-) -> PerRun:
-    """Return the number of a rule in both results.
+def _check(rule: Rule, first: Result, second: Result) -> None:
+    """Refuse a number that cannot be worse, that one result lacks, or that differs in its meaning.
 
     Raises
     ------
     EqtError
-        If it cannot be worse, if one result lacks it, or if it is not the same in both.
+        If it is one of these.
     """
-    name, other = quantity.name, second.comparable.get(quantity.name)
-    if other is None:
+    name, quantity = rule.metric, first.comparable_named(rule.metric)
+    if name not in second.comparable:
         raise second.error(f"holds no number '{name}', and {first.path} does")
     if quantity.better == "neither" or "lyapunov" in quantity.signals:
-        why = "two results may differ in L" if quantity.signals else "no direction is better"
-        raise EqtError(f"'{rule}': cannot be judged: {why}")
+        why = "L of both may differ" if "lyapunov" in quantity.signals else "no value is better"
+        raise EqtError(f"'{rule}': cannot be judged, as {why}")
     stored = name if first.has(name) and second.has(name) else quantity.implied_by
     for key, value in first.attributes_of(stored).items() if stored else ():
         if (now := second.attributes_of(stored).get(key)) != value:
-            raise second.error(f"'{name}' is not the same number: {key} {value} → {now}")
-    numbers = [
-        x.per_run(q, window.within(x.times)) for x, q in ((first, quantity), (second, other))
-    ]
-    return beside(numbers[0], numbers[1], min(first.runs, second.runs))
+            raise second.error(f"'{name}' is another number: its {key} was {value}, and is {now}")
 
 
-def _judged(
-    rule: Rule, number: PerRun, first: Result, second: Result, base: str, law: str, words: str
-) -> Finding:
-    old, new, quantity = first.labels.index(base), second.labels.index(law), number.quantity
-    rows = [old, len(first.labels) + new]
-    before, now = number.values[rows]
-    both, factor = (
-        np.isfinite(before) & np.isfinite(now),
-        rule.factor(number.unit, is_share=number.is_share),
-    )
-    late = int(number.censored[rows].any(axis=0).sum())
-    lost = int((np.isfinite(before) & ~both & second.good[new, : len(now)]).sum())
-    same = first.runs == second.runs and all(
-        np.array_equal(first.metric(name, old), second.metric(name, new), equal_nan=True)
-        for name in {*first.metrics} & {*second.metrics}
-    )
-    change_of = change_of_share if quantity.counts and not same else change_of_mean
-    change, to_show = change_of(rule, before[both], now[both], factor)
-    why = ""
-    if late:
-        why = f"{count_of(late, 'run')} did not settle, so use 'settled worse by 2 points'"
-    elif lost:
-        why = f"{count_of(lost, 'run')} has no value now, and had one before"
-    names = {"controller": law, "against": base, "metric": quantity.name}
-    of, is_gain = f"{second.title_of[law]}: {words}", quantity.better == "higher"
-    change, to_show = (UNKNOWN, None) if why else (change, to_show)
-    return Finding(rule, of, change, int(both.sum()), to_show, is_gain, why, names=names)
+def _unchanged(first: Result, second: Result, old: int, new: int) -> bool:
+    """Whether all numbers of all runs of a law are the same bits."""
+    names = {*first.metrics} & {*second.metrics}
+    pairs = ((first.metric(name, old), second.metric(name, new)) for name in names)
+    return all(np.array_equal(before, now, equal_nan=True) for before, now in pairs)
+
+
+def _judged(rule: Rule, pair: Pair, of: str, both: Comparison, unchanged: bool) -> Finding:
+    """Judge a number of two laws, of which the first is the new one."""
+    measured, counts, n, why = pair.measured, pair.measured.quantity.counts, pair.pairs, ""
+    factor = rule.factor(measured.unit, is_share=measured.is_share)
+    now, before = (measured.values[both.labels.index(law)] for law in (pair.first, pair.second))
+    differences = intervals.resolved_differences(now, before)[np.isfinite(now - before)]
+    spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
+    change, to_show = Interval(pair.relative, pair.relative_low, pair.relative_high), FEWEST
+    if counts:  # where all runs of both count, Newcombe's bounds are z²/(n + z²) from 0
+        spread = math.sqrt(np.count_nonzero(differences) / max(n, 1))
+        to_show = math.ceil(2.706 * (factor / rule.margin - 1))
+    elif rule.unit == "%":
+        spread /= abs(pair.mean_second)
+    else:  # Fieller's interval relative to a constant is Student's
+        size = 10 * float(np.abs(differences).max(initial=0.0)) or 1.0
+        relative = intervals.relative_difference(differences, np.full(n, size), TWO_SIDED)
+        change = Interval(*(size * end for end in relative))
+    if both.identical or unchanged or not (counts or differences.any()):
+        end = change.value if n >= FEWEST or both.identical else math.nan
+        change = Interval(change.value, end, end)
+    if spread > 0:
+        more = intervals.runs_to_decide(rule.margin / factor / spread, TWO_SIDED)
+        to_show = max(to_show, more or 0)
+    if pair.censored:
+        why = f"{count_of(pair.censored, 'run')} did not settle; use 'settled worse by 2 points'"
+    elif pair.undefined:
+        why = f"{count_of(pair.undefined, 'run')} without a value"
+    elif rule.unit == "%" and differences.any() and unresolved(pair, both.resolution):
+        why = "both are within the error estimate of the runs; give a margin in a unit"
+    names = {"controller": pair.first, "against": pair.second, "metric": rule.metric}
+    ends = [math.nan if why else factor * end for end in change]
+    is_gain = measured.quantity.better == "higher"
+    return Finding(rule, of, Interval(*ends), n, to_show, is_gain, why, names=names)

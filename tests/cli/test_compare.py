@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from case_tables import from_yaml
 from scipy.stats import ttest_rel
+from small_experiment import FEW_RUNS as SMALL
 from stored import fixed
 
 from eqt_cli.engines.native import Native
@@ -106,24 +107,6 @@ def test_the_answer_stands_first_and_tables_behind_their_names(invoke, paper_res
     against = invoke("compare", paper_result, *few, "--against", "GT").stdout.splitlines()
     assert re.match(r"GT +\d\d\.\d\d deg", against[2])
     assert re.match(r"EqT +\+\d+ % \[.+?\] ▼", against[3])
-
-
-SMALL = ["--engine", "native", "--set", "ensemble.runs=20", "--set", "time.samples=51", "-q"]
-
-
-@pytest.fixture(scope="module")
-def changed(invoke, made_once):
-    """Three results: the paper with 20 runs, with a stiffer law, and with other starts."""
-
-    def make(folder):
-        for name, change in {
-            "soft": [],
-            "stiff": ["--set", "gains.kp=2"],
-            "other": ["--set", "ensemble.seed=3", "--set", "ensemble.runs=15"],
-        }.items():
-            invoke("run", "paper", *SMALL, *change, "--out", folder / name)
-
-    return made_once("changed", make)
 
 
 def test_two_results_are_compared_law_by_law(invoke, changed):

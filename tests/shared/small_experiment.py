@@ -19,6 +19,10 @@ LINES = {
 """A configuration that is fine: one section a line, from line 1 on."""
 
 
+FEW_RUNS = ["--engine", "native", "--set", "ensemble.runs=20", "--set", "time.samples=51", "-q"]
+"""Options of `eqt run` for a shipped configuration with fewer runs and samples."""
+
+
 def configuration(**changes: str | None) -> str:
     """`LINES` with sections replaced, left out (None) or, where new, added at the end."""
     lines = {**LINES, **changes}
