@@ -479,7 +479,9 @@ def compare_two(
         failed=dict(zip(laws, np.count_nonzero(~good, axis=1).tolist(), strict=True)),
         levels=levels,
         pairs=[pair for pair in pairs if bases.get(pair.second) == pair.first],
-        missing=[*_cut(first, chosen, windows), *_missing(first), *_missing(second)],
+        missing=[
+            *dict.fromkeys([*_cut(first, chosen, windows), *_missing(first), *_missing(second)])
+        ],
         resamples=resamples,
         negligible=negligible,
         not_matched=list(gains),

@@ -1,17 +1,25 @@
 """`eqt compare OLD NEW --fail-on`, the gate of continuous integration, as a user types it."""
 
 import json
+import os
+import shlex
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
+import docs_runner
 import h5py
 import numpy as np
 import pytest
+import yaml
 from case_tables import from_yaml
 from scipy import stats
 from stored import fixed
 
 from eqt_cli.results.result import open_result
 
+ROOT = Path(__file__).parents[2]
 RULE = "mean_attitude_error worse by 5 %"
 
 
@@ -176,11 +184,68 @@ def test_the_gate_on_results_of_the_paper(invoke, tmp_path):
         invoke("run", "paper", *few, "--out", tmp_path / name, "--quiet")
     old = ["compare", tmp_path / "old"]
     held = invoke(*old, tmp_path / "less", "--fail-on", RULE).stdout
-    for line in (
-        "gate passes: 4 hold",
-        "holds: EqT: mean attitude error not worse by 5 %: +1.4 %, at most +4.1 % (95 %)",
-        "holds: GT: mean attitude error not worse by 5 %: +1.3 %, at most +1.8 % (95 %)",
-    ):
-        assert line in held
+    page = (ROOT / "docs" / "howto" / "gate.md").read_text(encoding="utf-8")
+    shown = next(block.text for block in docs_runner.blocks(page) if block.language == "text")
+    assert "EqT: mean attitude error not worse by 5 %: +1.4 %, at most +4.1 % (95 %)" in shown
+    assert "GT: mean attitude error not worse by 5 %: +1.3 %, at most +1.8 % (95 %)" in shown
+    assert held.startswith(shown)
     worse = invoke(*old, tmp_path / "third", "--fail-on", RULE, code=4).stdout
     assert worse.startswith("gate fails: 4 worse\n")
+
+
+@pytest.fixture
+def repository(tmp_path, monkeypatch):
+    """A repository with the files of `examples/gate`, and a function that runs a shell in it."""
+    shutil.copytree(ROOT / "examples" / "gate", tmp_path / "mine")
+    eqt = tmp_path / "bin" / "eqt"
+    eqt.parent.mkdir()
+    eqt.write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -m eqt_cli "$@"\n')
+    eqt.chmod(0o755)
+    names = {
+        f"GIT_{who}_{what}": "a" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")
+    }
+    path = f"{eqt.parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, **names, "PATH": path, "PYTHONPATH": str(ROOT)}
+
+    def shell(command, **more):
+        words = ["bash", "-e", "-c", command]  # as GitHub runs a step
+        done = subprocess.run(
+            words, cwd=tmp_path / "mine", env=environment | more, capture_output=True, text=True
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    assert shell("git init -q && git add . && git commit -qm law")[0] == 0
+    return shell
+
+
+def changed_gain(shell, key, value):
+    """Commit a change of the law; returns the commit before."""
+    before = shell("git rev-parse HEAD")[1].strip()
+    edit = f"sed -i 's/{key}: [0-9.]*/{key}: {value}/' law.yaml"
+    assert shell(f"{edit} && git commit -qam '{key} {value}'")[0] == 0
+    return before
+
+
+@pytest.mark.ci("runs the steps of a job, each with 200 runs before and now")
+@pytest.mark.skipif(not shutil.which("git"), reason="needs git")
+def test_the_steps_of_the_examples_judge_a_change(repository):
+    """The job of GitHub on a pull request, without what installs, and the hook on staged files."""
+    [job] = yaml.safe_load((ROOT / "examples/gate/not-worse.yml").read_text())["jobs"].values()
+    *install, step = [step for step in job["steps"] if "run" in step]
+    assert [each["run"] for each in install] == ["pip install ./eqt"]
+    assert step["env"] == {"BASE": "${{ github.event.pull_request.base.sha }}"}
+    hooks = yaml.safe_load((ROOT / "examples/gate/pre-commit-config.yaml").read_text())
+    [hook] = hooks["repos"][0]["hooks"]
+    code, said, _ = repository(step["run"], BASE=changed_gain(repository, "kd", 2.1))
+    assert (code, said.splitlines()[0]) == (0, "gate passes: 3 hold")
+    code, said, _ = repository(hook["entry"])
+    assert code == 0 and "what differs: nothing" in said
+    repository("sed -i 's/kp: 1.0/kp: 0.7/' law.yaml && git add law.yaml")
+    code, said, _ = repository(hook["entry"])
+    assert code == 4 and "worse: GT: mean attitude error worse by more than 5 %" in said
+    code, said, _ = repository(step["run"], BASE=changed_gain(repository, "kp", 0.7))
+    assert (code, said.partition(":")[0]) == (4, "gate fails")
+    repository("sed -i 's/seed: 1/seed: 2/' law.yaml")
+    code, _, error = repository(hook["entry"])
+    assert code == 2 and "'initial' is not that of " in error
+    assert repository("sh gate.sh v1.0")[0] != 0  # no such commit
