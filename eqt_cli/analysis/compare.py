@@ -287,7 +287,7 @@ def compare(
         If a metric or window does not exist, data is missing, or the result is a sweep.
     """
     _check(result, how)
-    chosen = measures_of(result, metrics, windows)
+    chosen = _chosen(result, metrics, windows)
     concluded = conclusion_of(result)
     chosen_laws, tuned = labels or concluded.compared(result), concluded.starts
     labels = [label for label in result.labels if label in chosen_laws]
@@ -449,7 +449,7 @@ def compare_two(
     }
     runs = min(result.runs for result in both)
     good = np.vstack([result.good[:, :runs] for result in both])
-    chosen, measured = measures_of(first, metrics, windows), []
+    chosen, measured = _chosen(first, metrics, windows), []
     for quantity, window in chosen:
         wanted = second.comparable_named if metrics else second.comparable.get  # raises, or None
         other = wanted(quantity.name)
@@ -458,7 +458,7 @@ def compare_two(
         of_first = first.per_run(quantity, window.within(first.times))
         of_second = second.per_run(other, window.within(second.times))
         if of_first.unit == of_second.unit:
-            measured.append(beside(of_first, of_second, runs))
+            measured.append(_beside(of_first, of_second, runs))
     if identical := first.repeats and second.repeats:
         measured = [_first_run(numbers) for numbers in measured]
     levels, pairs, resamples = statistics(measured, list(laws), good, how)
@@ -479,9 +479,7 @@ def compare_two(
         failed=dict(zip(laws, np.count_nonzero(~good, axis=1).tolist(), strict=True)),
         levels=levels,
         pairs=[pair for pair in pairs if bases.get(pair.second) == pair.first],
-        missing=[
-            *dict.fromkeys([*_cut(first, chosen, windows), *_missing(first), *_missing(second)])
-        ],
+        missing=[*_cut(first, chosen, windows), *_missing(first), *_missing(second)],
         resamples=resamples,
         negligible=negligible,
         not_matched=list(gains),
@@ -494,7 +492,7 @@ def compare_two(
     )
 
 
-def beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
+def _beside(first: PerRun, second: PerRun, runs: int) -> PerRun:
     """Return the numbers of two results, those of the first above those of the second."""
     values = np.vstack([first.values[:, :runs], second.values[:, :runs]])
     censored = np.vstack([first.censored[:, :runs], second.censored[:, :runs]])
@@ -520,10 +518,9 @@ def _key(measured: PerRun) -> _Key:
     return measured.quantity.name, measured.window
 
 
-def measures_of(
+def _chosen(
     result: Result, metrics: Sequence[str], windows: Sequence[Window]
 ) -> list[tuple[Measure, Window]]:
-    """Return named measures over windows; of empty lists, the default ones."""
     if not metrics and not windows:
         return _defaults(result)
     names = metrics or list(dict.fromkeys(measure.name for measure, _ in _defaults(result)))

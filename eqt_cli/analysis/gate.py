@@ -76,7 +76,8 @@ class Rule(NamedTuple):
         ratio = 100.0 if is_fraction else units.factor(unit or "1", self.unit or "1")
         if ratio is None or (is_share and not is_fraction):
             number = "a number without a unit" if unit in ("", "1") else units.offered(unit)
-            expected = "points of 100, as 2 points" if is_share else f"%, or {number}"
+            or_number = f"%, or {number}" if unit != "mixed" else "%"
+            expected = "points of 100, as 2 points" if is_share else or_number
             raise EqtError(f"'{self}': expected a margin in {expected}")
         return ratio
 

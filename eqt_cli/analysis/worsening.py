@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -41,42 +42,42 @@ def findings(
     EqtError
         If the horizons differ, or a number of a rule is not the same in both results.
     """
+    if first.path.samefile(second.path):
+        raise second.error("is both results; a gate compares two")
     if not math.isclose(horizon := second.times[-1] - second.times[0], comparison.horizon):
         lasts = f"its runs last {horizon:g} s, those of {first.path} {comparison.horizon:g} s"
         raise second.error(f"{lasts}; a gate compares equal horizons")
     by_margin = [rule for rule in rules if rule.margin < math.inf]
     for rule in by_margin:
-        _check(rule, first, second)
-    rows = {
-        law: (first.labels.index(base), second.labels.index(law))
-        for law, base in counterparts.items()
-    }
-    for law, (old, new) in rows.items():
+        _check(rule, first, second, windows)
+    unchanged = {}
+    for law, base in counterparts.items():
+        old, new = first.labels.index(base), second.labels.index(law)
         failed = [k for k in np.flatnonzero(~second.good[new]) if first.good[old, k : k + 1].all()]
         if failed:
             some = ", ".join([*map(str, failed[:5]), *["…"] * (len(failed) > 5)])
             why = f"{count_of(len(failed), 'run')} failed that did not before: {some}"
             yield Finding(Rule("failed"), second.title_of[law], why=why)
+        names = {*first.metrics} & {*second.metrics}
+        numbers = ((first.metric(name, old), second.metric(name, new)) for name in names)
+        unchanged[law] = all(np.array_equal(*two, equal_nan=True) for two in numbers)
     worse = [x for x in answers(comparison) if x.decided and x.word is Word.WORSE]
     for pair in (x.pair for x in worse if Rule("worse") in rules):
         of = f"{comparison.titles[pair.first]}: {names_of([pair.measured], comparison)[0]}"
         yield Finding(Rule("worse"), of, why=pair.percent)
+    compared = partial(compare_two, first, second, windows=windows, counterparts=counterparts)
+    how = Resampling(TWO_SIDED, FEWEST)  # of Fieller and Newcombe: no resample is read
     for rule in by_margin:
-        both = compare_two(
-            first,
-            second,
-            metrics=[rule.metric],
-            windows=windows,
-            counterparts=counterparts,
-            how=Resampling(TWO_SIDED, FEWEST),  # Fieller's and Newcombe's: no resample is read
-        )
+        both = compared(metrics=[rule.metric], how=how)
+        if not both.pairs:
+            raise second.error(f"has '{rule.metric}' in another unit, or not over the whole run")
         for pair in both.against():
             law = pair.first.partition("/")[2]
             of = f"{second.title_of[law]}: {names_of([pair.measured], both)[0]}"
-            yield _judged(rule, pair, of, both, _unchanged(first, second, *rows[law]))
+            yield judged(rule, pair, of, both, unchanged[law])
 
 
-def _check(rule: Rule, first: Result, second: Result) -> None:
+def _check(rule: Rule, first: Result, second: Result, windows: Sequence[Window]) -> None:
     """Refuse a number that cannot be worse, that one result lacks, or that differs in its meaning.
 
     Raises
@@ -94,28 +95,24 @@ def _check(rule: Rule, first: Result, second: Result) -> None:
     for key, value in first.attributes_of(stored).items() if stored else ():
         if (now := second.attributes_of(stored).get(key)) != value:
             raise second.error(f"'{name}' is another number: its {key} was {value}, and is {now}")
+    for window in windows if quantity.windowed else ():
+        second.per_run(second.comparable[name], window)  # or says what it lacks
 
 
-def _unchanged(first: Result, second: Result, old: int, new: int) -> bool:
-    """Whether all numbers of all runs of a law are the same bits."""
-    names = {*first.metrics} & {*second.metrics}
-    pairs = ((first.metric(name, old), second.metric(name, new)) for name in names)
-    return all(np.array_equal(before, now, equal_nan=True) for before, now in pairs)
-
-
-def _judged(rule: Rule, pair: Pair, of: str, both: Comparison, unchanged: bool) -> Finding:
+def judged(rule: Rule, pair: Pair, of: str, both: Comparison, unchanged: bool) -> Finding:
     """Judge a number of two laws, of which the first is the new one."""
     measured, counts, n, why = pair.measured, pair.measured.quantity.counts, pair.pairs, ""
     factor = rule.factor(measured.unit, is_share=measured.is_share)
     now, before = (measured.values[both.labels.index(law)] for law in (pair.first, pair.second))
-    differences = intervals.resolved_differences(now, before)[np.isfinite(now - before)]
+    known = np.isfinite(now) & np.isfinite(before)
+    differences = intervals.resolved_differences(now, before)[known]
     spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
     change, to_show = Interval(pair.relative, pair.relative_low, pair.relative_high), FEWEST
     if counts:  # where all runs of both count, Newcombe's bounds are z²/(n + z²) from 0
         spread = math.sqrt(np.count_nonzero(differences) / max(n, 1))
         to_show = math.ceil(2.706 * (factor / rule.margin - 1))
     elif rule.unit == "%":
-        spread /= abs(pair.mean_second)
+        spread /= abs(pair.mean_second) or math.nan
     else:  # Fieller's interval relative to a constant is Student's
         size = 10 * float(np.abs(differences).max(initial=0.0)) or 1.0
         relative = intervals.relative_difference(differences, np.full(n, size), TWO_SIDED)
@@ -130,8 +127,12 @@ def _judged(rule: Rule, pair: Pair, of: str, both: Comparison, unchanged: bool) 
         why = f"{count_of(pair.censored, 'run')} did not settle; use 'settled worse by 2 points'"
     elif pair.undefined:
         why = f"{count_of(pair.undefined, 'run')} without a value"
-    elif rule.unit == "%" and differences.any() and unresolved(pair, both.resolution):
-        why = "both are within the error estimate of the runs; give a margin in a unit"
+    elif (
+        rule.unit == "%"
+        and not unchanged
+        and (not pair.mean_second or unresolved(pair, both.resolution))
+    ):
+        why = "the means are 0, or within the error estimate of the runs; give a margin in a unit"
     names = {"controller": pair.first, "against": pair.second, "metric": rule.metric}
     ends = [math.nan if why else factor * end for end in change]
     is_gain = measured.quantity.better == "higher"

@@ -113,7 +113,9 @@ def compare(
             with open_at(path_from("other", other), point) as second:
                 now = second.in_units(units)
                 _require_same(opened, second, same)
-                counterparts = _counterparts(opened, second, law or {}, controllers, fail_on)
+                counterparts = _counterparts(
+                    opened, second, law or {}, controllers, all_needed=fail_on is not None
+                )
                 compared = compare_two(
                     results,
                     now,
@@ -145,30 +147,27 @@ def _counterparts(
     second: Result,
     named: Mapping[str, str],
     controllers: Sequence[str],
-    fail_on: Sequence[str] | None,
+    *,
+    all_needed: bool,
 ) -> dict[str, str]:
     """Return the law of the first result for each law of the second, or for some controllers.
 
-    A law without a counterpart is compared with the first law; a gate refuses it.
+    A law without a counterpart is compared with the first law, unless `all_needed`.
     """
     pairs = {law: law for law in second.labels}
     for law, base in named.items():
         pairs[second.labels[second.position_of(law)]] = first.labels[first.position_of(base)]
-    chosen = [second.labels[second.position_of(name)] for name in controllers] or second.labels
-    pairs = {law: pairs[law] for law in chosen}
-    if fail_on is None:
-        return {
-            law: base if base in first.labels else first.labels[0] for law, base in pairs.items()
-        }
-    for law, base in pairs.items():
-        if base not in first.labels:
-            remedy = Remedy(f"name its counterpart with {{}} {law}=NAME", "law")
-            raise EqtError(f"{first.path}: holds no law '{base}', which {second.path} does", remedy)
-    for law in () if controllers else first.labels:
-        if law not in pairs.values():
-            remedy = Remedy("name the laws to judge with {}", "controller")
-            raise EqtError(f"{second.path}: holds no law '{law}', which {first.path} does", remedy)
-    return pairs
+    if controllers:
+        chosen = [second.labels[second.position_of(name)] for name in controllers]
+        pairs = {law: pairs[law] for law in chosen}
+    laws = [*pairs.values()]
+    lacking = [(first, law) for law in laws if law not in first.labels]
+    lacking += [(second, law) for law in first.labels if not controllers and law not in laws]
+    for result, law in lacking if all_needed else ():
+        remedies = [Remedy("pair laws with {} NEW=OLD", "law")]
+        remedies.append(Remedy("choose laws with {}", "controller"))
+        raise EqtError(f"{result.path}: holds no law '{law}', the other result does", *remedies)
+    return {law: base if base in first.labels else first.labels[0] for law, base in pairs.items()}
 
 
 _STORED = {
@@ -202,7 +201,7 @@ def _require_same(first: Result, second: Result, sections: Sequence[str]) -> Non
 def _agree(first: Result, second: Result, names: Sequence[str]) -> bool:
     """Whether both results store equal numbers of these names, of the runs that both have."""
     runs = slice(min(first.runs, second.runs))
-    for name in names:
+    for name in (x for x in names if first.has(x) and second.has(x)):
         some = {"run": runs} if "run" in first.dims(name) else {}
         one, other = (result.read(name, **some) for result in (first, second))
         if one.shape != other.shape or not np.allclose(one, other, ROUNDED, ROUNDED):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -51,6 +52,8 @@ class Gate:
         """Return the arguments of `api.compare`."""
         if other is None and any((self.fail_on, self.law, self.same)):
             raise EqtError("--fail-on, --law and --same compare two results; name OTHER, too")
+        if self.undecided is Undecided.PASS and not self.fail_on:
+            raise EqtError("--undecided pass applies to --fail-on; add a rule")
         same = [name.strip() for name in self.same.split(",") if name.strip()]
         laws = options.pairs("--law", self.law, "NEW=OLD")
         return {"other": other, "fail_on": self.fail_on, "law": laws, "same": same}
@@ -213,7 +216,10 @@ def compare(
             json=json,
         )
         shown = _with_gate(shown, comparison.gate, gate.undecided is Undecided.PASS)
-    _print(shown, result, format, json, columns)
+    with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
+        _print(shown, result, format, json, columns)
+    if not shown.passes:
+        raise typer.Exit(4)
 
 
 def _with_gate(shown: _Findings, findings: Sequence[Finding] | None, lenient: bool) -> _Findings:
@@ -243,8 +249,6 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
             output.print_text(*([""] * (number > 0 or bool(shown.premises))), output.laid_out(each))
     for remark in () if json else shown.remarks:
         output.say(remark)
-    if not shown.passes:
-        raise typer.Exit(4)
 
 
 class _Findings(NamedTuple):

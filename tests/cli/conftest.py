@@ -95,7 +95,7 @@ def changed(invoke, made_once):
             "other": ["--set", "ensemble.seed=3", "--set", "ensemble.runs=15"],
             "few": [
                 *("--set", "controllers=[eqt, {kind: gt, label: mine}]"),
-                *("--set", "ensemble.runs=4"),
+                *("--set", "ensemble.runs=4", "--set", "store.trajectories=none"),
             ],
         }.items():
             invoke("run", "paper", *FEW_RUNS, *change, "--out", folder / name)

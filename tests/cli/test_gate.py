@@ -23,6 +23,14 @@ ROOT = Path(__file__).parents[2]
 RULE = "mean_attitude_error worse by 5 %"
 
 
+def copied(file):
+    """A result with equal numbers in another file."""
+
+
+def still(file):
+    file["effort"][:] = 0
+
+
 def shorter(file):
     file["time"][:] /= 2
 
@@ -121,10 +129,10 @@ def test_the_answer_stands_first(gate):
 def test_equal_runs_hold_every_rule(gate):
     """Also shares, of which 20 runs alone cannot show 2 points."""
     rules = [RULE, "settled worse by 2 points", "effort worse by 1e-6 (N m)^2 s", "worse", "failed"]
-    done = gate("soft", "soft", *(word for rule in rules for word in ("--fail-on", rule)), code=0)
+    done = gate("soft", "copied", *(word for rule in rules for word in ("--fail-on", rule)), code=0)
     assert done.stdout.startswith("gate passes: 12 hold\nholds: EqT: mean attitude error not worse")
     assert "settled not worse by 2 points: 0.0 points, at least 0.0 points (95 %)" in done.stdout
-    assert gate("soft", "soft", "--fail-on", "worse", code=0).stdout.startswith(
+    assert gate("soft", "copied", "--fail-on", "worse", code=0).stdout.startswith(
         "gate passes: nothing failed\n"
     )
 
@@ -157,7 +165,7 @@ def test_a_run_that_fails_anew_is_no_better_mean(gate):
         "worse: GT: 1 run failed that did not before: 7",
     ]
     assert gate("failing", "soft", "--fail-on", "failed", code=0)
-    assert gate("failing", "failing", "--fail-on", "failed", "--undecided", "pass", code=0)
+    assert gate("soft", "failing", "--fail-on", "failed", "--undecided", "pass", code=4)
 
 
 def test_worse_alone_is_the_word_of_the_comparison(gate):
@@ -173,7 +181,22 @@ def test_what_says_nothing_is_not_shown(gate):
     assert "not shown: GT: settling time: " in unsettled
     assert "did not settle; use 'settled worse by 2 points'" in unsettled
     error = gate("rounded", "stiff", "--fail-on", RULE, code=4).stdout
-    assert "both are within the error estimate of the runs; give a margin in a unit" in error
+    zero = gate("still", "soft", "--fail-on", "effort worse by 5 %", code=4).stdout
+    why = "the means are 0, or within the error estimate of the runs; give a margin in a unit"
+    assert why in error and why in zero
+
+
+@pytest.mark.ci("starts a process")
+@pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
+def test_a_gate_fails_although_its_reader_has_left(changed):
+    """`eqt compare … | head -1` under `pipefail`, as GitHub runs a step."""
+    two = [changed / name for name in ("soft", "stiff")]
+    words = [sys.executable, "-m", "eqt_cli", "compare", *two, "--fail-on", "effort worse by 5 %"]
+    reads, writes = os.pipe()
+    os.close(reads)
+    done = subprocess.run(words, stdout=writes, stderr=subprocess.PIPE, check=False)
+    os.close(writes)
+    assert done.returncode == 4
 
 
 @pytest.mark.ci("solves the paper's experiment three times")
