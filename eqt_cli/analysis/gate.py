@@ -110,7 +110,7 @@ class Finding:
     ----------
     rule
         The rule. Those without a margin have findings only of what is worse.
-    of
+    number
         The number in words: ``EqT: mean attitude error``.
     change
         The number now minus the one before, in the unit of the margin. Its ends are one-sided
@@ -128,7 +128,7 @@ class Finding:
     """
 
     rule: Rule
-    of: str
+    number: str
     change: Interval = UNKNOWN
     pairs: int = 0
     to_show: int | None = None
@@ -150,20 +150,20 @@ class Finding:
 
     def __str__(self) -> str:
         """``holds: EqT: effort not worse by 5 %: +1.4 %, at most +4.1 % (95 %)``."""
-        is_worse, shown = self.outcome is Outcome.WORSE, self.why
+        is_worse, text = self.outcome is Outcome.WORSE, self.why
         if not self.why:
             is_upper = is_worse == self.is_gain
             bound = self.change.high if is_upper else self.change.low
-            shown = f"no bound from {count_of(self.pairs, self.noun)}"
+            text = f"no bound from {count_of(self.pairs, self.noun)}"
             if math.isfinite(bound):
-                shown = f"at {'most' if is_upper else 'least'} {self._written(bound)} (95 %)"
+                text = f"at {'most' if is_upper else 'least'} {self._written(bound)} (95 %)"
             says = "worse by more than" if is_worse else "not worse by"
-            shown = f"{says} {self.rule.by}: {self._written(self.change.value)}, {shown}"
+            text = f"{says} {self.rule.by}: {self._written(self.change.value)}, {text}"
         worsening = -self.change.value if self.is_gain else self.change.value
         if self.to_show and self.outcome is Outcome.NOT_SHOWN and worsening <= self.rule.margin:
-            shown += f"; {count_of(self.to_show, self.noun)} would show it if nothing changed"
+            text += f"; {count_of(self.to_show, self.noun)} would show it if nothing changed"
         colon = ":" * bool(self.why)
-        return f"{self.outcome}: {self.of}{colon} {shown}"
+        return f"{self.outcome}: {self.number}{colon} {text}"
 
     def _written(self, value: float) -> str:
         """Return a number to a tenth of the first digit of the margin, and more beside it."""
@@ -182,14 +182,14 @@ class Finding:
 def passes(findings: Sequence[Finding], *, undecided: bool = False) -> bool:
     """Whether every rule holds; with `undecided`, also if some are not shown."""
     allowed = {Outcome.HOLDS, Outcome.NOT_SHOWN} if undecided else {Outcome.HOLDS}
-    return all(each.outcome in allowed for each in findings)
+    return all(finding.outcome in allowed for finding in findings)
 
 
 def lines(findings: Sequence[Finding], *, undecided: bool = False) -> list[str]:
     """Say whether the gate passes, and then each finding, the worst first."""
-    counts = Counter(each.outcome for each in findings)
+    ranked = sorted(findings, key=lambda finding: list(Outcome).index(finding.outcome))
+    counts = Counter(finding.outcome for finding in ranked)
     word = "passes" if passes(findings, undecided=undecided) else "fails"
     though = " although not shown" if word == "passes" and counts[Outcome.NOT_SHOWN] else ""
-    parts = (f"{n} {each.removesuffix('s' * (n > 1))}" for each in Outcome if (n := counts[each]))
-    order = sorted(findings, key=lambda each: list(Outcome).index(each.outcome))
-    return [f"gate {word}{though}: {', '.join(parts) or 'nothing failed'}", *map(str, order)]
+    parts = [f"{n} {outcome.removesuffix('s' * (n > 1))}" for outcome, n in counts.items() if n]
+    return [f"gate {word}{though}: {', '.join(parts) or 'nothing failed'}", *map(str, ranked)]

@@ -20,8 +20,8 @@ from eqt_cli.results.result import Result
 
 def findings(
     comparison: Comparison,
-    first: Result,
-    second: Result,
+    baseline: Result,
+    candidate: Result,
     rules: Sequence[Rule],
     windows: Sequence[Window],
     counterparts: Mapping[str, str],
@@ -35,49 +35,50 @@ def findings(
     windows
         Windows over which the numbers of the rules are taken; the whole run if empty.
     counterparts
-        Labels of laws of the second result, with those of the first.
+        Labels of laws of the candidate, with those of the baseline that they are compared with.
 
     Raises
     ------
     EqtError
         If the horizons differ, or a number of a rule is not the same in both results.
     """
-    if first.path.samefile(second.path):
-        raise second.error("is both results; a gate compares two")
-    if not math.isclose(horizon := second.times[-1] - second.times[0], comparison.horizon):
-        lasts = f"its runs last {horizon:g} s, those of {first.path} {comparison.horizon:g} s"
-        raise second.error(f"{lasts}; a gate compares equal horizons")
+    if baseline.path.samefile(candidate.path):
+        raise candidate.error("is both results; a gate compares two")
+    if not math.isclose(horizon := candidate.times[-1] - candidate.times[0], comparison.horizon):
+        lasts = f"its runs last {horizon:g} s, those of {baseline.path} {comparison.horizon:g} s"
+        raise candidate.error(f"{lasts}; a gate compares equal horizons")
     by_margin = [rule for rule in rules if rule.margin < math.inf]
     for rule in by_margin:
-        _check(rule, first, second, windows)
+        _check(rule, baseline, candidate, windows)
     unchanged = {}
     for law, base in counterparts.items():
-        old, new = first.labels.index(base), second.labels.index(law)
-        failed = [k for k in np.flatnonzero(~second.good[new]) if first.good[old, k : k + 1].all()]
+        base_row, row = baseline.labels.index(base), candidate.labels.index(law)
+        good = baseline.good[base_row]
+        failed = [k for k in np.flatnonzero(~candidate.good[row]) if good[k : k + 1].all()]
         if failed:
-            some = ", ".join([*map(str, failed[:5]), *["…"] * (len(failed) > 5)])
-            why = f"{count_of(len(failed), 'run')} failed that did not before: {some}"
-            yield Finding(Rule("failed"), second.title_of[law], why=why)
-        names = {*first.metrics} & {*second.metrics}
-        numbers = ((first.metric(name, old), second.metric(name, new)) for name in names)
+            runs = ", ".join([*map(str, failed[:5]), *["…"] * (len(failed) > 5)])
+            why = f"{count_of(len(failed), 'run')} failed that did not before: {runs}"
+            yield Finding(Rule("failed"), candidate.title_of[law], why=why)
+        names = {*baseline.metrics} & {*candidate.metrics}
+        numbers = ((baseline.metric(name, base_row), candidate.metric(name, row)) for name in names)
         unchanged[law] = all(np.array_equal(*two, equal_nan=True) for two in numbers)
     worse = [x for x in answers(comparison) if x.decided and x.word is Word.WORSE]
     for pair in (x.pair for x in worse if Rule("worse") in rules):
-        of = f"{comparison.titles[pair.first]}: {names_of([pair.measured], comparison)[0]}"
-        yield Finding(Rule("worse"), of, why=pair.percent)
-    compared = partial(compare_two, first, second, windows=windows, counterparts=counterparts)
+        number = f"{comparison.titles[pair.first]}: {names_of([pair.measured], comparison)[0]}"
+        yield Finding(Rule("worse"), number, why=pair.percent)
+    compared = partial(compare_two, baseline, candidate, windows=windows, counterparts=counterparts)
     how = Resampling(TWO_SIDED, FEWEST)  # of Fieller and Newcombe: no resample is read
     for rule in by_margin:
-        both = compared(metrics=[rule.metric], how=how)
-        if not both.pairs:
-            raise second.error(f"has '{rule.metric}' in another unit, or not over the whole run")
-        for pair in both.against():
+        bounds = compared(metrics=[rule.metric], how=how)
+        if not bounds.pairs:
+            raise candidate.error(f"has '{rule.metric}' in another unit, or not over the whole run")
+        for pair in bounds.against():
             law = pair.first.partition("/")[2]
-            of = f"{second.title_of[law]}: {names_of([pair.measured], both)[0]}"
-            yield judged(rule, pair, of, both, unchanged[law])
+            number = f"{candidate.title_of[law]}: {names_of([pair.measured], bounds)[0]}"
+            yield judged(rule, pair, number, bounds, unchanged[law])
 
 
-def _check(rule: Rule, first: Result, second: Result, windows: Sequence[Window]) -> None:
+def _check(rule: Rule, baseline: Result, candidate: Result, windows: Sequence[Window]) -> None:
     """Refuse a number that cannot be worse, that one result lacks, or that differs in its meaning.
 
     Raises
@@ -85,27 +86,28 @@ def _check(rule: Rule, first: Result, second: Result, windows: Sequence[Window])
     EqtError
         If it is one of these.
     """
-    name, quantity = rule.metric, first.comparable_named(rule.metric)
-    if name not in second.comparable:
-        raise second.error(f"holds no number '{name}', and {first.path} does")
+    name, quantity = rule.metric, baseline.comparable_named(rule.metric)
+    if name not in candidate.comparable:
+        raise candidate.error(f"holds no number '{name}', and {baseline.path} does")
     if quantity.better == "neither" or "lyapunov" in quantity.signals:
         why = "L of both may differ" if "lyapunov" in quantity.signals else "no value is better"
         raise EqtError(f"'{rule}': cannot be judged, as {why}")
-    stored = name if first.has(name) and second.has(name) else quantity.implied_by
-    for key, value in first.attributes_of(stored).items() if stored else ():
-        if (now := second.attributes_of(stored).get(key)) != value:
-            raise second.error(f"'{name}' is another number: its {key} was {value}, and is {now}")
+    stored = name if baseline.has(name) and candidate.has(name) else quantity.implied_by
+    for key, value in baseline.attributes_of(stored).items() if stored else ():
+        if (changed := candidate.attributes_of(stored).get(key)) != value:
+            raise candidate.error(f"'{name}' is another number: {key} {value} → {changed}")
     for window in windows if quantity.windowed else ():
-        second.per_run(second.comparable[name], window)  # or says what it lacks
+        candidate.per_run(candidate.comparable[name], window)  # or says what it lacks
 
 
-def judged(rule: Rule, pair: Pair, of: str, both: Comparison, unchanged: bool) -> Finding:
+def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: bool) -> Finding:
     """Judge a number of two laws, of which the first is the new one."""
     measured, counts, n, why = pair.measured, pair.measured.quantity.counts, pair.pairs, ""
     factor = rule.factor(measured.unit, is_share=measured.is_share)
-    now, before = (measured.values[both.labels.index(law)] for law in (pair.first, pair.second))
-    known = np.isfinite(now) & np.isfinite(before)
-    differences = intervals.resolved_differences(now, before)[known]
+    rows = [bounds.labels.index(law) for law in (pair.first, pair.second)]
+    values, base_values = measured.values[rows]
+    finite = np.isfinite(values) & np.isfinite(base_values)
+    differences = intervals.resolved_differences(values, base_values)[finite]
     spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
     change, to_show = Interval(pair.relative, pair.relative_low, pair.relative_high), FEWEST
     if counts:  # where all runs of both count, Newcombe's bounds are z²/(n + z²) from 0
@@ -117,23 +119,20 @@ def judged(rule: Rule, pair: Pair, of: str, both: Comparison, unchanged: bool) -
         size = 10 * float(np.abs(differences).max(initial=0.0)) or 1.0
         relative = intervals.relative_difference(differences, np.full(n, size), TWO_SIDED)
         change = Interval(*(size * end for end in relative))
-    if both.identical or unchanged or not (counts or differences.any()):
-        end = change.value if n >= FEWEST or both.identical else math.nan
+    if bounds.identical or unchanged or not (counts or differences.any()):
+        end = change.value if n >= FEWEST or bounds.identical else math.nan
         change = Interval(change.value, end, end)
     if spread > 0:
-        more = intervals.runs_to_decide(rule.margin / factor / spread, TWO_SIDED)
-        to_show = max(to_show, more or 0)
+        runs = intervals.runs_to_decide(rule.margin / factor / spread, TWO_SIDED)
+        to_show = max(to_show, runs or 0)
+    vague = not pair.mean_second or unresolved(pair, bounds.resolution)
     if pair.censored:
         why = f"{count_of(pair.censored, 'run')} did not settle; use 'settled worse by 2 points'"
     elif pair.undefined:
         why = f"{count_of(pair.undefined, 'run')} without a value"
-    elif (
-        rule.unit == "%"
-        and not unchanged
-        and (not pair.mean_second or unresolved(pair, both.resolution))
-    ):
+    elif rule.unit == "%" and vague and not unchanged:
         why = "the means are 0, or within the error estimate of the runs; give a margin in a unit"
     names = {"controller": pair.first, "against": pair.second, "metric": rule.metric}
     ends = [math.nan if why else factor * end for end in change]
     is_gain = measured.quantity.better == "higher"
-    return Finding(rule, of, Interval(*ends), n, to_show, is_gain, why, names=names)
+    return Finding(rule, number, Interval(*ends), n, to_show, is_gain, why, names=names)

@@ -46,7 +46,7 @@ class Gate:
     fail_on: Annotated[list[str] | None, options.option("--fail-on")] = None
     undecided: Annotated[Undecided, options.option("--undecided")] = Undecided.FAIL
     law: Annotated[list[str] | None, options.option("--law")] = None
-    same: Annotated[str, options.option("--same")] = ""
+    same: Annotated[str | None, options.option("--same")] = None
 
     def arguments(self, other: Path | None) -> dict[str, Any]:
         """Return the arguments of `api.compare`."""
@@ -54,7 +54,7 @@ class Gate:
             raise EqtError("--fail-on, --law and --same compare two results; name OTHER, too")
         if self.undecided is Undecided.PASS and not self.fail_on:
             raise EqtError("--undecided pass applies to --fail-on; add a rule")
-        same = [name.strip() for name in self.same.split(",") if name.strip()]
+        same = [name.strip() for name in (self.same or "").split(",") if name.strip()]
         laws = options.pairs("--law", self.law, "NEW=OLD")
         return {"other": other, "fail_on": self.fail_on, "law": laws, "same": same}
 
