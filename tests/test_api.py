@@ -103,6 +103,14 @@ def test_configurations_hold_plain_data():
         eqt_cli.load_experiment(PAPER, {"gains.kd": object()})
 
 
+def test_a_gate_takes_lists_of_rules_and_two_results(computed):
+    rule = "effort worse by 5 %"
+    assert error_of(eqt_cli.compare, computed, other=computed, fail_on=rule).startswith("fail_on: ")
+    assert error_of(eqt_cli.compare, computed, fail_on=[rule]) == (
+        "fail_on, law and same compare two results; give other, too"
+    )
+
+
 def test_run_keeps_a_finished_result(result):
     assert (result.outcome.was_complete, result.runs, result.failed) == (True, 12, 0)
     assert repr(result) == f"<result {result.path}: 12 runs>"

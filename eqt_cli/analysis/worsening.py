@@ -9,7 +9,7 @@ import numpy as np
 from eqt_cli.analysis import intervals
 from eqt_cli.analysis.compare import compare_two
 from eqt_cli.analysis.comparison import Comparison
-from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule
+from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule, rules_of
 from eqt_cli.analysis.intervals import FEWEST, Interval, Pair, Resampling, Word
 from eqt_cli.analysis.verdict import answers, names_of, unresolved
 from eqt_cli.base.errors import EqtError
@@ -22,7 +22,7 @@ def findings(
     comparison: Comparison,
     baseline: Result,
     candidate: Result,
-    rules: Sequence[Rule],
+    fail_on: Sequence[str],
     windows: Sequence[Window],
     counterparts: Mapping[str, str],
 ) -> Iterator[Finding]:
@@ -32,6 +32,8 @@ def findings(
     ----------
     comparison
         The comparison of both results, whose words the rule ``worse`` reads.
+    fail_on
+        The rules as a user writes them.
     windows
         Windows over which the numbers of the rules are taken; the whole run if empty.
     counterparts
@@ -40,13 +42,14 @@ def findings(
     Raises
     ------
     EqtError
-        If the horizons differ, or a number of a rule is not the same in both results.
+        If a rule is none, the horizons differ, or a number is not the same in both results.
     """
     if baseline.path.samefile(candidate.path):
         raise candidate.error("is both results; a gate compares two")
     if not math.isclose(horizon := candidate.times[-1] - candidate.times[0], comparison.horizon):
         lasts = f"its runs last {horizon:g} s, those of {baseline.path} {comparison.horizon:g} s"
         raise candidate.error(f"{lasts}; a gate compares equal horizons")
+    rules = rules_of(fail_on)
     by_margin = [rule for rule in rules if rule.margin < math.inf]
     for rule in by_margin:
         _check(rule, baseline, candidate, windows)
@@ -110,9 +113,13 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
     differences = intervals.resolved_differences(values, base_values)[finite]
     spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
     change, to_show = Interval(pair.relative, pair.relative_low, pair.relative_high), FEWEST
-    if counts:  # where all runs of both count, Newcombe's bounds are z²/(n + z²) from 0
-        spread = math.sqrt(np.count_nonzero(differences) / max(n, 1))
-        to_show = math.ceil(2.706 * (factor / rule.margin - 1))
+    if counts:  # Newcombe's bounds are too narrow where few runs differ, so these count, too
+        ahead = (int(np.count_nonzero(sign * differences > 0)) for sign in (-1, 1))
+        lost, gained = (intervals.share(runs, n, TWO_SIDED, exact=True) for runs in ahead)
+        low, high = gained.value - lost.high, gained.high - lost.value
+        change = Interval(change.value, min(change.low, low), max(change.high, high))
+        spread = math.sqrt(lost.value + gained.value)
+        to_show = math.ceil(math.log(0.05) / math.log1p(-min(rule.margin / factor, 0.9)))
     elif rule.unit == "%":
         spread /= abs(pair.mean_second) or math.nan
     else:  # Fieller's interval relative to a constant is Student's

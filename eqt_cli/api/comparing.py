@@ -95,7 +95,10 @@ def compare(
     from eqt_cli.analysis.compare import compare as compare_results
     from eqt_cli.analysis.compare import compare_two
 
-    require_list("metrics", metrics)
+    for name, names in (("metrics", metrics), ("fail_on", fail_on or ()), ("same", same)):
+        require_list(name, names)
+    if other is None and (fail_on is not None or law or same):
+        raise EqtError("fail_on, law and same compare two results; give other, too")
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = []
@@ -107,9 +110,6 @@ def compare(
         results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
         if other is not None:
-            from eqt_cli.analysis.gate import rules_of
-
-            rules = rules_of(fail_on or ())
             with open_at(path_from("other", other), point) as second:
                 now = second.in_units(units)
                 _require_same(opened, second, same)
@@ -130,7 +130,7 @@ def compare(
                     return compared
                 from eqt_cli.analysis.worsening import findings
 
-                gate = findings(compared, results, now, rules, parsed, counterparts)
+                gate = findings(compared, results, now, fail_on, parsed, counterparts)
                 return replace(compared, gate=list(gate))
         return compare_results(
             results,

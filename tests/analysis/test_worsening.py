@@ -88,3 +88,28 @@ def test_where_less_is_worse_the_other_bound_counts():
     [back] = findings(Rule("settled", 10.0, "points"), now, before, "1")
     assert [same.outcome, lost.outcome, back.outcome] == ["holds", "worse", "holds"]
     assert lost.change.value == pytest.approx(-back.change.value)
+
+
+@pytest.mark.parametrize(("runs", "outcome"), [(58, "not shown"), (59, "holds")])
+def test_runs_that_do_not_differ_are_bounded_exactly(runs, outcome):
+    """None of n runs lost: a loss of 5 % has the probability 0.95^n, below 0.05 from 59 runs on."""
+    settled = np.tile([0.0, 1.0], (1, runs))[:, :runs]
+    [finding] = findings(Rule("settled", 5.0, "points"), settled, settled, "1")
+    assert finding.outcome == outcome
+    assert finding.to_show == 59
+    bound = stats.binomtest(0, runs).proportion_ci(0.90, method="exact").high
+    assert finding.change.low == pytest.approx(-100 * bound)
+
+
+@pytest.mark.ci("simulates a thousand comparisons per cell")
+@pytest.mark.parametrize(("share", "runs"), [(0.5, 20), (0.5, 100), (0.9, 200)])
+def test_a_loss_of_a_share_seldom_holds(share, runs):
+    """Only losses, of the margin: Newcombe's bounds alone let 12 % pass of 20 runs, 11 % of 100."""
+    random = np.random.default_rng(runs)
+    margin = 0.1 if runs == 20 else 0.05
+    drawn = random.random((1000, runs))
+    before = (drawn < share).astype(float)
+    now = np.where(drawn < margin, 0.0, before)
+    both = findings(Rule("settled", 100 * margin, "points"), before, now, "1")
+    held = np.mean([finding.outcome == "holds" for finding in both])
+    assert held <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 1000)

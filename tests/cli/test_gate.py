@@ -151,10 +151,10 @@ def test_too_few_runs_do_not_pass(gate):
 
 
 def test_shares_need_many_runs(gate):
-    """20 of 20 or none in both: Wilson's bound of z²/(n + z²), 11.9 points, is 2 for 133 runs."""
+    """None of 20 in both: 1 − 0.05^(1/20) is 13.9 points, and 2 points for 149 runs."""
     done = gate("soft", "stiff", "--fail-on", "settled worse by 2 points", code=4).stdout
     assert (
-        "nog: settled not worse by 2 points: 0.0 points, at least −11.9 points (95 %); 133" in done
+        "nog: settled not worse by 2 points: 0.0 points, at least −13.9 points (95 %); 149" in done
     )
 
 
