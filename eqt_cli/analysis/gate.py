@@ -48,12 +48,8 @@ class Rule(NamedTuple):
 
     def __str__(self) -> str:
         """The rule as a user writes it."""
-        return f"{self.metric} worse by {self.by}" if self.margin < math.inf else self.metric
-
-    @property
-    def by(self) -> str:
-        """The margin with its unit."""
-        return f"{self.margin:g} {self.unit}".rstrip()
+        by = f" worse by {self.margin:g} {self.unit}".rstrip()
+        return self.metric + by * (self.margin < math.inf)
 
     def factor(self, unit: str, *, is_share: bool = False) -> float:
         """Return the factor from a change to the unit of the margin.
@@ -158,12 +154,12 @@ class Finding:
             if math.isfinite(bound):
                 text = f"at {'most' if is_upper else 'least'} {self._written(bound)} (95 %)"
             says = "worse by more than" if is_worse else "not worse by"
-            text = f"{says} {self.rule.by}: {self._written(self.change.value)}, {text}"
+            margin = str(self.rule).partition(" by ")[2]
+            text = f"{says} {margin}: {self._written(self.change.value)}, {text}"
         worsening = -self.change.value if self.is_gain else self.change.value
         if self.to_show and self.outcome is Outcome.NOT_SHOWN and worsening <= self.rule.margin:
             text += f"; {count_of(self.to_show, self.noun)} would show it if nothing changed"
-        colon = ":" * bool(self.why)
-        return f"{self.outcome}: {self.number}{colon} {text}"
+        return f"{self.outcome}: {self.number}{':' * bool(self.why)} {text}"
 
     def _written(self, value: float) -> str:
         """Return a number to a tenth of the first digit of the margin, and more beside it."""
