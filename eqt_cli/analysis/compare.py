@@ -177,9 +177,6 @@ class Hampsey2025(ClaimSet):
 
 # Compares the controllers of a result: measures, differences of pairs, and judged claims ----------
 
-WITHIN_ONE = "controllers are compared within one experiment"
-"""What a comparison says of a sweep."""
-
 
 def measured_by(result: Result, row: Less | AtMost) -> list[tuple[Measure, Window]]:
     """Return the measures that test a row; empty if the result cannot test it."""
@@ -404,7 +401,7 @@ def _check(result: Result, how: Resampling) -> None:
         raise EqtError(f"confidence {how.confidence:g}: {expected}")
     if how.resamples < 1:
         raise EqtError(f"resamples {how.resamples}: expected at least 1")
-    result.single(WITHIN_ONE)
+    result.single("controllers are compared within one experiment")
 
 
 def compare_two(
