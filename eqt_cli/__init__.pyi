@@ -7,6 +7,7 @@ from eqt_cli.api import check_log as check_log
 from eqt_cli.api import choose_executor as choose_executor
 from eqt_cli.api import cite as cite
 from eqt_cli.api import compare as compare
+from eqt_cli.api import compare_flights as compare_flights
 from eqt_cli.api import compare_measured as compare_measured
 from eqt_cli.api import compare_sweep as compare_sweep
 from eqt_cli.api import diff as diff

@@ -186,7 +186,11 @@ def read_command(line):
 def taken_apart(line):
     """The words of a line, its exit code, and whether it is `eqt` alone."""
     command, _, comment = line.partition("  # exit code ")
-    words = shlex.split(command)
+    words = [
+        path
+        for word in shlex.split(command)
+        for path in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
+    ]
     return words, int(comment or 0), words[0] == "eqt" and not set(command) & set("|>")
 
 

@@ -11,9 +11,22 @@ def message(kind, content):
     return struct.pack("<HB", len(content), ord(kind)) + content
 
 
-def ulog(*topics, flags=b""):
-    """A file with topics: a name, a format of fields, and rows of numbers."""
+def parameter(name, value):
+    """A message of a float."""
+    key = f"float {name}".encode()
+    return message("P", bytes([len(key)]) + key + struct.pack("<f", value))
+
+
+def ulog(*topics, flags=b"", parameters=None, changes=(), hardware=b""):
+    """A file with topics: a name, a format of fields, and rows of numbers.
+
+    Parameters are floats by name; changes of them are a time in us, a name and a value.
+    """
     definitions = [message("B", flags.ljust(40, b"\0"))]
+    definitions += [parameter(*one) for one in (parameters or {}).items()]
+    if hardware:
+        key = f"char[{len(hardware)}] ver_hw".encode()
+        definitions.append(message("I", bytes([len(key)]) + key + hardware))
     definitions += [message("F", f"{name}:{form}".encode()) for name, form, _ in topics]
     data = []
     for index, (name, form, rows) in enumerate(topics):
@@ -26,6 +39,10 @@ def ulog(*topics, flags=b""):
         for row in rows:
             whole = [int(x) if code in "QB?" else x for x, code in zip(row, codes, strict=True)]
             data.append(message("D", struct.pack(f"<H{codes}", index, *whole)))
+    if changes:  # which have the time of the data before them
+        times = [int.from_bytes(x[5:13], "little") if x[2:3] == b"D" else -1 for x in data]
+        rows = [*zip(times, data, strict=True), *((t, parameter(*x)) for t, *x in changes)]
+        data = [content for _, content in sorted(rows, key=lambda row: row[0])]
     return ULOG + b"".join(definitions + data)
 
 

@@ -288,6 +288,7 @@ def log_errors(
     begins = [t for series in known.values() for t in series.times[:1]]
     span = [_instant(*each, begins) for each in (("begin", begin), ("end", end))]
     errors = logs.tracking_errors(f"{path}", known, wanted, spans, association, align, parts, span)
+    errors = errors._replace(flight=flight)
     if out is not None:
         from eqt_cli.extensions.recordings.figures import save_errors  # slow to import
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from enum import StrEnum
+from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import significant
 from eqt_cli.cli import options, output
+from eqt_cli.cli.compare import Undecided
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import laid_out, print_findings, say
+from eqt_cli.cli.tables import as_csv
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
 
 if TYPE_CHECKING:
@@ -127,9 +131,12 @@ def fit(
 
 
 FORMATS = "csv", "tum", "euroc"
+QUANTITIES = "position", "velocity", "attitude", "rates"
 ASSOCIATIONS = "linear", "nearest", "held"
 ALIGNMENTS = "rigid", "similarity", "yaw", "origin"
 
+Form = StrEnum("Form", "TEXT CSV")
+TWO_SIDES = "new1.ulg new2.ulg --against old1.ulg old2.ulg"
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
 
@@ -245,6 +252,114 @@ def log_errors(
     print_findings(document, laid_out(error_table(errors)), json=json)
     if how.out is not None:
         say(f"figure and CSV in {how.out}")
+
+
+class _Against(Command):
+    """A command whose option --against takes all files that follow it."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeat the option before each of these files."""
+        at = args.index("--against") + 1 if "--against" in args else len(args)
+        files = list(takewhile(lambda word: not word.startswith("-"), args[at:]))
+        repeated = [word for file in files[1:] for word in ("--against", file)]
+        return super().parse_args(
+            ctx, [*args[:at], *files[:1], *repeated, *args[at + len(files) :]]
+        )
+
+
+@dataclass(frozen=True)
+class Comparing:
+    """Which flights or laps belong together, and what is compared and required."""
+
+    against: Annotated[list[Path] | None, options.option("--against")] = None
+    pair: Annotated[bool, options.option("--pair")] = False
+    within: Annotated[str | None, options.option("--within")] = None
+    period: Annotated[float | None, options.option("--period", min=0.0)] = None
+    metrics: Annotated[list[str] | None, options.option("--metric", known=QUANTITIES)] = None
+    of: Annotated[str, options.option("--of", known=("rms", "median", "largest"))] = "rms"
+    negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.05
+    all_parameters: Annotated[bool, options.option("--all-parameters")] = False
+    fail_on: Annotated[list[str] | None, options.option("--fail-on")] = None
+
+
+@log_app.command(
+    "compare",
+    cls=_Against,
+    epilog=example("eqt log compare", "new1.ulg new2.ulg --against old1.ulg old2.ulg"),
+)
+@options.spread
+def compare_flights(
+    files: Annotated[list[Path], typer.Argument(metavar="A", help="Flights with a setting.")],
+    what: Comparing,
+    second: Annotated[Path | None, options.option("--second")] = None,
+    mapping: Annotated[Path | None, options.option("--mapping")] = None,
+    log_format: options.LogFormat = "csv",
+    *,
+    how: Errors,
+    format_: Annotated[Form, options.option("--format")] = Form.TEXT,
+    undecided: Annotated[Undecided, options.option("--undecided")] = Undecided.FAIL,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Compare the errors of flights with one setting, A, against those with another, B.
+
+    It prints what else differs, such as parameters in the logs, and for each quantity the ratio of
+    the errors, with its interval. A flight counts once, however many laps it has.
+
+    Options
+    -------
+    What to show
+        --against FILE  Flights with the other setting: all files that follow. Repeatable.
+        --pair  The first file belongs to the first one of --against, and so on.
+        --within ORDER  Compare laps of a single file, whose order is such as ABABAB, by --period.
+        --period S  Length of a lap, s; the laps of a flight are averaged.
+        --metric NAME  position, velocity, attitude or rates. Repeatable. Default: all.
+        --of NAME  Size of the errors of a flight: rms, median or largest.
+        --negligible X  Relative difference that counts as none.
+        --all-parameters  Compare also parameters that an autopilot writes itself, such as CAL_*.
+    Experiment
+        --second FILE  Desired motion of all flights. Default: the setpoints in their files.
+        --second-mapping FILE  Mapping of the desired motion. Default: that of the flights.
+        --second-format NAME  Format of the desired motion. Default: that of the flights.
+        --mapping FILE  YAML file with columns, units, frames and times, as in reference.mapping.
+        --topic NAME  Topic of the measurement. Default: the first that a file has.
+        --setpoint NAME  Topic of the setpoints, or desired for those values of ArduPilot in place
+            of its targets. Default: the first that a file has.
+        --association NAME  Measurement at the instants: linear, nearest (within 0.01 s) or held.
+        --align NAME  Move the measured positions first: rigid, similarity, yaw or origin.
+        --relative N  Compare the motions over N instants in place of the poses, or over metres of
+            the desired path, such as 5m.
+        --begin S  First time to compare, s: 12.5 by the clock of a file, +5 from its first row.
+        --end S  Last time to compare, as --begin.
+        --disarmed  Compare also times while the vehicle was disarmed.
+    Result
+        --out DIR  Folder for the figure flights.
+    Output
+        --format NAME  text, or csv with a row per flight.
+    Gate
+        --fail-on RULE  What must not be: 'position worse by 10 %', or worse (by the words of the
+            comparison). Repeatable.
+        --undecided WORD  fail or pass, where a rule is not shown to hold.
+    """
+    from eqt_cli import api
+    from eqt_cli.analysis import gate
+
+    of_errors = vars(how) | {"begin": how.begin or "-inf", "end": how.end or "inf"}
+    of_errors |= {"second": second, "mapping": mapping, "format": log_format}
+    chosen: Any = {name: value for name, value in vars(what).items() if value is not None}
+    both, is_open = api.compare_flights(files, **chosen, **of_errors), undecided == Undecided.PASS
+    lines = [*gate.lines(both.findings, undecided=is_open), ""] if what.fail_on else []
+    passes = gate.passes(both.findings, undecided=is_open)
+    if format_ == Form.CSV:
+        output.print_verbatim(as_csv([flight.record for flight in both.flights]))
+    else:
+        ratios, flights = map(laid_out, both.tables())
+        findings = [finding.record() for finding in both.findings]
+        gated = {"gate": {"passes": passes, "findings": findings}} if lines else {}
+        pieces: Any = *lines, *both.premises, *[""] * bool(both.premises), ratios, "", flights
+        print_findings(gated | both.document, *pieces, json=json)
+    if lines and not passes:
+        raise typer.Exit(4)
 
 
 def _print_log(checked: LogCheck) -> None:

@@ -16,6 +16,7 @@ from eqt_cli.base.errors import EqtError, Remedy
 from eqt_cli.base.files import write_all
 from eqt_cli.base.option_types import CountOrNone
 from eqt_cli.components.groups import MatrixLieGroup, Part
+from eqt_cli.extensions.recordings.flights import FlightComparison
 from eqt_cli.extensions.recordings.logs import QUANTITIES, TrackingErrors, error_files
 from eqt_cli.extensions.recordings.measured import measured_runs
 from eqt_cli.extensions.recordings.prediction import Growth
@@ -223,7 +224,8 @@ def save_growth(growth: Growth, folder: Path) -> None:
 def _encoded(drawing: Drawing, panels: Any, x: str, remark: str, path: Path) -> dict[Path, bytes]:
     """Finish a figure of panels below each other; return its files by their paths."""
     layout.add_letters(drawing)
-    list(panels.values())[-1].set_xlabel(in_words(x, "s"))
+    if x:
+        list(panels.values())[-1].set_xlabel(in_words(x, "s"))
     layout.add_remarks(drawing, [remark])
     layout.freeze(drawing)
     return {
@@ -254,3 +256,40 @@ def save_errors(tracking: TrackingErrors, name: str, folder: Path) -> None:
         remark = f"{name}: {tracking.headline}."
         files = _encoded(drawing, panels, "time", remark, folder / "errors")
     write_all(files | error_files(tracking, folder), folder)
+
+
+def save_flights(comparison: FlightComparison, folder: Path) -> None:
+    """Draw the errors of each flight by its side, and their ratio with its interval.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be written.
+    """
+    with style.house_style():
+        rows = [[one.metric, f"{one.metric} ratio"] for one in comparison.pairs]
+        drawing, panels = layout.blank_sheet("column", rows, 0.95, width_ratios=[1.5, 1])
+        thin: Any = {"color": style.ink(0.5), "linewidth": 0.6}
+        strong: Any = {"color": style.ink()}
+        for one, (left, right) in zip(comparison.pairs, rows, strict=True):
+            sides = {s: [x for x in comparison.flights if x.side == s] for s in "BA"}
+            errors = [[x.errors[one.metric] for x in side] for side in sides.values()]
+            if comparison.paired:
+                panels[left].plot(errors, [0, 1], **thin)
+            for k, (values, mean) in enumerate(zip(errors, (one.second, one.first), strict=True)):
+                colour = style.line_style(k)["color"]
+                panels[left].plot(values, [k] * len(values), "o", color=colour, markersize=3)
+                panels[left].plot([mean] * 2, [k - 0.3, k + 0.3], **strong)
+            change, *ends = 100 * np.array([one.ratio, one.low, one.high]) - 100
+            panels[right].axvline(0, **thin)
+            panels[right].plot(ends, [0.5] * 2, **strong)
+            panels[right].plot(change, 0.5, "o", markersize=3, **strong)
+            panels[left].set_xlabel(in_words(f"{one.metric} error", one.unit))
+            panels[right].set_xlabel(in_words("A against B", "%"))
+            panels[left].set_yticks([0, 1], [*sides])
+            panels[right].set_yticks([])
+            for panel in (panels[left], panels[right]):
+                panel.set_ylim(-0.6, 1.6)
+                panel.margins(x=0.08)
+        remark = f"Dots: flights; strokes: means. {comparison.notes[-1]}."
+        write_all(_encoded(drawing, panels, "", remark, folder / "flights"), folder)

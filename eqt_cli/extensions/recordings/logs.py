@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
@@ -313,9 +314,10 @@ def flight_of(path: Path) -> Flight:
         raise InputError(f"{path}: cannot be read as {title}: {why}")
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as arrays:
         topics = []
-        for k, (name, kind, rows, note, names) in enumerate(json.loads(arrays["head"].tobytes())):
+        for k, (*facts, note, names, more) in enumerate(json.loads(arrays["head"].tobytes())):
             fields = {each: arrays[f"{k},{j}"] for j, each in enumerate(names)}
-            topics.append(Topic(name, kind, rows, arrays[f"{k}"], fields, note))
+            rest: Any = arrays[f"{k}"], fields, note, more
+            topics.append(Topic(*facts, *rest))
     return Flight(str(path), format, topics)
 
 
@@ -671,6 +673,10 @@ class TrackingErrors(NamedTuple):
         The times of both, and what else was noticed.
     remarks
         Odd rows that were not used, and the drift over metres of path.
+    goals
+        The setpoints that count, by the quantity.
+    flight
+        All that the file holds; of a log only.
     """
 
     sizes: list[ErrorSize]
@@ -678,6 +684,8 @@ class TrackingErrors(NamedTuple):
     topics: dict[str, str]
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    goals: Mapping[str, Series] = MappingProxyType({})
+    flight: Flight | None = None
 
     @property
     def headline(self) -> str:
@@ -897,7 +905,13 @@ def tracking_errors(
     if not sizes:
         raise InputError(f"{name}: an attitude is missing wherever there are positions")
     topics = {q: f"{known[q].topic} − {wanted[q].topic}" for q in curves}
-    return TrackingErrors(sizes, curves, topics, (f"times: {times}, by one clock",), (*drift, *odd))
+    goals, (edges, counts) = dict[str, Series](), spans
+    for q in curves:
+        t = wanted[q].times
+        inside = counts[np.searchsorted(edges, t, "right")] & (window[0] <= t) & (t <= window[1])
+        goals[q] = wanted[q]._replace(times=t[inside], numbers=wanted[q].numbers[inside])
+    notes = (f"times: {times}, by one clock",)
+    return TrackingErrors(sizes, curves, topics, notes, (*drift, *odd), goals)
 
 
 def _require_comparable(name: str, pairs: list[tuple[Series, Series]]) -> str:

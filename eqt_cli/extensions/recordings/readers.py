@@ -46,6 +46,8 @@ class Topic(NamedTuple):
         Numbers by the name of the field.
     note
         Why it is not read, although the table has it.
+    settings
+        Time, s, name and value of each parameter and of each change, of a topic without rows.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Topic(NamedTuple):
     times: Any
     fields: dict[str, Any]
     note: str = ""
+    settings: list[tuple[float, str, Any]] = []  # noqa: RUF012  # never changed
 
 
 def _since_boot(fields: dict[str, Any]) -> Any:
@@ -73,6 +76,10 @@ def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) -
             name = kind = each.name
         numbers = {key: np.asarray(x, float) for key, x in each.data.items() if kind in wanted}
         yield Topic(name, kind, len(each.data["timestamp"]), _since_boot(numbers), numbers)
+    facts = {"release": log.get_version_info_str(), "hardware": log.msg_info_dict.get("ver_hw")}
+    settings = [(0.0, *fact) for fact in (*facts.items(), *log.initial_parameters.items())]
+    settings += [(t / 1e6, *change) for t, *change in log.changed_parameters]
+    yield Topic("", "", 0, np.empty(0, int), {}, "", settings)
     if log.file_corruption:
         yield Topic("", "damaged", 0, np.empty(0, int), {})
 
@@ -215,7 +222,7 @@ def dataflash(
     log, rows = DFReader_binary(path), dict[str, list[dict[str, Any]]]()
     counts = {form.name: log.counts[number] for number, form in log.formats.items()}
     axes, primary = [f"PSC{axis}" for axis in "NED"], 0
-    kinds = [kind for kind in (*wanted, *axes) if counts.get(kind)]
+    kinds = [kind for kind in (*wanted, *axes, "PARM", "VER") if counts.get(kind)]
     while kinds and (message := log.recv_match(type=kinds)) is not None:
         instance = getattr(message, message.fmt.instance_field or "", 0)
         name, row = message.get_type(), message.to_dict()
@@ -223,6 +230,9 @@ def dataflash(
             primary = row.get("PI", 0)
         if instance == primary * name.startswith("XKF"):
             rows.setdefault(name, []).append(row)
+    settings = [(row["TimeUS"] / 1e6, "release", row.get("FWS")) for row in rows.pop("VER", ())]
+    settings += [(x["TimeUS"] / 1e6, x["Name"], x["Value"]) for x in rows.pop("PARM", ())]
+    yield Topic("", "", 0, np.empty(0, int), {}, "", settings)
     fields = {name: _columns(rows[name]) for name in rows}
     times = {name: columns.pop("TimeUS") for name, columns in fields.items()}
     if fields.keys() >= {*axes}:  # the three are written one by one, and not in all modes
@@ -267,7 +277,7 @@ def main(path: str, format: str, seconds: str) -> None:
             soft = math.ceil(process_time() + float(seconds))
             resource.setrlimit(resource.RLIMIT_CPU, (soft, most))
         topics = list(reader(path, *json.load(sys.stdin)))
-    head = [[*each[:3], each.note, [*each.fields]] for each in topics]
+    head = [[*each[:3], each.note, [*each.fields], each.settings] for each in topics]
     arrays = {f"{k}": topic.times for k, topic in enumerate(topics)}
     for k, topic in enumerate(topics):
         arrays |= {f"{k},{j}": x for j, x in enumerate(topic.fields.values())}

@@ -1,0 +1,498 @@
+"""Compares flights of two settings: the ratio of their errors, how sure it is, what else differs.
+
+The unit is a flight: its laps share wind, battery and settings, so that their spread says nothing
+of the next flight. What multiplies an error differs from flight to flight, hence logarithms.
+"""
+
+import math
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from hashlib import sha256
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.analysis import gate
+from eqt_cli.analysis.intervals import FEWEST, Interval, Word, holm, runs_to_decide
+from eqt_cli.api.loading import path_from
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import EqtError
+from eqt_cli.base.files import content_of
+from eqt_cli.base.reporting import Block, TextTable, fixed, listed, reporter, significant, step
+from eqt_cli.extensions.recordings.api import log_errors
+from eqt_cli.extensions.recordings.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
+from eqt_cli.extensions.recordings.recording import GAP
+
+CONFIDENCE, NEGLIGIBLE = 0.95, 0.05
+"""Of intervals; and the relative difference that counts as none."""
+
+LEAST_SECONDS, LEAST_SHARE = 10.0, 0.5
+"""Least time that is compared, s, and as a share of the time with setpoints."""
+
+ALIKE, MOST_SHOWN = (0.9, 1.1), 6
+"""Ratios of times, speeds and winds that are not told; largest number of settings that are told."""
+
+RESAMPLES = 9_999
+"""Largest number of permutations that are all tried; else so many are drawn."""
+
+SLACK = 0.05
+"""Part of a lap that may be missing at the end."""
+
+SIZES: dict[str, Callable[[Array], Any]] = {"median": np.median, "largest": np.max}
+SIZES["rms"] = lambda errors: np.sqrt(np.mean(errors**2))
+
+Errors = Mapping[str, Sequence[Array]]
+"""The errors of both sides, by the quantity."""
+
+OWN = re.compile(r"CAL_|COM_FLIGHT_UUID|LND_FLIGHT_T_|STAT_|COMPASS_|INS_|BARO\d_GND|.*_ID\d?$")
+"""Parameters that an autopilot writes itself, or that tell vehicles apart."""
+
+
+# Statistics ---------------------------------------------------------------------------------------
+
+
+def difference(x: Array, y: Array, paired: bool, confidence: float) -> Interval:
+    """Return the difference of two means, with Student's interval, of Welch (1947) without pairs.
+
+    Of logarithms, it is the logarithm of the ratio of geometric means.
+
+    Parameters
+    ----------
+    x, y : (..., n), (..., m)
+        Numbers of both sides.
+    paired
+        Whether number k of both belong together.
+    """
+    from scipy.special import stdtrit  # slow to import
+
+    n, value = min(x.shape[-1], y.shape[-1]), x.mean(axis=-1) - y.mean(axis=-1)
+    if n < FEWEST:
+        return Interval(value, math.nan, math.nan)
+    parts = [x - y] if paired else [x, y]
+    squares = [part.var(axis=-1, ddof=1) / part.shape[-1] for part in parts]
+    rest = [each**2 / (part.shape[-1] - 1) for each, part in zip(squares, parts, strict=True)]
+    with np.errstate(invalid="ignore"):  # where all numbers of a side are equal
+        t = stdtrit(sum(squares) ** 2 / sum(rest), (1 + confidence) / 2)
+    half = np.nan_to_num(t) * np.sqrt(sum(squares))
+    return Interval(value, value - half, value + half)
+
+
+def permutation_test(x: Array, y: Array, paired: bool) -> Any:
+    """Return the exact p-value that two sides are alike, by the difference of their means.
+
+    All ways to deal the numbers out to two sides, or to swap the sides of pairs (Fisher 1935),
+    are as likely; beyond `RESAMPLES` ways, so many are drawn.
+    """
+    from scipy import stats  # slow to import
+
+    def distance(x: Array, y: Array, axis: int) -> Any:
+        return abs(x.mean(axis=axis) - y.mean(axis=axis))
+
+    how: Any = {"permutation_type": "samples" if paired else "independent", "axis": -1, "rng": 0}
+    how |= {"n_resamples": RESAMPLES, "alternative": "greater", "vectorized": True}
+    is_enough = min(x.shape[-1], y.shape[-1]) >= FEWEST
+    return stats.permutation_test((x, y), distance, **how).pvalue if is_enough else math.nan
+
+
+def flights_needed(
+    x: Array, y: Array, paired: bool, change: float, confidence: float
+) -> int | None:
+    """Return the flights of a side, or pairs, that exclude a change with probability 0.8."""
+    spread = math.hypot(*(float(np.std(part)) for part in ([x - y] if paired else [x, y])))
+    n = min(len(x), len(y))
+    effect = change / (spread * math.sqrt(n / (n - 1))) if n >= FEWEST and spread else 0.0
+    return runs_to_decide(effect, confidence)
+
+
+# The numbers of a flight --------------------------------------------------------------------------
+
+
+class Flown(NamedTuple):
+    """The errors of a flight, or of a lap.
+
+    Attributes
+    ----------
+    side, file, digest
+        ``A``, or ``B``, against which it is compared; the file and its SHA-256.
+    laps
+        Number of laps; the errors are their geometric means.
+    seconds, speed, wind
+        Time that is compared, s, mean speed of the setpoints and mean wind, m/s; NaN if not logged.
+    errors
+        By the quantity, in its unit.
+    settings
+        Parameters, release and hardware at the begin.
+    """
+
+    side: str
+    file: str
+    digest: str
+    laps: int
+    seconds: float
+    speed: float
+    wind: float
+    errors: dict[str, float]
+    settings: dict[str, str]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """A row of numbers, for programs."""
+        return dict(zip(self._fields, self[:-2], strict=False)) | self.errors
+
+
+def seconds_of(times: Array) -> float:
+    """Return the time between rows, without gaps, s."""
+    steps = np.diff(times)
+    return float(steps[steps <= GAP * np.median(steps)].sum()) if len(steps) else 0.0
+
+
+def settings_of(tracking: TrackingErrors, begin: float, end: float) -> tuple[dict[str, str], Any]:
+    """Return the settings at the begin, and how they change until the end, in words."""
+    settings, changes = dict[str, str](), list[str]()
+    topics = tracking.flight.topics if tracking.flight else []
+    for t, name, value in (row for topic in topics for row in topic.settings if row[0] < end):
+        text = f"{value:.7g}" if isinstance(value, float) else f"{value}"
+        if t <= begin or name not in settings:
+            settings[name] = text
+        elif settings[name] != text and not OWN.match(name):
+            changes.append(f"{name} {settings[name]} → {text} at {t:.4g} s")
+    return settings, changes
+
+
+def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: Array) -> Flown:
+    """Return the errors of a flight of this side, file and digest, over laps between times."""
+    errors, (begin, end) = dict[str, float](), cuts[[0, -1]]
+    for quantity, (t, rows) in tracking.curves.items():
+        x = abs(rows[:, 0])
+        laps = (x[(a <= t) & (t < b) & np.isfinite(x)] for a, b in pairwise(cuts))
+        sizes = [SIZES[of](lap) for lap in laps if len(lap)]
+        if 0 in sizes:
+            raise EqtError(f"{name[1]}: the {of} {quantity} error is 0, which has no ratio")
+        errors |= {quantity: float(np.exp(np.mean(np.log(sizes))))} if sizes else {}
+
+    def numbers(one: Series) -> Array:
+        return one.numbers[(begin <= one.times) & (one.times < end)]
+
+    t = next(iter(tracking.curves.values()))[0]
+    seconds = seconds_of(t[(begin <= t) & (t < end)])
+    goals = [goal for quantity, goal in tracking.goals.items() if quantity == "position"]
+    speed = [
+        np.nansum(norm(np.diff(numbers(one), axis=0))) / (seconds or math.nan) for one in goals
+    ]
+    winds = tracking.flight.series("wind") if tracking.flight else ()
+    wind = [norm(numbers(one)).mean() for one in winds]
+    means = (float([*x, math.nan][0]) for x in (speed, wind))
+    settings = settings_of(tracking, begin, end)[0]
+    facts: Any = *name, len(cuts) - 1, seconds, *means, errors, settings
+    return Flown(*facts)
+
+
+def read_flights(
+    files: Sequence[tuple[str, Path]], of: str, period: float, within: str, how: dict[str, Any]
+) -> Iterator[Flown]:
+    """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit."""
+    first, topics = dict[str, Path](), dict[str, tuple[str, Path]]()
+    for side, file in files:
+        tracking, parts = log_errors(file, **how), [*file.iterdir()] if file.is_dir() else [file]
+        digest = sha256(b"".join(content_of(x, MAX_BYTES) for x in sorted(parts))).hexdigest()
+        if first.setdefault(digest, file) is not file:
+            raise EqtError(f"{file}: the same recording as {first[digest]}; a flight counts once")
+        for quantity, pair in tracking.topics.items() if tracking.flight else ():
+            if (other := topics.setdefault(quantity, (pair, file)))[0] != pair:
+                advice = "choose the topics of all by --topic and --setpoint"
+                raise EqtError(f"{file}: compares {pair}, but {other[1]} {other[0]}; {advice}")
+        t = next(iter(tracking.curves.values()))[0]
+        begin, end = t[0], np.nextafter(t[-1], np.inf)
+        seconds, whole = map(seconds_of, (t, next(iter(tracking.goals.values())).times))
+        if seconds < max(LEAST_SECONDS, LEAST_SHARE * whole):
+            least = f"{LEAST_SECONDS:g} s or more, and half of {whole:.4g} s with setpoints"
+            raise EqtError(f"{file}: only {seconds:.4g} s are compared; expected {least}")
+        if (changes := settings_of(tracking, begin, end)[1]) and not within:
+            advice = "take a part by --begin and --end, or laps in turns by --within"
+            raise EqtError(f"{file}: changed in flight: {', '.join(changes)}; {advice}")
+        lap = period or end - begin
+        cuts = begin + lap * np.arange(1 + (len(within) or int((end - begin) / lap + SLACK)))
+        if len(cuts) < 2 or cuts[-1] > end + SLACK * lap:
+            raise EqtError(f"{file}: {end - begin:.4g} s are too few for laps of {period:g} s")
+        for k, letter in enumerate(within):
+            yield flown((letter, f"{file} lap {k + 1}", digest), tracking, of, cuts[k : k + 2])
+        if not within:
+            yield flown((side, f"{file}", digest), tracking, of, cuts)
+        reporter().advance(1)
+
+
+# Two sides ----------------------------------------------------------------------------------------
+
+
+class FlightRatio(NamedTuple):
+    """The error of A over that of B.
+
+    Attributes
+    ----------
+    metric, unit, first, second
+        The quantity with its unit, and the geometric means of A and of B.
+    ratio, low, high
+        Their ratio with its 95 % interval; NaN for fewer than `FEWEST` flights.
+    p
+        Of `permutation_test`, adjusted after Holm (1979) for all quantities.
+    word, decided
+        The word for A by the interval, and whether it stands: *better* and *worse* need the test.
+    needed
+        Flights of a side, or pairs, whose interval excludes 1 with probability 0.8, if the ratio is
+        as measured.
+    """
+
+    metric: str
+    unit: str
+    first: float
+    second: float
+    ratio: float
+    low: float
+    high: float
+    p: float
+    word: Word
+    decided: bool
+    needed: int | None
+
+    def __str__(self) -> str:
+        """``−19 % [−30, −6], better``."""
+        digits = 0 if self.high - self.low > 0.05 else 1
+        value, *ends = (fixed(100 * x - 100, digits, signed=True) for x in self[4:7])
+        change = f"{value} % [{', '.join(ends)}]".removesuffix(" [-, -]").replace("-", "−")
+        word = f", {self.word if self.decided else Word.UNDECIDED}"
+        more = f"; {self.needed} of each would decide" if self.needed and not self.decided else ""
+        return change if math.isnan(self.low) else change + word + more
+
+
+def ratios(errors: Errors, paired: bool, negligible: float) -> Iterator[FlightRatio]:
+    """Yield the ratio of the errors of A and B for each quantity."""
+    rows = [(q, np.log(x), np.log(y)) for q, (x, y) in errors.items()]
+    tests = [permutation_test(x, y, paired) for _, x, y in rows]
+    for (q, x, y), p in zip(rows, holm(np.array(tests)).tolist(), strict=True):
+        ends = difference(x, y, paired, CONFIDENCE)
+        needed = flights_needed(x, y, paired, ends.value, CONFIDENCE)
+        word = Word.BETTER if ends.high < 0 else Word.WORSE if ends.low > 0 else Word.UNDECIDED
+        is_alike = max(-math.expm1(ends.low), math.expm1(ends.high)) <= negligible
+        decided = is_alike or (word is not Word.UNDECIDED and p <= 1 - CONFIDENCE)
+        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends))
+        word = Word.ALIKE if is_alike else word
+        row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed
+        yield FlightRatio(*row)
+
+
+def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
+    """Return what the one-sided bounds of a change say of a rule."""
+    if rule.metric not in errors:
+        raise EqtError(f"fail_on: '{rule}': expected one of {', '.join(errors)}")
+    x, y = errors[rule.metric]
+    factor, is_relative = rule.factor(QUANTITIES[rule.metric][0]), rule.unit == "%"
+    margin = rule.margin / factor
+    if is_relative:
+        x, y, margin = np.log(x), np.log(y), math.log1p(margin)
+    change = np.array(difference(x, y, paired, gate.TWO_SIDED))
+    change = factor * (np.expm1(change) if is_relative else change)
+    n, noun = min(len(x), len(y)), "pair" if paired else "flight"
+    needed = flights_needed(x, y, paired, margin, gate.TWO_SIDED)
+    return gate.Finding(rule, rule.metric, Interval(*change.tolist()), n, needed, noun=noun)
+
+
+def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, Any]], list[str]]:
+    """Return the settings that are not the same in all flights, and what differs in words."""
+    differing, lines = list[dict[str, Any]](), list[str]()
+    names = dict.fromkeys(name for side in sides for x in side for name in x.settings)
+    for name in [name for name in names if every or not OWN.match(name)]:
+        a, b = (Counter(x.settings.get(name, "none") for x in side) for side in sides)
+        for side, values in ("A", a), ("B", b):
+            if len(values) > 1:
+                counted = ", ".join(f"{value} ({k})" for value, k in values.items())
+                lines.append(f"the flights of {side} do not have one setting: {name} {counted}")
+        if len(a) == len(b) == 1 and {*a} != {*b}:
+            lines.append(f"{name} {min(b)} → {min(a)} in all")
+        differing += [{"name": name, "A": a, "B": b}] * (len(a | b) > 1)
+    more = len(lines) - MOST_SHOWN
+    lines[MOST_SHOWN:] = [f"and {more} more differences (--json)"] * (more > 0)
+    lines += ["all flights have the same parameters"] * (bool(names) and not differing)
+    for name, words in ("seconds", "as long"), ("speed", "as fast"), ("wind", "as windy"):
+        x, y = (float(np.mean([getattr(x, name) for x in side])) for side in sides)
+        if y > 0 and not ALIKE[0] <= x / y <= ALIKE[1]:
+            lines.append(f"the flights of A are {x / y:.2g} times {words} as those of B")
+    return differing, lines
+
+
+def remarks(n: int, m: int, paired: bool, tests: int) -> Iterator[str]:
+    """Yield what limits the words, and what the numbers are."""
+    least = math.ceil(math.log2(2 * tests / (1 - CONFIDENCE)))  # all pairs one way: p = 2/2^n
+    if n == m == 1:
+        yield "this compares two flights, not two settings"
+    if paired and n < least:
+        fewer = ", or fewer quantities (--metric)" * (tests > 1)
+        none = "no interval below 5; " * (n < FEWEST)
+        yield f"{n} pairs: {none}{least} are the least for better or worse{fewer}"
+    elif min(n, m) < FEWEST:
+        advice = "pairs flown in the same hour need far fewer"
+        yield f"{n} and {m} flights: no interval and no words below {FEWEST} each; {advice}"
+    by = "pairs, by Student's t" if paired else "flights, by Welch's t"
+    yield f"A, B: geometric means; 95 % intervals over {by} of logarithms; p: exact test"
+
+
+class FlightComparison(NamedTuple):
+    """Flights of a setting A against those of a setting B.
+
+    Attributes
+    ----------
+    flights
+        The flights; of pairs, those of a pair one after the other.
+    pairs
+        The ratio of the errors of both sides, for each quantity.
+    parameters
+        Settings that are not the same in all flights, with the number of flights by their values.
+    premises
+        What differs besides the errors, in words.
+    notes
+        What limits the words, and what the numbers are.
+    findings
+        What each rule of `fail_on` says.
+    paired
+        Whether flights are compared in pairs.
+    """
+
+    flights: list[Flown]
+    pairs: list[FlightRatio]
+    parameters: list[dict[str, Any]]
+    premises: list[str]
+    notes: list[str]
+    findings: list[gate.Finding]
+    paired: bool
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The numbers, for programs."""
+        rows = {"flights": [x.record for x in self.flights]}
+        rows |= {"pairs": [x._asdict() for x in self.pairs]}
+        return {name: x for name, x in self._asdict().items() if name != "findings"} | rows
+
+    def tables(self) -> Iterator[TextTable]:
+        """Yield the ratios, and the numbers of each flight."""
+        header = ["error", "unit", "A", "B", "A against B", "p"]
+        rows = [
+            [*x[:2], *map(significant, x[2:4]), f"{x}", significant(x.p, 2)] for x in self.pairs
+        ]
+        yield TextTable("ratios", "", header, [Block("", rows)], self.notes, keys=2)
+        header = ["side", "file", "laps", "seconds", "speed", "wind", *(x[0] for x in self.pairs)]
+        columns = [[flight.record[name] for flight in self.flights] for name in header]
+        columns[3:] = [[significant(number, 3) for number in column] for column in columns[3:]]
+        rows = [[f"{cell}" for cell in row] for row in zip(*columns, strict=True)]
+        yield TextTable("flights", "", header, [Block("", rows)], keys=2)
+
+
+def compare_flights(
+    paths: Sequence[str | os.PathLike[str]],
+    against: Sequence[str | os.PathLike[str]] = (),
+    *,
+    pair: bool = False,
+    within: str = "",
+    period: float = 0.0,
+    metrics: Sequence[str] = (),
+    of: str = "rms",
+    negligible: float = NEGLIGIBLE,
+    all_parameters: bool = False,
+    fail_on: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    **how: Any,
+) -> FlightComparison:
+    """Compare the tracking errors of flights with one setting against those with another.
+
+    Parameters
+    ----------
+    paths, against
+        Recordings of both settings, A and B.
+    pair
+        Whether the first of `paths` belongs to the first of `against`, and so on.
+    within
+        The order of laps of both settings in a single recording, such as ``ABABAB``; each two
+        neighbours are a pair.
+    period
+        Length of a lap, s. The error of a flight is then the geometric mean over its laps.
+    metrics
+        Quantities to compare, such as ``position``. Default: all that all flights have.
+    of
+        The size of an error over a flight: ``rms``, ``median`` or ``largest``.
+    negligible
+        Relative difference that counts as none.
+    all_parameters
+        Whether parameters count that autopilots write themselves.
+    fail_on
+        Rules, such as ``position worse by 10 %``.
+    out
+        Output folder for the figure ``flights``. Default: no figure.
+    how
+        Other arguments of `log_errors`, such as ``second``, ``mapping`` and ``begin``.
+
+    Returns
+    -------
+    FlightComparison
+        The ratio of the errors of A to those of B, by the quantity, and what else differs.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be read, stands twice, is too short, or was changed in flight.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t, files = np.linspace(0, 20, 201), ([], [])
+    >>> for k in range(10):
+    ...     size = (0.8 if k < 5 else 1.0) * (1 + 0.01 * k**2)
+    ...     files[k // 5].append(f"flight{k}.csv")
+    ...     rows = np.c_[t, np.sin(t), size + 0 * t, 0 * t]
+    ...     np.savetxt(f"flight{k}.csv", rows, delimiter=",", header="t,x,y,z", comments="")
+    >>> wanted = np.c_[t, np.sin(t), 0 * t, 0 * t]
+    >>> np.savetxt("wanted.csv", wanted, delimiter=",", header="t,x,y,z", comments="")
+    >>> eqt_cli.compare_flights(*files, second="wanted.csv").pairs[0].word
+    <Word.BETTER: 'better'>
+    """
+    rules, paired = gate.rules_of(fail_on), pair or bool(within)
+    files = [[path_from("paths", path) for path in some] for some in (paths, against)]
+    for option, words, names in ("of", [of], {*SIZES}), ("metrics", metrics, {*QUANTITIES}):
+        if odd := {*words} - names:
+            raise EqtError(f"{option}: expected {listed(sorted(names), 'or')}, got {min(odd)!r}")
+    if within and not (period and len(paths) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
+        turns = "laps in turns, as ABAB, because wind and battery change with time"
+        raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
+    if bool(against) == bool(within) or not paths:
+        raise EqtError("against: expected flights with the other setting, or within")
+    a, b = ([file.name for file in side] for side in files)
+    if pair and (len(a) != len(b) or ({*a} & {*b} and a != b)):
+        got = f"{', '.join(a)} and {', '.join(b)}"
+        raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
+    rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
+    ordered = [one for two in (zip(*rows, strict=True) if pair else rows) for one in two]
+    with step("flights", len(ordered)):
+        turns = within[: len(within) // 2 * 2]
+        flights = [*read_flights(ordered, of, period, turns, how)]
+    sides = [[x for x in flights if x.side == side] for side in "AB"]
+    lacking = {q: [x.file for x in flights if q not in x.errors] for q in metrics or QUANTITIES}
+    shared = [q for q, some in lacking.items() if not some]
+    errors = {q: [np.array([x.errors[q] for x in side]) for side in sides] for q in shared}
+    most = len(flights) + bool(metrics)  # what nobody has and nobody asked for is not told
+    notes = [f"{q}: left out, as {x[0]} has none" for q, x in lacking.items() if 0 < len(x) < most]
+    if not shared:
+        raise EqtError(f"no quantity that all flights have; {'; '.join(notes)}")
+    notes += remarks(len(sides[0]), len(sides[1]), paired, len(shared))
+    pairs = [*ratios(errors, paired, negligible)]
+    findings = [finding(rule, errors, paired) for rule in rules if rule.margin < math.inf]
+    for rule in (rule for rule in rules if rule.metric == "worse"):
+        worse = (x for x in pairs if x.decided and x.word is Word.WORSE)
+        findings += [gate.Finding(rule, x.metric, why=f"{x}") for x in worse]
+    differing = premises(sides, all_parameters)
+    comparison = FlightComparison(flights, pairs, *differing, notes, findings, paired)
+    if out is not None:
+        from eqt_cli.extensions.recordings.figures import save_flights  # slow to import
+
+        save_flights(comparison, Path(out))
+    return comparison
