@@ -189,7 +189,7 @@ def taken_apart(line):
     words = [
         path
         for word in shlex.split(command)
-        for path in (sorted(map(str, Path().glob(word))) if "*" in word else [word])
+        for path in (sorted(map(str, Path().glob(word))) if word.endswith("*.csv") else [word])
     ]
     return words, int(comment or 0), words[0] == "eqt" and not set(command) & set("|>")
 

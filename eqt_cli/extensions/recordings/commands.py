@@ -289,7 +289,9 @@ class Comparing:
 )
 @options.spread
 def compare_flights(
-    files: Annotated[list[Path], typer.Argument(metavar="A", help="Flights with a setting.")],
+    files: Annotated[
+        list[Path], typer.Argument(metavar="A", help="Flights with a setting, or their folder.")
+    ],
     what: Comparing,
     second: Annotated[Path | None, options.option("--second")] = None,
     mapping: Annotated[Path | None, options.option("--mapping")] = None,
@@ -309,7 +311,8 @@ def compare_flights(
     Options
     -------
     What to show
-        --against FILE  Flights with the other setting: all files that follow. Repeatable.
+        --against FILE  Flights with the other setting, all files that follow, or their folder.
+            Repeatable.
         --pair  The first file belongs to the first one of --against, and so on.
         --within ORDER  Compare laps of a single file, whose order is such as ABABAB, by --period.
         --period S  Length of a lap, s; the laps of a flight are averaged.

@@ -23,6 +23,7 @@ from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import content_of
 from eqt_cli.base.reporting import Block, TextTable, fixed, listed, reporter, significant, step
+from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
 from eqt_cli.extensions.recordings.api import log_errors
 from eqt_cli.extensions.recordings.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
 from eqt_cli.extensions.recordings.recording import GAP
@@ -30,8 +31,9 @@ from eqt_cli.extensions.recordings.recording import GAP
 CONFIDENCE, NEGLIGIBLE = 0.95, 0.05
 """Of intervals; and the relative difference that counts as none."""
 
-LEAST_SECONDS, LEAST_SHARE = 10.0, 0.5
-"""Least time that is compared, s, and as a share of the time with setpoints."""
+LEAST_SECONDS, LEAST_SHARE, SLACK = 10.0, 0.5, 0.05
+"""Least time that is compared, s, and as a share of the time with setpoints; and the share of a lap
+that may be missing at the end."""
 
 ALIKE, MOST_SHOWN = (0.9, 1.1), 6
 """Ratios of times, speeds and winds that are not told; largest number of settings that are told."""
@@ -39,23 +41,36 @@ ALIKE, MOST_SHOWN = (0.9, 1.1), 6
 RESAMPLES = 9_999
 """Largest number of permutations that are all tried; else so many are drawn."""
 
-SLACK = 0.05
-"""Part of a lap that may be missing at the end."""
-
 SIZES: dict[str, Callable[[Array], Any]] = {"median": np.median, "largest": np.max}
 SIZES["rms"] = lambda errors: np.sqrt(np.mean(errors**2))
 
 Errors = Mapping[str, Sequence[Array]]
 """The errors of both sides, by the quantity."""
 
-OWN = re.compile(r"CAL_|COM_FLIGHT_UUID|LND_FLIGHT_T_|STAT_|COMPASS_|INS_|BARO\d_GND|.*_ID\d?$")
+OWN = re.compile(
+    r"CAL_|TC_|COM_(FLIGHT_UUID|AUTOS_PAR)|LND_FLIGHT_T_|EKF2_MAG(BIAS|_DECL)|STAT_|COMPASS_|INS_|"
+    r"BARO\d_GND|.*_ID\d?$"
+)
 """Parameters that an autopilot writes itself, or that tell vehicles apart."""
 
 
 # Statistics ---------------------------------------------------------------------------------------
 
 
-def difference(x: Array, y: Array, paired: bool, confidence: float) -> Interval:
+class Change(NamedTuple):
+    """The difference of two means with its interval, and the spread behind a flight or a pair."""
+
+    value: Any
+    low: Any
+    high: Any
+    spread: Any
+
+    def needed(self, change: float, confidence: float) -> int | None:
+        """Return the flights of a side, or pairs, whose interval probably excludes a change."""
+        return runs_to_decide(change / self.spread if self.spread else 0.0, confidence)
+
+
+def difference(x: Array, y: Array, paired: bool, confidence: float) -> Change:
     """Return the difference of two means, with Student's interval, of Welch (1947) without pairs.
 
     Of logarithms, it is the logarithm of the ratio of geometric means.
@@ -66,26 +81,31 @@ def difference(x: Array, y: Array, paired: bool, confidence: float) -> Interval:
         Numbers of both sides.
     paired
         Whether number k of both belong together.
+
+    Returns
+    -------
+    Change
+        Its ends are NaN for fewer than `FEWEST` numbers.
     """
     from scipy.special import stdtrit  # slow to import
 
-    n, value = min(x.shape[-1], y.shape[-1]), x.mean(axis=-1) - y.mean(axis=-1)
-    if n < FEWEST:
-        return Interval(value, math.nan, math.nan)
-    parts = [x - y] if paired else [x, y]
-    squares = [part.var(axis=-1, ddof=1) / part.shape[-1] for part in parts]
-    rest = [each**2 / (part.shape[-1] - 1) for each, part in zip(squares, parts, strict=True)]
+    parts, value = [x - y] if paired else [x, y], x.mean(axis=-1) - y.mean(axis=-1)
+    if min(x.shape[-1], y.shape[-1]) < FEWEST:
+        return Change(value, math.nan, math.nan, math.nan)
+    variances = [part.var(axis=-1, ddof=1) for part in parts]
+    squares = [v / part.shape[-1] for v, part in zip(variances, parts, strict=True)]
+    freedoms = [s**2 / (part.shape[-1] - 1) for s, part in zip(squares, parts, strict=True)]
     with np.errstate(invalid="ignore"):  # where all numbers of a side are equal
-        t = stdtrit(sum(squares) ** 2 / sum(rest), (1 + confidence) / 2)
+        t = stdtrit(sum(squares) ** 2 / sum(freedoms), (1 + confidence) / 2)
     half = np.nan_to_num(t) * np.sqrt(sum(squares))
-    return Interval(value, value - half, value + half)
+    return Change(value, value - half, value + half, np.sqrt(sum(variances)))
 
 
 def permutation_test(x: Array, y: Array, paired: bool) -> Any:
     """Return the exact p-value that two sides are alike, by the difference of their means.
 
     All ways to deal the numbers out to two sides, or to swap the sides of pairs (Fisher 1935),
-    are as likely; beyond `RESAMPLES` ways, so many are drawn.
+    are as likely; beyond `RESAMPLES` ways, so many are drawn. It is NaN for few numbers, too.
     """
     from scipy import stats  # slow to import
 
@@ -96,16 +116,6 @@ def permutation_test(x: Array, y: Array, paired: bool) -> Any:
     how |= {"n_resamples": RESAMPLES, "alternative": "greater", "vectorized": True}
     is_enough = min(x.shape[-1], y.shape[-1]) >= FEWEST
     return stats.permutation_test((x, y), distance, **how).pvalue if is_enough else math.nan
-
-
-def flights_needed(
-    x: Array, y: Array, paired: bool, change: float, confidence: float
-) -> int | None:
-    """Return the flights of a side, or pairs, that exclude a change with probability 0.8."""
-    spread = math.hypot(*(float(np.std(part)) for part in ([x - y] if paired else [x, y])))
-    n = min(len(x), len(y))
-    effect = change / (spread * math.sqrt(n / (n - 1))) if n >= FEWEST and spread else 0.0
-    return runs_to_decide(effect, confidence)
 
 
 # The numbers of a flight --------------------------------------------------------------------------
@@ -144,6 +154,14 @@ class Flown(NamedTuple):
         return dict(zip(self._fields, self[:-2], strict=False)) | self.errors
 
 
+def _files_in(path: str | os.PathLike[str]) -> list[Path]:
+    """Return a recording, or those in a folder that is no bag."""
+    folder = path_from("paths", path)
+    if not folder.is_dir() or (folder / "metadata.yaml").exists():
+        return [folder]
+    return sorted(x for x in folder.iterdir() if x.suffix.lower() in (*FORMATS_BY_SUFFIX, ".csv"))
+
+
 def seconds_of(times: Array) -> float:
     """Return the time between rows, without gaps, s."""
     steps = np.diff(times)
@@ -152,15 +170,15 @@ def seconds_of(times: Array) -> float:
 
 def settings_of(tracking: TrackingErrors, begin: float, end: float) -> tuple[dict[str, str], Any]:
     """Return the settings at the begin, and how they change until the end, in words."""
-    settings, changes = dict[str, str](), list[str]()
+    settings, changes = dict[str, str](), dict[str, str]()
     topics = tracking.flight.topics if tracking.flight else []
     for t, name, value in (row for topic in topics for row in topic.settings if row[0] < end):
         text = f"{value:.7g}" if isinstance(value, float) else f"{value}"
         if t <= begin or name not in settings:
             settings[name] = text
         elif settings[name] != text and not OWN.match(name):
-            changes.append(f"{name} {settings[name]} → {text} at {t:.4g} s")
-    return settings, changes
+            changes.setdefault(name, f"{name} {settings[name]} → {text} at {t:.4g} s")
+    return settings, [*changes.values()]
 
 
 def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: Array) -> Flown:
@@ -174,17 +192,15 @@ def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: A
             raise EqtError(f"{name[1]}: the {of} {quantity} error is 0, which has no ratio")
         errors |= {quantity: float(np.exp(np.mean(np.log(sizes))))} if sizes else {}
 
-    def numbers(one: Series) -> Array:
-        return one.numbers[(begin <= one.times) & (one.times < end)]
+    def numbers(series: Series) -> Array:
+        return series.numbers[(begin <= series.times) & (series.times < end)]
 
     t = next(iter(tracking.curves.values()))[0]
     seconds = seconds_of(t[(begin <= t) & (t < end)])
-    goals = [goal for quantity, goal in tracking.goals.items() if quantity == "position"]
-    speed = [
-        np.nansum(norm(np.diff(numbers(one), axis=0))) / (seconds or math.nan) for one in goals
-    ]
+    goals = [numbers(goal) for q, goal in tracking.goals.items() if q == "position"]
+    speed = [np.nansum(norm(np.diff(x, axis=0))) / (seconds or math.nan) for x in goals]
     winds = tracking.flight.series("wind") if tracking.flight else ()
-    wind = [norm(numbers(one)).mean() for one in winds]
+    wind = [norm(numbers(series)).mean() for series in winds]
     means = (float([*x, math.nan][0]) for x in (speed, wind))
     settings = settings_of(tracking, begin, end)[0]
     facts: Any = *name, len(cuts) - 1, seconds, *means, errors, settings
@@ -268,18 +284,25 @@ class FlightRatio(NamedTuple):
         return change if math.isnan(self.low) else change + word + more
 
 
+def least_pairs(tests: int) -> int:
+    """Return the pairs that may decide so many tests: if all go one way, p = 2/2^n."""
+    return math.ceil(math.log2(2 * tests / (1 - CONFIDENCE)))
+
+
 def ratios(errors: Errors, paired: bool, negligible: float) -> Iterator[FlightRatio]:
     """Yield the ratio of the errors of A and B for each quantity."""
     rows = [(q, np.log(x), np.log(y)) for q, (x, y) in errors.items()]
     tests = [permutation_test(x, y, paired) for _, x, y in rows]
     for (q, x, y), p in zip(rows, holm(np.array(tests)).tolist(), strict=True):
         ends = difference(x, y, paired, CONFIDENCE)
-        needed = flights_needed(x, y, paired, ends.value, CONFIDENCE)
         word = Word.BETTER if ends.high < 0 else Word.WORSE if ends.low > 0 else Word.UNDECIDED
         is_alike = max(-math.expm1(ends.low), math.expm1(ends.high)) <= negligible
         decided = is_alike or (word is not Word.UNDECIDED and p <= 1 - CONFIDENCE)
-        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends))
+        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends[:3]))
         word = Word.ALIKE if is_alike else word
+        least = least_pairs(len(errors)) if paired else FEWEST
+        needed = ends.needed(ends.value, CONFIDENCE)
+        needed = needed and max(needed, least, (min(len(x), len(y)) + 1) * (not decided))
         row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed
         yield FlightRatio(*row)
 
@@ -293,42 +316,46 @@ def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
     margin = rule.margin / factor
     if is_relative:
         x, y, margin = np.log(x), np.log(y), math.log1p(margin)
-    change = np.array(difference(x, y, paired, gate.TWO_SIDED))
-    change = factor * (np.expm1(change) if is_relative else change)
+    change = difference(x, y, paired, gate.TWO_SIDED)
+    ends = (factor * (math.expm1(end) if is_relative else float(end)) for end in change[:3])
     n, noun = min(len(x), len(y)), "pair" if paired else "flight"
-    needed = flights_needed(x, y, paired, margin, gate.TWO_SIDED)
-    return gate.Finding(rule, rule.metric, Interval(*change.tolist()), n, needed, noun=noun)
+    needed = change.needed(margin, gate.TWO_SIDED)
+    return gate.Finding(rule, rule.metric, Interval(*ends), n, needed, noun=noun)
 
 
 def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the settings that are not the same in all flights, and what differs in words."""
     differing, lines = list[dict[str, Any]](), list[str]()
-    names = dict.fromkeys(name for side in sides for x in side for name in x.settings)
-    for name in [name for name in names if every or not OWN.match(name)]:
-        a, b = (Counter(x.settings.get(name, "none") for x in side) for side in sides)
+    flights = [x for side in sides for x in side]
+    every_name = dict.fromkeys(name for x in flights for name in x.settings)
+    names = [name for name in every_name if every or not OWN.match(name)]
+    shared = [name for name in names if all(name in x.settings for x in flights)]
+    for name in shared:
+        a, b = (Counter(x.settings[name] for x in side) for side in sides)
+        differing += [{"name": name, "A": a, "B": b}] * (len(a | b) > 1)
         for side, values in ("A", a), ("B", b):
             if len(values) > 1:
                 counted = ", ".join(f"{value} ({k})" for value, k in values.items())
                 lines.append(f"the flights of {side} do not have one setting: {name} {counted}")
         if len(a) == len(b) == 1 and {*a} != {*b}:
             lines.append(f"{name} {min(b)} → {min(a)} in all")
-        differing += [{"name": name, "A": a, "B": b}] * (len(a | b) > 1)
-    more = len(lines) - MOST_SHOWN
+    more, alone = len(lines) - MOST_SHOWN, len(names) - len(shared)
     lines[MOST_SHOWN:] = [f"and {more} more differences (--json)"] * (more > 0)
-    lines += ["all flights have the same parameters"] * (bool(names) and not differing)
+    lines += [f"{alone} settings are not in all files"] * (alone > 0)
+    lines += ["all flights have the same settings"] * (bool(shared) and not lines)
     for name, words in ("seconds", "as long"), ("speed", "as fast"), ("wind", "as windy"):
         x, y = (float(np.mean([getattr(x, name) for x in side])) for side in sides)
-        if y > 0 and not ALIKE[0] <= x / y <= ALIKE[1]:
+        if y > 0 and (x / y < ALIKE[0] or x / y > ALIKE[1]):
             lines.append(f"the flights of A are {x / y:.2g} times {words} as those of B")
     return differing, lines
 
 
 def remarks(n: int, m: int, paired: bool, tests: int) -> Iterator[str]:
     """Yield what limits the words, and what the numbers are."""
-    least = math.ceil(math.log2(2 * tests / (1 - CONFIDENCE)))  # all pairs one way: p = 2/2^n
+    least = least_pairs(tests)
     if n == m == 1:
         yield "this compares two flights, not two settings"
-    if paired and n < least:
+    elif paired and n < least:
         fewer = ", or fewer quantities (--metric)" * (tests > 1)
         none = "no interval below 5; " * (n < FEWEST)
         yield f"{n} pairs: {none}{least} are the least for better or worse{fewer}"
@@ -409,7 +436,7 @@ def compare_flights(
     Parameters
     ----------
     paths, against
-        Recordings of both settings, A and B.
+        Recordings of both settings, A and B, or folders of them.
     pair
         Whether the first of `paths` belongs to the first of `against`, and so on.
     within
@@ -457,11 +484,13 @@ def compare_flights(
     <Word.BETTER: 'better'>
     """
     rules, paired = gate.rules_of(fail_on), pair or bool(within)
-    files = [[path_from("paths", path) for path in some] for some in (paths, against)]
-    for option, words, names in ("of", [of], {*SIZES}), ("metrics", metrics, {*QUANTITIES}):
-        if odd := {*words} - names:
-            raise EqtError(f"{option}: expected {listed(sorted(names), 'or')}, got {min(odd)!r}")
-    if within and not (period and len(paths) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
+    files = [[file for path in some for file in _files_in(path)] for some in (paths, against)]
+    if of not in SIZES:
+        raise EqtError(f"of: expected {listed([*SIZES], 'or')}, got {of!r}")
+    wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < math.inf)}
+    if odd := wanted - {*QUANTITIES}:
+        raise EqtError(f"expected {listed([*QUANTITIES], 'or')}, got {min(odd)!r}")
+    if within and not (period and len(files[0]) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
         turns = "laps in turns, as ABAB, because wind and battery change with time"
         raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
     if bool(against) == bool(within) or not paths:
@@ -487,6 +516,8 @@ def compare_flights(
     pairs = [*ratios(errors, paired, negligible)]
     findings = [finding(rule, errors, paired) for rule in rules if rule.margin < math.inf]
     for rule in (rule for rule in rules if rule.metric == "worse"):
+        if min(map(len, sides)) < FEWEST:
+            raise EqtError(f"fail_on: worse needs words, which take {FEWEST} flights of each side")
         worse = (x for x in pairs if x.decided and x.word is Word.WORSE)
         findings += [gate.Finding(rule, x.metric, why=f"{x}") for x in worse]
     differing = premises(sides, all_parameters)

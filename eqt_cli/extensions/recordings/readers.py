@@ -77,7 +77,8 @@ def ulog(path: str, wanted: dict[str, list[str]], types: dict[str, list[str]]) -
         numbers = {key: np.asarray(x, float) for key, x in each.data.items() if kind in wanted}
         yield Topic(name, kind, len(each.data["timestamp"]), _since_boot(numbers), numbers)
     facts = {"release": log.get_version_info_str(), "hardware": log.msg_info_dict.get("ver_hw")}
-    settings = [(0.0, *fact) for fact in (*facts.items(), *log.initial_parameters.items())]
+    facts = {name: fact for name, fact in facts.items() if fact is not None}
+    settings = [(0.0, *fact) for fact in (facts | log.initial_parameters).items()]
     settings += [(t / 1e6, *change) for t, *change in log.changed_parameters]
     yield Topic("", "", 0, np.empty(0, int), {}, "", settings)
     if log.file_corruption:

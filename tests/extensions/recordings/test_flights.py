@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from case_tables import from_yaml, refusal
-from flights import ulog
+from flights import dataflash, ulog
 from scipy import stats
 
 import eqt_cli
@@ -58,9 +58,11 @@ def test_the_interval_is_welchs():
     df = sum(s2) ** 2 / (s2[0] ** 2 / 5 + s2[1] ** 2 / 5)
     half = stats.t.ppf(0.975, df) * np.sqrt(sum(s2))
     centre = x.mean() - y.mean()
-    assert difference(x, y, False, 0.95) == pytest.approx((centre, centre - half, centre + half))
+    assert difference(x, y, False, 0.95)[:3] == pytest.approx(
+        (centre, centre - half, centre + half)
+    )
     half = stats.t.ppf(0.975, 5) * np.std(x - y, ddof=1) / np.sqrt(6)
-    assert difference(x, y, True, 0.95) == pytest.approx((centre, centre - half, centre + half))
+    assert difference(x, y, True, 0.95)[:3] == pytest.approx((centre, centre - half, centre + half))
 
 
 def test_the_test_tries_all_ways():
@@ -82,7 +84,7 @@ def test_intervals_cover_and_words_are_seldom_false(n, paired):
     x, y = np.log(0.2 + rng.gamma(2.0, 0.08, size=(2, 4000, n)))
     if paired:
         x, y = x + y + 0.2 * rng.normal(size=x.shape), y + x
-    low, high = difference(x, y, paired, 0.95)[1:]
+    low, high = difference(x, y, paired, 0.95)[1:3]
     cover = np.mean((low <= 0) & (high >= 0))
     parts = zip(np.array_split(x, 40), np.array_split(y, 40), strict=True)
     p = np.concatenate([permutation_test(*part, paired) for part in parts])
@@ -179,7 +181,7 @@ def test_what_differs_comes_first(fly):
     in_a = [(0, "MC_ROLL_P", 7.0), (0, "MPC_XY_P", 0.95), (0, "CAL_ACC0_XOFF", 0.1)]
     in_b = [(0, "MC_ROLL_P", 6.5), (0, "MPC_XY_P", 0.95), (0, "CAL_ACC0_XOFF", 0.2)]
     of_a, of_b = fly(in_a=in_a, in_b=in_b)
-    fly.one(of_b[0], settings=[*in_b[:1], (0, "MPC_XY_P", 1.1)], speed=2.0)
+    fly.one(of_b[0], settings=[in_b[0], (0, "MPC_XY_P", 1.1), in_b[2]], speed=2.0)
     found = compare_flights(of_a, of_b)
     assert found.premises == [
         "MC_ROLL_P 6.5 → 7 in all",
@@ -193,7 +195,17 @@ def test_what_differs_comes_first(fly):
 
 def test_equal_parameters_are_told(fly):
     found = compare_flights(*fly(in_a=[(0, "P", 1.0)], in_b=[(0, "P", 1.0)]))
-    assert found.premises == ["all flights have the same parameters"]
+    assert found.premises == ["all flights have the same settings"]
+
+
+def test_settings_of_another_release_are_counted(fly):
+    of_a, of_b = fly(in_a=[(0, "P", 1.0), (0, "NEW", 1.0)], in_b=[(0, "P", 2.0)])
+    fly.one(of_a[0], speed=3.0, settings=[(0, "P", 1.0)])
+    assert compare_flights(of_a, of_b).premises == [
+        "P 2 → 1 in all",
+        "1 settings are not in all files",
+        "the flights of A are 1.3 times as fast as those of B",
+    ]
 
 
 def test_a_change_on_the_ground_is_the_setting_of_the_flight(fly):
@@ -268,6 +280,17 @@ def test_laps_in_blocks_are_refused(fly, order):
     assert said.endswith(f"because wind and battery change with time; got '{order}'")
 
 
+def test_folders_stand_for_their_recordings(fly):
+    of_a, of_b = fly()
+    for folder, names in (("x", of_a), ("y", of_b)):
+        Path(folder).mkdir()
+        for name in names:
+            Path(folder, name).write_text(f"{folder}{name}")
+    Path("x", "notes.txt").touch()
+    found = compare_flights(["x"], ["y"])
+    assert [flight.file for flight in found.flights[:2]] == ["x/a0.ulg", "x/a1.ulg"]
+
+
 def test_pairs_need_partners():
     for folder, names in (("x", "123"), ("y", "234")):
         Path(folder).mkdir()
@@ -301,6 +324,8 @@ def test_rules(fly, rule, a, b, outcome):
 
 def test_worse_alone_goes_by_the_words(fly):
     assert not compare_flights(*fly(), fail_on=["worse"]).findings
+    said = refusal(EqtError, compare_flights, *fly(A[:4], B), fail_on=["worse"])
+    assert said == "fail_on: worse needs words, which take 5 flights of each side"
     (one,) = compare_flights(*fly(B, A), fail_on=["worse"]).findings
     assert str(one) == "worse: position: +36 % [+14, +61], worse"
 
@@ -360,6 +385,22 @@ def test_parameters_of_px4_and_their_changes():
     settings, changes = flights.settings_of(tracking, 1.0, 14.0)
     assert settings["MC_ROLL_P"] == "8"  # before the first position
     assert changes == ["MC_ROLL_P 8 → 9 at 5 s"]
+
+
+@pytest.mark.ci("starts a process to read a log")
+def test_parameters_of_ardupilot():
+    """They are logged at the begin, also of a log that starts in flight, and if they change."""
+    t, us = np.arange(0.0, 8.0, 0.1), 1e6
+    rows = [(us * s, 3, 2, 0, 0, 359, 1) for s in t]
+    named = [(0.2e6, b"ATC_P", 4.5), (0.3e6, b"STAT_RUNTIME", 7.0), (5e6, b"ATC_P", 6.0)]
+    content = dataflash(
+        ("ATT", "Qffffff", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw", rows),
+        ("PARM", "QNf", "TimeUS,Name,Value", named),
+    )
+    Path("f.BIN").write_bytes(content)
+    settings, changes = flights.settings_of(eqt_cli.log_errors("f.BIN"), 0.1, 8.0)
+    assert settings == {"ATC_P": "4.5", "STAT_RUNTIME": "7"}
+    assert changes == ["ATC_P 4.5 → 6 at 5 s"]
 
 
 def write_tables():
