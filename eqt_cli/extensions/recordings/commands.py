@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from itertools import takewhile
@@ -347,21 +348,24 @@ def compare_flights(
     from eqt_cli import api
     from eqt_cli.analysis import gate
 
+    if undecided == Undecided.PASS and not what.fail_on:
+        raise EqtError("--undecided pass applies to --fail-on; add a rule")
     of_errors = vars(how) | {"begin": how.begin or "-inf", "end": how.end or "inf"}
     of_errors |= {"second": second, "mapping": mapping, "format": log_format}
     chosen: Any = {name: value for name, value in vars(what).items() if value is not None}
     both, is_open = api.compare_flights(files, **chosen, **of_errors), undecided == Undecided.PASS
     lines = [*gate.lines(both.findings, undecided=is_open), ""] if what.fail_on else []
     passes = gate.passes(both.findings, undecided=is_open)
-    if format_ == Form.CSV:
-        output.print_verbatim(as_csv([flight.record for flight in both.flights]))
-    else:
-        ratios, flights = map(laid_out, both.tables())
-        findings = [finding.record() for finding in both.findings]
-        gated = {"gate": {"passes": passes, "findings": findings}} if lines else {}
-        pieces: Any = *lines, *both.premises, *[""] * bool(both.premises), ratios, "", flights
-        print_findings(gated | both.document, *pieces, json=json)
-    if lines and not passes:
+    findings = [finding.record() for finding in both.findings]
+    gated = {"gate": {"passes": passes, "findings": findings}} if lines else {}
+    with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
+        if format_ == Form.CSV:
+            output.print_verbatim(as_csv([flight.record for flight in both.flights]))
+        else:
+            ratios, flights = map(laid_out, both.tables())
+            pieces: Any = *lines, *both.premises, *[""] * bool(both.premises), ratios, "", flights
+            print_findings(gated | both.document, *pieces, json=json)
+    if not passes:
         raise typer.Exit(4)
 
 

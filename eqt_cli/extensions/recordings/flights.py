@@ -515,9 +515,10 @@ def compare_flights(
     notes += remarks(len(sides[0]), len(sides[1]), paired, len(shared))
     pairs = [*ratios(errors, paired, negligible)]
     findings = [finding(rule, errors, paired) for rule in rules if rule.margin < math.inf]
-    for rule in (rule for rule in rules if rule.metric == "worse"):
-        if min(map(len, sides)) < FEWEST:
-            raise EqtError(f"fail_on: worse needs words, which take {FEWEST} flights of each side")
+    for rule in (rule for rule in rules if rule.margin == math.inf):
+        if rule.metric == "failed" or min(map(len, sides)) < FEWEST:
+            needs = f"worse needs {FEWEST} flights of each side, and failed is of runs"
+            raise EqtError(f"fail_on: {needs}; try 'position worse by 10 %'")
         worse = (x for x in pairs if x.decided and x.word is Word.WORSE)
         findings += [gate.Finding(rule, x.metric, why=f"{x}") for x in worse]
     differing = premises(sides, all_parameters)

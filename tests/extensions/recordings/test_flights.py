@@ -324,8 +324,11 @@ def test_rules(fly, rule, a, b, outcome):
 
 def test_worse_alone_goes_by_the_words(fly):
     assert not compare_flights(*fly(), fail_on=["worse"]).findings
-    said = refusal(EqtError, compare_flights, *fly(A[:4], B), fail_on=["worse"])
-    assert said == "fail_on: worse needs words, which take 5 flights of each side"
+    for flown, rule in ((fly(A[:4], B), "worse"), (fly(), "failed")):
+        assert refusal(EqtError, compare_flights, *flown, fail_on=[rule]) == (
+            "fail_on: worse needs 5 flights of each side, and failed is of runs; try 'position "
+            "worse by 10 %'"
+        )
     (one,) = compare_flights(*fly(B, A), fail_on=["worse"]).findings
     assert str(one) == "worse: position: +36 % [+14, +61], worse"
 
