@@ -5,16 +5,19 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from eqt_cli.analysis.gate import rules_of
 from eqt_cli.api.loading import Configuration, ResultPath, document_from, open_at, path_from
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
+from eqt_cli.base.reporting import listed, step
 from eqt_cli.base.units import factor
 from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named, known_group
@@ -23,7 +26,7 @@ from eqt_cli.config.document import Document
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import without_search
-from eqt_cli.extensions.recordings import frames, logs, plant_fit, prediction
+from eqt_cli.extensions.recordings import flights, frames, logs, plant_fit, prediction
 from eqt_cli.extensions.recordings.first_bytes import format_of
 from eqt_cli.extensions.recordings.log_table import open_sheet
 from eqt_cli.extensions.recordings.logs import Flight, LogCheck, Series, TrackingErrors, flight_of
@@ -340,6 +343,106 @@ def _chosen(
         best = odd.index(min(odd)) if odd else 0
         known[q], wanted[q] = (pairs or [(known[q], None)])[best]
     return known, {q: series for q, series in wanted.items() if series is not None}
+
+
+# Compares flights ---------------------------------------------------------------------------------
+
+
+def compare_flights(
+    paths: Sequence[str | os.PathLike[str]],
+    against: Sequence[str | os.PathLike[str]] = (),
+    *,
+    pair: bool = False,
+    within: str = "",
+    period: float = 0.0,
+    metrics: Sequence[str] = (),
+    of: str = "rms",
+    negligible: float = 0.05,
+    all_parameters: bool = False,
+    fail_on: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    **how: Any,
+) -> flights.FlightComparison:
+    """Compare the tracking errors of flights with one setting against those with another.
+
+    Parameters
+    ----------
+    paths, against
+        Recordings of both settings, A and B, or folders of them.
+    pair
+        Whether the first of `paths` belongs to the first of `against`, and so on.
+    within
+        The order of laps of both settings in a single recording, such as ``ABABAB``; each two
+        neighbours are a pair.
+    period
+        Length of a lap, s. The error of a flight is then the geometric mean over its laps.
+    metrics
+        Quantities to compare, such as ``position``. Default: all that all flights have.
+    of
+        The size of an error over a flight: ``rms``, ``median`` or ``largest``.
+    negligible
+        Relative difference that counts as none.
+    all_parameters
+        Whether parameters count that autopilots write themselves.
+    fail_on
+        Rules, such as ``position worse by 10 %``.
+    out
+        Output folder for the figure ``flights``. Default: no figure.
+    how
+        Other arguments of `log_errors`, such as ``second``, ``mapping`` and ``begin``.
+
+    Returns
+    -------
+    FlightComparison
+        The ratio of the errors of A to those of B, by the quantity, and what else differs.
+
+    Raises
+    ------
+    EqtError
+        If a file cannot be read, stands twice, is too short, or was changed in flight.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t, files = np.linspace(0, 20, 201), ([], [])
+    >>> for k in range(10):
+    ...     size = (0.8 if k < 5 else 1.0) * (1 + 0.01 * k**2)
+    ...     files[k // 5].append(f"flight{k}.csv")
+    ...     rows = np.c_[t, np.sin(t), size + 0 * t, 0 * t]
+    ...     np.savetxt(f"flight{k}.csv", rows, delimiter=",", header="t,x,y,z", comments="")
+    >>> wanted = np.c_[t, np.sin(t), 0 * t, 0 * t]
+    >>> np.savetxt("wanted.csv", wanted, delimiter=",", header="t,x,y,z", comments="")
+    >>> eqt_cli.compare_flights(*files, second="wanted.csv").pairs[0].word
+    <Word.BETTER: 'better'>
+    """
+    rules, paired = rules_of(fail_on), pair or bool(within)
+    files = [[x for path in some for x in flights.files_in(path)] for some in (paths, against)]
+    if of not in flights.SIZES:
+        raise EqtError(f"of: expected {listed([*flights.SIZES], 'or')}, got {of!r}")
+    wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < np.inf)}
+    if odd := wanted - {*logs.QUANTITIES}:
+        raise EqtError(f"expected {listed([*logs.QUANTITIES], 'or')}, got {min(odd)!r}")
+    if within and not (period and len(files[0]) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
+        turns = "laps in turns, as ABAB, because wind and battery change with time"
+        raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
+    if bool(against) == bool(within) or not paths:
+        raise EqtError("against: expected flights with the other setting, or within")
+    a, b = ([file.name for file in side] for side in files)
+    if pair and (len(a) != len(b) or ({*a} & {*b} and a != b)):
+        got = f"{', '.join(a)} and {', '.join(b)}"
+        raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
+    rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
+    ordered = [one for two in (zip(*rows, strict=True) if pair else rows) for one in two]
+    with step("flights", len(ordered)):
+        turns = within[: len(within) // 2 * 2]
+        tracked = partial(log_errors, **how)
+        flown = [*flights.read_flights(ordered, tracked, of, period, turns)]
+    comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
+    if out is not None:
+        from eqt_cli.extensions.recordings.figures import save_flights  # slow to import
+
+        save_flights(comparison, Path(out))
+    return comparison
 
 
 # Compares a model driven by a recorded wrench with the recording, and fits the model --------------

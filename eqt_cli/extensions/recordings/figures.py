@@ -291,5 +291,5 @@ def save_flights(comparison: FlightComparison, folder: Path) -> None:
             for panel in (panels[left], panels[right]):
                 panel.set_ylim(-0.6, 1.6)
                 panel.margins(x=0.08)
-        remark = f"Dots: flights; strokes: means. {comparison.notes[-1]}."
+        remark = f"Dots: flights; strokes: means. {comparison.notes[-1].partition('; p')[0]}."
         write_all(_encoded(drawing, panels, "", remark, folder / "flights"), folder)

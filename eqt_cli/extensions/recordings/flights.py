@@ -5,7 +5,6 @@ of the next flight. What multiplies an error differs from flight to flight, henc
 """
 
 import math
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,14 +21,13 @@ from eqt_cli.api.loading import path_from
 from eqt_cli.base.arrays import Array, norm
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.files import content_of
-from eqt_cli.base.reporting import Block, TextTable, fixed, listed, reporter, significant, step
+from eqt_cli.base.reporting import Block, TextTable, fixed, reporter, significant
 from eqt_cli.extensions.recordings import FORMATS_BY_SUFFIX
-from eqt_cli.extensions.recordings.api import log_errors
 from eqt_cli.extensions.recordings.logs import MAX_BYTES, QUANTITIES, Series, TrackingErrors
 from eqt_cli.extensions.recordings.recording import GAP
 
-CONFIDENCE, NEGLIGIBLE = 0.95, 0.05
-"""Of intervals; and the relative difference that counts as none."""
+CONFIDENCE = 0.95
+"""Of intervals and words."""
 
 LEAST_SECONDS, LEAST_SHARE, SLACK = 10.0, 0.5, 0.05
 """Least time that is compared, s, and as a share of the time with setpoints; and the share of a lap
@@ -154,7 +152,7 @@ class Flown(NamedTuple):
         return dict(zip(self._fields, self[:-2], strict=False)) | self.errors
 
 
-def _files_in(path: str | os.PathLike[str]) -> list[Path]:
+def files_in(path: Any) -> list[Path]:
     """Return a recording, or those in a folder that is no bag."""
     folder = path_from("paths", path)
     if not folder.is_dir() or (folder / "metadata.yaml").exists():
@@ -208,12 +206,16 @@ def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: A
 
 
 def read_flights(
-    files: Sequence[tuple[str, Path]], of: str, period: float, within: str, how: dict[str, Any]
+    files: Sequence[tuple[str, Path]],
+    tracked: Callable[[Path], TrackingErrors],
+    of: str,
+    period: float,
+    within: str,
 ) -> Iterator[Flown]:
     """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit."""
     first, topics = dict[str, Path](), dict[str, tuple[str, Path]]()
     for side, file in files:
-        tracking, parts = log_errors(file, **how), [*file.iterdir()] if file.is_dir() else [file]
+        tracking, parts = tracked(file), [*file.iterdir()] if file.is_dir() else [file]
         digest = sha256(b"".join(content_of(x, MAX_BYTES) for x in sorted(parts))).hexdigest()
         if first.setdefault(digest, file) is not file:
             raise EqtError(f"{file}: the same recording as {first[digest]}; a flight counts once")
@@ -323,6 +325,10 @@ def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
     return gate.Finding(rule, rule.metric, Interval(*ends), n, needed, noun=noun)
 
 
+def _counted(values: Counter[str]) -> str:
+    return ", ".join(f"{value} ({k})" if len(values) > 1 else value for value, k in values.items())
+
+
 def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, Any]], list[str]]:
     """Return the settings that are not the same in all flights, and what differs in words."""
     differing, lines = list[dict[str, Any]](), list[str]()
@@ -332,13 +338,12 @@ def premises(sides: Sequence[list[Flown]], every: bool) -> tuple[list[dict[str, 
     shared = [name for name in names if all(name in x.settings for x in flights)]
     for name in shared:
         a, b = (Counter(x.settings[name] for x in side) for side in sides)
-        differing += [{"name": name, "A": a, "B": b}] * (len(a | b) > 1)
-        for side, values in ("A", a), ("B", b):
-            if len(values) > 1:
-                counted = ", ".join(f"{value} ({k})" for value, k in values.items())
-                lines.append(f"the flights of {side} do not have one setting: {name} {counted}")
-        if len(a) == len(b) == 1 and {*a} != {*b}:
-            lines.append(f"{name} {min(b)} → {min(a)} in all")
+        if len(a | b) > 1:
+            differing.append({"name": name, "A": a, "B": b})
+            mixed = [side for side, count in (("A", a), ("B", b)) if len(count) > 1]
+            where = f"the flights of {' and '.join(mixed)} do not have one setting: " * bool(mixed)
+            in_all = " in all" * (not mixed)
+            lines.append(f"{where}{name} {_counted(b)} → {_counted(a)}{in_all}")
     more, alone = len(lines) - MOST_SHOWN, len(names) - len(shared)
     lines[MOST_SHOWN:] = [f"and {more} more differences (--json)"] * (more > 0)
     lines += [f"{alone} settings are not in all files"] * (alone > 0)
@@ -416,94 +421,21 @@ class FlightComparison(NamedTuple):
         yield TextTable("flights", "", header, [Block("", rows)], keys=2)
 
 
-def compare_flights(
-    paths: Sequence[str | os.PathLike[str]],
-    against: Sequence[str | os.PathLike[str]] = (),
-    *,
-    pair: bool = False,
-    within: str = "",
-    period: float = 0.0,
-    metrics: Sequence[str] = (),
-    of: str = "rms",
-    negligible: float = NEGLIGIBLE,
-    all_parameters: bool = False,
-    fail_on: Sequence[str] = (),
-    out: str | os.PathLike[str] | None = None,
-    **how: Any,
+def compared(
+    flights: list[Flown],
+    paired: bool,
+    metrics: Sequence[str],
+    negligible: float,
+    every: bool,
+    rules: Sequence[gate.Rule],
 ) -> FlightComparison:
-    """Compare the tracking errors of flights with one setting against those with another.
-
-    Parameters
-    ----------
-    paths, against
-        Recordings of both settings, A and B, or folders of them.
-    pair
-        Whether the first of `paths` belongs to the first of `against`, and so on.
-    within
-        The order of laps of both settings in a single recording, such as ``ABABAB``; each two
-        neighbours are a pair.
-    period
-        Length of a lap, s. The error of a flight is then the geometric mean over its laps.
-    metrics
-        Quantities to compare, such as ``position``. Default: all that all flights have.
-    of
-        The size of an error over a flight: ``rms``, ``median`` or ``largest``.
-    negligible
-        Relative difference that counts as none.
-    all_parameters
-        Whether parameters count that autopilots write themselves.
-    fail_on
-        Rules, such as ``position worse by 10 %``.
-    out
-        Output folder for the figure ``flights``. Default: no figure.
-    how
-        Other arguments of `log_errors`, such as ``second``, ``mapping`` and ``begin``.
-
-    Returns
-    -------
-    FlightComparison
-        The ratio of the errors of A to those of B, by the quantity, and what else differs.
+    """Compare the flights of both sides by the quantities that all have.
 
     Raises
     ------
     EqtError
-        If a file cannot be read, stands twice, is too short, or was changed in flight.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> t, files = np.linspace(0, 20, 201), ([], [])
-    >>> for k in range(10):
-    ...     size = (0.8 if k < 5 else 1.0) * (1 + 0.01 * k**2)
-    ...     files[k // 5].append(f"flight{k}.csv")
-    ...     rows = np.c_[t, np.sin(t), size + 0 * t, 0 * t]
-    ...     np.savetxt(f"flight{k}.csv", rows, delimiter=",", header="t,x,y,z", comments="")
-    >>> wanted = np.c_[t, np.sin(t), 0 * t, 0 * t]
-    >>> np.savetxt("wanted.csv", wanted, delimiter=",", header="t,x,y,z", comments="")
-    >>> eqt_cli.compare_flights(*files, second="wanted.csv").pairs[0].word
-    <Word.BETTER: 'better'>
+        If there is none, or a rule does not fit them.
     """
-    rules, paired = gate.rules_of(fail_on), pair or bool(within)
-    files = [[file for path in some for file in _files_in(path)] for some in (paths, against)]
-    if of not in SIZES:
-        raise EqtError(f"of: expected {listed([*SIZES], 'or')}, got {of!r}")
-    wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < math.inf)}
-    if odd := wanted - {*QUANTITIES}:
-        raise EqtError(f"expected {listed([*QUANTITIES], 'or')}, got {min(odd)!r}")
-    if within and not (period and len(files[0]) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
-        turns = "laps in turns, as ABAB, because wind and battery change with time"
-        raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
-    if bool(against) == bool(within) or not paths:
-        raise EqtError("against: expected flights with the other setting, or within")
-    a, b = ([file.name for file in side] for side in files)
-    if pair and (len(a) != len(b) or ({*a} & {*b} and a != b)):
-        got = f"{', '.join(a)} and {', '.join(b)}"
-        raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
-    rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
-    ordered = [one for two in (zip(*rows, strict=True) if pair else rows) for one in two]
-    with step("flights", len(ordered)):
-        turns = within[: len(within) // 2 * 2]
-        flights = [*read_flights(ordered, of, period, turns, how)]
     sides = [[x for x in flights if x.side == side] for side in "AB"]
     lacking = {q: [x.file for x in flights if q not in x.errors] for q in metrics or QUANTITIES}
     shared = [q for q, some in lacking.items() if not some]
@@ -521,10 +453,5 @@ def compare_flights(
             raise EqtError(f"fail_on: {needs}; try 'position worse by 10 %'")
         worse = (x for x in pairs if x.decided and x.word is Word.WORSE)
         findings += [gate.Finding(rule, x.metric, why=f"{x}") for x in worse]
-    differing = premises(sides, all_parameters)
-    comparison = FlightComparison(flights, pairs, *differing, notes, findings, paired)
-    if out is not None:
-        from eqt_cli.extensions.recordings.figures import save_flights  # slow to import
-
-        save_flights(comparison, Path(out))
-    return comparison
+    differing = premises(sides, every)
+    return FlightComparison(flights, pairs, *differing, notes, findings, paired)

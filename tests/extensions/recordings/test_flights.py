@@ -12,8 +12,9 @@ from scipy import stats
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError
-from eqt_cli.extensions.recordings import flights
-from eqt_cli.extensions.recordings.flights import compare_flights, difference, permutation_test
+from eqt_cli.extensions.recordings import api, flights
+from eqt_cli.extensions.recordings.api import compare_flights
+from eqt_cli.extensions.recordings.flights import difference, permutation_test
 from eqt_cli.extensions.recordings.logs import Flight, Series, TrackingErrors
 from eqt_cli.extensions.recordings.readers import Topic
 
@@ -30,7 +31,7 @@ def _in_a_folder(tmp_path, monkeypatch):
 def fly(monkeypatch):
     """Makes flights of constant errors, as if they were read; returns the names of both sides."""
     read = {}
-    monkeypatch.setattr(flights, "log_errors", lambda path, **how: read[path.name])
+    monkeypatch.setattr(api, "log_errors", lambda path, **how: read[path.name])
 
     def one(name, error=0.3, t=T, goal=T, settings=(), speed=1.0, topic="p − s", more=()):
         rows = np.outer(np.broadcast_to(error, t.shape), [1.0, 1, 0, 0])
@@ -185,7 +186,7 @@ def test_what_differs_comes_first(fly):
     found = compare_flights(of_a, of_b)
     assert found.premises == [
         "MC_ROLL_P 6.5 → 7 in all",
-        "the flights of B do not have one setting: MPC_XY_P 1.1 (1), 0.95 (5)",
+        "the flights of B do not have one setting: MPC_XY_P 1.1 (1), 0.95 (5) → 0.95",
         "the flights of A are 0.86 times as fast as those of B",
     ]
     assert found.parameters[0] == {"name": "MC_ROLL_P", "A": {"7": 6}, "B": {"6.5": 6}}
