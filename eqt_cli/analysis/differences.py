@@ -104,6 +104,13 @@ def changed_keys(first: KnownResult, second: KnownResult) -> list[dict[str, Any]
     return _configurations((first, second))[0]
 
 
+def changed_files(first: KnownResult, second: KnownResult) -> list[str]:
+    """Return the names of stored files, such as plugins, that differ or that one result lacks."""
+    _, texts, renamings = _configurations((first, second))
+    named = zip(texts, renamings, strict=True)
+    return [each["key"] for each in _changes(*({n[k]: x[k] for k in x} for x, n in named))]
+
+
 Texts = list[dict[str, str]]
 """A mapping of texts by their names for each of two results."""
 

@@ -18,11 +18,50 @@ from eqt_cli.results.quantity import Window
 from eqt_cli.results.result import Result
 
 
+def checked(
+    fail_on: Sequence[str], baseline: Result, candidate: Result, windows: Sequence[Window]
+) -> list[Rule]:
+    """Parse rules, and refuse results of which they say nothing.
+
+    Raises
+    ------
+    EqtError
+        If a text is no rule, the horizons differ, or a number cannot be worse, is not in both
+        results, or does not mean the same there.
+    """
+    if baseline.path.samefile(candidate.path):
+        raise candidate.error("is both results; a gate compares two")
+    horizon, base_horizon = (x.times[-1] - x.times[0] for x in (candidate, baseline))
+    if not math.isclose(horizon, base_horizon):
+        lasts = f"its runs last {horizon:g} s, those of {baseline.path} {base_horizon:g} s"
+        raise candidate.error(f"{lasts}; a gate compares equal horizons")
+    rules = rules_of(fail_on)
+    for rule in (rule for rule in rules if rule.margin < math.inf):
+        _check(rule, baseline, candidate, windows)
+    return rules
+
+
+def _check(rule: Rule, baseline: Result, candidate: Result, windows: Sequence[Window]) -> None:
+    """Refuse a number that cannot be worse, that one result lacks, or that means another thing."""
+    name, quantity = rule.metric, baseline.comparable_named(rule.metric)
+    if name not in candidate.comparable:
+        raise candidate.error(f"holds no number '{name}', and {baseline.path} does")
+    if quantity.better == "neither" or "lyapunov" in quantity.signals:
+        why = "L of both may differ" if "lyapunov" in quantity.signals else "no value is better"
+        raise EqtError(f"'{rule}': cannot be judged, as {why}")
+    stored = name if baseline.has(name) and candidate.has(name) else quantity.implied_by
+    for key, value in baseline.attributes_of(stored).items() if stored else ():
+        if (changed := candidate.attributes_of(stored).get(key)) != value:
+            raise candidate.error(f"'{name}' is another number: {key} {value} → {changed}")
+    for window in windows if quantity.windowed else ():
+        candidate.per_run(candidate.comparable[name], window)  # or says what it lacks
+
+
 def findings(
     comparison: Comparison,
     baseline: Result,
     candidate: Result,
-    fail_on: Sequence[str],
+    rules: Sequence[Rule],
     windows: Sequence[Window],
     counterparts: Mapping[str, str],
 ) -> Iterator[Finding]:
@@ -32,27 +71,13 @@ def findings(
     ----------
     comparison
         The comparison of both results, whose words the rule ``worse`` reads.
-    fail_on
-        The rules as a user writes them.
+    rules
+        As `checked` returns them.
     windows
         Windows over which the numbers of the rules are taken; the whole run if empty.
     counterparts
         Labels of laws of the candidate, with those of the baseline that they are compared with.
-
-    Raises
-    ------
-    EqtError
-        If a rule is none, the horizons differ, or a number is not the same in both results.
     """
-    if baseline.path.samefile(candidate.path):
-        raise candidate.error("is both results; a gate compares two")
-    if not math.isclose(horizon := candidate.times[-1] - candidate.times[0], comparison.horizon):
-        lasts = f"its runs last {horizon:g} s, those of {baseline.path} {comparison.horizon:g} s"
-        raise candidate.error(f"{lasts}; a gate compares equal horizons")
-    rules = rules_of(fail_on)
-    by_margin = [rule for rule in rules if rule.margin < math.inf]
-    for rule in by_margin:
-        _check(rule, baseline, candidate, windows)
     unchanged = {}
     for law, base in counterparts.items():
         base_row, row = baseline.labels.index(base), candidate.labels.index(law)
@@ -71,7 +96,7 @@ def findings(
         yield Finding(Rule("worse"), number, why=pair.percent)
     compared = partial(compare_two, baseline, candidate, windows=windows, counterparts=counterparts)
     how = Resampling(TWO_SIDED, FEWEST)  # of Fieller and Newcombe: no resample is read
-    for rule in by_margin:
+    for rule in (rule for rule in rules if rule.margin < math.inf):
         bounds = compared(metrics=[rule.metric], how=how)
         if not bounds.pairs:
             raise candidate.error(f"has '{rule.metric}' in another unit, or not over the whole run")
@@ -79,28 +104,6 @@ def findings(
             law = pair.first.partition("/")[2]
             number = f"{candidate.title_of[law]}: {names_of([pair.measured], bounds)[0]}"
             yield judged(rule, pair, number, bounds, unchanged[law])
-
-
-def _check(rule: Rule, baseline: Result, candidate: Result, windows: Sequence[Window]) -> None:
-    """Refuse a number that cannot be worse, that one result lacks, or that differs in its meaning.
-
-    Raises
-    ------
-    EqtError
-        If it is one of these.
-    """
-    name, quantity = rule.metric, baseline.comparable_named(rule.metric)
-    if name not in candidate.comparable:
-        raise candidate.error(f"holds no number '{name}', and {baseline.path} does")
-    if quantity.better == "neither" or "lyapunov" in quantity.signals:
-        why = "L of both may differ" if "lyapunov" in quantity.signals else "no value is better"
-        raise EqtError(f"'{rule}': cannot be judged, as {why}")
-    stored = name if baseline.has(name) and candidate.has(name) else quantity.implied_by
-    for key, value in baseline.attributes_of(stored).items() if stored else ():
-        if (changed := candidate.attributes_of(stored).get(key)) != value:
-            raise candidate.error(f"'{name}' is another number: {key} {value} → {changed}")
-    for window in windows if quantity.windowed else ():
-        candidate.per_run(candidate.comparable[name], window)  # or says what it lacks
 
 
 def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: bool) -> Finding:

@@ -110,28 +110,27 @@ def compare(
         results = opened.in_units(units)
         how = Resampling(confidence, resamples, seed)
         if other is not None:
+            from eqt_cli.analysis.worsening import checked, findings
+
             with open_at(path_from("other", other), point) as second:
-                now = second.in_units(units)
+                now, gated = second.in_units(units), fail_on is not None
                 _require_same(opened, second, same)
-                counterparts = _counterparts(
-                    opened, second, law or {}, controllers, all_needed=fail_on is not None
-                )
+                pairs = _counterparts(opened, second, law or {}, controllers, all_needed=gated)
+                rules = checked(fail_on, results, now, parsed) if fail_on is not None else []
                 compared = compare_two(
                     results,
                     now,
                     metrics=metrics,
                     windows=parsed,
                     between=_between(opened, second),
-                    counterparts=counterparts,
+                    counterparts=pairs,
                     how=how,
                     negligible=negligible,
                 )
-                if fail_on is None:
-                    return compared
-                from eqt_cli.analysis.worsening import findings
-
-                gate = findings(compared, results, now, fail_on, parsed, counterparts)
-                return replace(compared, gate=list(gate))
+                if gated:
+                    gate = findings(compared, results, now, rules, parsed, pairs)
+                    return replace(compared, gate=list(gate))
+                return compared
         return compare_results(
             results,
             metrics=metrics,
@@ -211,15 +210,16 @@ def _agree(first: Result, second: Result, names: Sequence[str]) -> bool:
 
 def _between(first: Result, second: Result) -> list[str]:
     """Say whether the runs of two results are pairs, and what differs between the results."""
-    from eqt_cli.analysis.differences import changed_keys
+    from eqt_cli.analysis.differences import changed_files, changed_keys
 
     paired = _agree(first, second, _STORED["initial"])
     changes = [
         f"{each['key']} {each.get('first', '-')} → {each.get('second', '-')}"
         for each in changed_keys(first, second)
     ]
+    changes += [f"file {name}" for name in changed_files(first, second)]
     if len(changes) > MOST_CHANGES:
-        changes[MOST_CHANGES:] = [f"{len(changes) - MOST_CHANGES} more keys (`eqt diff`)"]
+        changes[MOST_CHANGES:] = [f"{len(changes) - MOST_CHANGES} more (`eqt diff`)"]
     versions = [str(each.provenance.get("eqt")) for each in (first, second)]
     if versions[0] != versions[1]:
         changes.append(f"eqt {' → '.join(versions)}")

@@ -15,6 +15,7 @@ import pytest
 import yaml
 from case_tables import from_yaml
 from scipy import stats
+from small_experiment import configuration
 from stored import fixed
 
 from eqt_cli.results.result import open_result
@@ -197,6 +198,23 @@ def test_a_gate_fails_although_its_reader_has_left(changed):
     done = subprocess.run(words, stdout=writes, stderr=subprocess.PIPE, check=False)
     os.close(writes)
     assert done.returncode == 4
+
+
+@pytest.mark.ci("compiles a law twice")
+def test_a_plugin_that_changed_is_what_differs(invoke, tmp_path, monkeypatch):
+    """The configuration is the same, and the law has the other sign of its spring."""
+    law = (ROOT / "examples" / "laws" / "damped.py").read_text(encoding="utf-8")
+    for name, text in {"old": law, "new": law.replace("- spring", "+ spring")}.items():
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        Path("damped.py").write_text(text, encoding="utf-8")
+        changes = {"controllers": "[damped]", "plugins": "[damped.py]"}
+        Path("c.yaml").write_text(configuration(**changes), encoding="utf-8")
+        with docs_runner.without_plugins():
+            invoke("run", "c.yaml", "--out", "result", "--quiet")
+    two = [tmp_path / name / "result" for name in ("old", "new")]
+    done = invoke("compare", *two, "--fail-on", RULE, code=4)
+    assert "what differs: file damped.py\n" in done.stdout
 
 
 @pytest.mark.ci("solves the paper's experiment three times")
