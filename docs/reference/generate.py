@@ -398,8 +398,15 @@ UNUSUAL: dict[str, dict[str, Any]] = {
         "source": "your own",
     },
     "eqr": {"source": "–"},
+    "indi": {
+        "groups": "all",
+        "reads": "what `law` reads, V before, accelerometer",
+        "gains": "of `law`",
+        "source": "Smeur, Chu, de Croon 2016",
+    },
     "lqr": {"source": "–"},
     "network": {"groups": "all", "reads": "`observes`", "gains": "–", "source": "your own"},
+    "observer": {"groups": "all", "reads": "what `law` reads", "gains": "of `law`", "source": "–"},
     "rate": {
         "options": {"kp": 1.0},
         "reads": "pose, Q\\_d, V\\_d",

@@ -90,6 +90,7 @@ _OF_PART = {
     VELOCITY: "{of}/{per}",
     POSE: "{of}/{per} s",
     "magnetometer": "T",
+    "accelerometer": "m/s^2",
 }
 """Units that differ between the parts of a group, by their velocity unit ``of/per``."""
 

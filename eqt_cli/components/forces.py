@@ -600,6 +600,11 @@ class Restoring(Force):
             torque = torque - moment(part.centre_of_mass, weight)
         return stack([each[..., k] for each in (torque, force) for k in range(each.shape[-1])])
 
+    @property
+    def weight_alone(self) -> "Restoring":
+        """The weight without the buoyancy: no accelerometer feels it."""
+        return with_fields(self, buoyancy=0.0, centre_of_buoyancy=None)
+
     def displaced(self, G: MatrixLieGroup) -> Array:
         """Return what makes a wrench of an acceleration of the medium, ``(m, m)``; in a run."""
         assert G.translation is not None

@@ -241,7 +241,9 @@ controllers = Registry(
     "controller",
     "controllers",
     Controller,
-    tuple(f"components.{each}" for each in "laws cascade lqr classic_laws wheels".split()),
+    tuple(
+        f"components.{each}" for each in "laws cascade lqr classic_laws wheels rejection".split()
+    ),
 )
 
 
@@ -269,7 +271,24 @@ class ReadsLimits(Controller):
         return with_fields(self, acting=limited_parts(G, plant, problems))
 
 
-class OuterLoop(Controller):
+class CountsInstants(Controller):
+    """A law with states that count its instants, or tell the first from the others."""
+
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return these states, at each instant of the law's cycle."""
+        return [{}]
+
+
+class ReadsSpecificForce(Controller):
+    """A law that may read an accelerometer."""
+
+    @property
+    def reads_specific_force(self) -> bool:
+        """Whether it does, by its options."""
+        return False
+
+
+class OuterLoop(CountsInstants):
     """A law that commands an attitude R_c to an inner law, of which L and the gains are.
 
     Attributes
@@ -297,10 +316,6 @@ class OuterLoop(Controller):
     @abstractmethod
     def loop_errors(self, s: Tracking) -> Array:
         """Return errors that may not change along a reference, inner loop first, ``(..., 2m)``."""
-
-    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
-        """Return the states that count control instants, at each instant of the law's cycle."""
-        return [{}]
 
 
 class Previews(Controller):

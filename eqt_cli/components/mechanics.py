@@ -231,6 +231,8 @@ class Tracking:
         times. A function, because a sampled law needs them at its instants only.
     known_force : (..., m)
         The force that the loop takes from the torque of the law, body frame; None for none.
+    specific_force : (..., n)
+        What an accelerometer measures, m/s², likewise.
     """
 
     G: MatrixLieGroup
@@ -248,6 +250,7 @@ class Tracking:
     flux: Any = None
     ahead: Callable[[], tuple[Array, Array]] | None = None
     known_force: Array | None = None
+    specific_force: Any = None
 
     def command(self, torque: Array) -> Array:
         """Return τ − f, what the loop commands for a torque of the law."""
@@ -489,6 +492,8 @@ class LawInput(NamedTuple):
         The measured magnetic field; only for laws that read it.
     later_pose, later_velocity : (..., k, d, d) and (..., k, m)
         Q_d and V_d at k later times; only for laws with a `preview`.
+    specific_force : (..., n)
+        The measured specific force, in body axes; only for laws that read it.
     """
 
     t: Any
@@ -502,11 +507,13 @@ class LawInput(NamedTuple):
     flux: Any = None
     later_pose: Any = None
     later_velocity: Any = None
+    specific_force: Any = None
 
     @classmethod
     def of(cls, s: Tracking) -> LawInput:
         """Return the input of a law at a tracking state."""
         optional = *(s.flat or (None, None)), s.flux, *(s.ahead() if s.ahead else (None, None))
+        optional += (s.specific_force,)
         return cls._make((s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *optional))
 
     def each(self, function: Callable[[Any], Any]) -> LawInput:
@@ -546,7 +553,7 @@ class LawInput(NamedTuple):
         later = self.later_pose, self.later_velocity
         ahead = None if self.later_pose is None else lambda: later
         # In place of P_d and τ_d, until `following` gives them, is P.
-        of_loop = flat, self.flux, ahead, known_force
+        of_loop = flat, self.flux, ahead, known_force, self.specific_force
         tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, *of_loop)
         tracking = with_fields(tracking, V=self.velocity)
         return tracking.following(self.desired_velocity, self.desired_acceleration)

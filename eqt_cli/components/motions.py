@@ -350,6 +350,8 @@ class PlantModel(NamedTuple):
         The actuators with their mean numbers, which neither fail nor empty a battery.
     foreseen
         Whether the reference is a function of time, so that its later motion is known.
+    vehicle
+        The whole vehicle, for what a law refuses.
     """
 
     inertia: InertiaLaw
@@ -362,6 +364,7 @@ class PlantModel(NamedTuple):
     period: float | None = None
     actuators: tuple[Any, ...] = ()
     foreseen: bool = True
+    vehicle: Any = None
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ class Sensor(vehicle_parts.VehiclePart):
         return None
 
 
-sensors = Registry("sensor", "sensors", Sensor, ("components.sensors",))
+sensors = Registry("sensor", "sensors", Sensor, ("components.sensors", "components.accelerometer"))
 
 
 @dataclass(frozen=True)
@@ -288,6 +288,9 @@ class Errors(NamedTuple):
     flux : (..., 3)
         Errors of the magnetometer, T, as they are drawn; for a measurement, B_m; ``(0,)`` without
         a field.
+    felt : (..., m)
+        Errors of the specific force, m/s², as they are drawn; for a measurement that waits, the
+        force itself; ``(0,)`` without an accelerometer.
     """
 
     pose: Array
@@ -295,6 +298,7 @@ class Errors(NamedTuple):
     arrived: Array
     bias: Array = np.empty(0)
     flux: Array = np.empty(0)
+    felt: Array = np.empty(0)
 
     def of(self, *places: Any) -> "Errors":
         """Return the errors of some runs, or at some instants."""

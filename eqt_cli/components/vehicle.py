@@ -26,7 +26,10 @@ INERTIA = "plant.inertia"
 FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 """Keys of the lists of forces and of actuators, and of the clock of the law."""
 
-POSE, VELOCITY, FLUX = "sensors.pose", "sensors.velocity", "sensors.magnetometer"
+SIGNALS = "pose", "velocity", "magnetometer", "accelerometer"
+"""Names of what is measured."""
+
+POSE, VELOCITY, FLUX, FELT = (f"sensors.{name}" for name in SIGNALS)
 """Keys of the lists of measurement errors."""
 
 SENSOR = "sensor"
@@ -40,9 +43,6 @@ LOST = f"{ESTIMATOR}_lost"
 
 PROPELLANT = "propellant"
 """The state with the propellant that thrusters have burnt, kg."""
-
-SIGNALS = "pose", "velocity", "magnetometer"
-"""Names of what is measured."""
 
 COMMANDS, HELD, CLOCKS, TAKEN = "commands", "held", "clocks", "taken"
 """States of a sampled loop: the commands on their way, the first to arrive first; the command
@@ -81,8 +81,8 @@ class Vehicle:
         For the vehicle of a run, the configured vehicle that it was made from.
     model
         The inertia of the law's model, whose added part a current moves; None where not needed.
-    flux_sensors
-        Measurement errors of the magnetic field, which add up.
+    more_sensors
+        Measurement errors of the magnetic field, and of the specific force, which add up.
     """
 
     inertia: TrueInertia | None = None
@@ -95,7 +95,9 @@ class Vehicle:
     estimator: Estimator | None = None
     configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
     model: InertiaLaw | None = field(default=None, kw_only=True, compare=False, metadata=STRUCTURE)
-    flux_sensors: tuple[Sensor, ...] = field(default=(), kw_only=True, metadata=STRUCTURE)
+    more_sensors: tuple[tuple[Sensor, ...], ...] = field(
+        default=((), ()), kw_only=True, metadata=STRUCTURE
+    )
 
     # The parts and their numbers.
 
@@ -103,7 +105,8 @@ class Vehicle:
     def parts(self) -> dict[str, Any]:
         """All parts by their places in a configuration."""
         lists: dict[str, tuple[Any, ...]] = {FORCES: self.forces, ACTUATORS: self.actuators}
-        lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors, FLUX: self.flux_sensors}
+        lists |= {POSE: self.pose_sensors, VELOCITY: self.velocity_sensors}
+        lists |= dict(zip((FLUX, FELT), self.more_sensors, strict=True))
         parts: dict[str, Any] = {INERTIA: self.inertia}
         for name, listed in lists.items():
             parts |= {f"{name}[{k}]": part for k, part in enumerate(listed)}
@@ -123,7 +126,7 @@ class Vehicle:
 
     def of_run(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> Self:
         """Return the vehicle of one run; without generators, with the means."""
-        configured = self.configured or self
+        configured, felt = self.configured or self, self.more_sensors[1]
         estimator = configured.estimator
 
         def flying(place: str, part: Any = None) -> Any:
@@ -146,8 +149,9 @@ class Vehicle:
             forces=in_currents(G, acting, true) if acting else (),
             actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
             moving_sensors=tuple(
-                flying(f"{VELOCITY}[{k}]")
-                for k, sensor in enumerate(self.velocity_sensors)
+                flying(f"{signal}[{k}]")
+                for signal, sensors in ((VELOCITY, self.velocity_sensors), (FELT, felt))
+                for k, sensor in enumerate(sensors)
                 if isinstance(sensor, DynamicSensor)
             ),
             estimator=estimator,
@@ -187,7 +191,7 @@ class Vehicle:
     @property
     def measures(self) -> bool:
         """Whether measurements have errors."""
-        return bool(self.pose_sensors or self.velocity_sensors or self.flux_sensors)
+        return bool(self.pose_sensors or self.velocity_sensors or any(self.more_sensors))
 
     def sensors(self) -> dict[str, Sensor]:
         """Return all sensors by their places in a configuration."""
@@ -195,7 +199,7 @@ class Vehicle:
 
     def started(self, G: MatrixLieGroup, V: Array) -> dict[str, Array]:
         """Return the states of clocks, sensors and actuators at t = 0, where they are not 0."""
-        moving = enumerate(self.moving_sensors)
+        moving = moving_sensors(self)
         chain = self._chain()
         started = {place: x for place, part in chain if (x := part.started(G, V)) is not None}
         started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
@@ -204,7 +208,7 @@ class Vehicle:
     def read(self, G: MatrixLieGroup, V: Array, states: Arrays) -> tuple[Array, dict[str, Array]]:
         """Return the velocity that sensors measure before errors, and the rates of their states."""
         rates = {}
-        for k, sensor in enumerate(self.moving_sensors):
+        for k, sensor in moving_sensors(self):
             axes, x = sensor.axes(G), states[f"{SENSOR}_{k}"]
             part, V = V[..., axes], V.copy()
             rates[f"{SENSOR}_{k}"] = sensor.state_rate(part, x)
@@ -215,7 +219,7 @@ class Vehicle:
         """Return the parts of the measured pose and velocity that have sensors."""
         if self.control is None:
             return []
-        sensing = self.pose_sensors, self.velocity_sensors, self.flux_sensors
+        sensing = self.pose_sensors, self.velocity_sensors, *self.more_sensors
         return list(channels(G, dict(zip(SIGNALS, sensing, strict=True)), self.control))
 
     def holding(self, G: MatrixLieGroup) -> list[Channel]:
@@ -245,7 +249,7 @@ class Vehicle:
         The numbers that a sensor draws for a part depend only on the index of the measurement.
         """
         shape, holding = (len(runs), instants), self.holding(G)
-        n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY, FLUX)}
+        n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY, FLUX, FELT)}
         bias = np.zeros((*shape, 0 if self.estimator is None else G.dimension))
         for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
@@ -260,14 +264,16 @@ class Vehicle:
             for channel in holding
         ]
         flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
-        return Errors(n[POSE], n[VELOCITY], flags, bias, n[FLUX][..., : 3 * bool(self.magnet)])
+        lengths = 3 * bool(self.magnet), G.dimension * bool(self.more_sensors[1])
+        more = (n[name][..., :length] for name, length in zip((FLUX, FELT), lengths, strict=True))
+        return Errors(n[POSE], n[VELOCITY], flags, bias, *more)
 
     def after_measuring(
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Arrays
     ) -> dict[str, Array]:
         """Return the states of sensors and estimator after a tick with the true Q and V."""
         Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
-        values, read, arrived = (Q_m, V_m, errors.flux), dict[str, Array](), dict[str, Array]()
+        values, read, arrived = (Q_m, V_m, *errors[4:]), dict[str, Array](), dict[str, Array]()
         for k, channel in enumerate(self.holding(G)):
             name, value = channel.name, values[SIGNALS.index(channel.signal)]
             arrived[name] = errors.arrived[..., k]
@@ -288,11 +294,12 @@ class Vehicle:
 
     def schedule(self, G: MatrixLieGroup) -> Schedule:
         """Return the measurement schedule for an estimator."""
-        return Schedule(G, self.channels(G), self.tick)
+        channels = [part for part in self.channels(G) if part.signal in SIGNALS[:2]]
+        return Schedule(G, channels, self.tick)
 
     def deviations(self, G: MatrixLieGroup) -> Deviations:
         """Return the standard deviations of the errors that the sensors specify."""
-        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY, FLUX)}
+        squares = {name: np.zeros(G.dimension) for name in (POSE, VELOCITY, FLUX, FELT)}
         bias = np.zeros((2, G.dimension))
         for place, sensor, clock, axes, columns in self.drawings(G):
             white = sensor.drawn(None).white_deviation(G, clock.every * self.tick)
@@ -663,6 +670,15 @@ class Vehicle:
         if self.inertia is None:
             return s.inertia
         return self.inertia.at(s.inertia, s.t)
+
+
+def moving_sensors(
+    vehicle: Vehicle, signal: str = "velocity"
+) -> Iterator[tuple[int, DynamicSensor]]:
+    """Yield the sensors of a signal whose states follow the motion, with their numbers."""
+    count = sum(isinstance(sensor, DynamicSensor) for sensor in vehicle.velocity_sensors)
+    numbered = list(enumerate(vehicle.moving_sensors))
+    yield from numbered[:count] if signal == "velocity" else numbered[count:]
 
 
 def estimator_states(states: Arrays) -> dict[str, Array]:

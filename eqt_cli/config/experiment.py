@@ -30,6 +30,7 @@ from eqt_cli.base.option_types import (
 )
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import distinct_titles
+from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
@@ -459,10 +460,19 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     config = with_runs_of(config, start, problems)
     problems.raise_if_any()
     assert start
-    axis = tuple(task.axis) if isinstance(task, PointSection) else ()
+    axis, unfelt = tuple(task.axis) if isinstance(task, PointSection) else (), vehicle
+    if vehicle.more_sensors[1]:  # other laws do not pay for an accelerometer
+        bare = vehicle.more_sensors[0], ()
+        unfelt = replace(vehicle.configured or vehicle, more_sensors=bare).of_run(G)
+        if not any(reads_specific_force(law.law) for law in laws.values()):
+            problems.at("sensors", "accelerometer").add(
+                "is read by no law; add `linear: accelerometer` to a law of kind indi, or remove "
+                "this key"
+            )
     loops = {
         label: ClosedLoop(
-            *(G, inertia, gains[label], desired.reference, law.law, vehicle),
+            *(G, inertia, gains[label], desired.reference, law.law),
+            vehicle if reads_specific_force(law.law) else unfelt,
             axis=axis,
             known_forces=known if law.known_forces and law.law.counteracts else (),
         )
@@ -624,6 +634,7 @@ def with_model(
         vehicle.control.period if vehicle.control else None,
         tuple(part.nominal.of_run(G, None) for part in (vehicle.configured or vehicle).actuators),
         isinstance(desired.reference, ClosedReference),
+        vehicle,
     )
     takes = next((a.takes for a in vehicle.actuators if a.takes != "torque"), "torque")
     for label, entry in laws.items():

@@ -126,6 +126,18 @@ SettlingThreshold = Annotated[
 AnyForce = Annotated[Force, PartKind(forces)]
 KnownForce = Annotated[AnyForce, WithJsonSchema({})]  # its keys are those of `plant.forces`
 AnyActuator = Annotated[Actuator, PartKind(actuators)]
+
+
+class _FeltKind(PartKind):
+    """Marks an error of an accelerometer, which is of the position alone."""
+
+    def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:
+        """Return the sensor of the position."""
+        if getattr(group, "translation", None) and isinstance(value, dict):
+            value = {"of": group.translation.name, **value}
+        return super().checked(value, problems, group)
+
+
 PoseSensor = Annotated[Sensor, PartKind(sensors)]
 VelocitySensor = Annotated[Sensor, PartKind(sensors, VELOCITY)]
 AnyEstimator = Annotated[Estimator | None, PartKind(estimators)]
@@ -697,11 +709,14 @@ class SensorsSection(Section):
         V_m = V + b (`eqt list sensors`).
     magnetometer
         B_m = B + b, likewise, in T: of the field of `magnetorquers` in the body.
+    accelerometer
+        a_m = a + b, likewise, in m/s²: of the acceleration less gravity, which a law may read.
     """
 
     pose: list[PoseSensor] | None = None
     velocity: list[VelocitySensor] | None = None
     magnetometer: list[Annotated[Sensor, PartKind(sensors, "magnetometer")]] | None = None
+    accelerometer: list[Annotated[Sensor, _FeltKind(sensors, "accelerometer")]] | None = None
 
 
 class LogRange(Section):

@@ -12,6 +12,7 @@ from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, seconds
 from eqt_cli.components import mechanics, vehicle_parts
+from eqt_cli.components.accelerometer import Lever
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.forces import Force, currents, in_currents
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
@@ -25,6 +26,7 @@ from eqt_cli.components.inertia import (
     with_other_products,
 )
 from eqt_cli.components.laws import Controller, RunsCode
+from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, TimeVarying
 from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
@@ -492,9 +494,16 @@ def check_sensors(
 ) -> None:
     """Note unknown parts, impossible timing, and entries of a signal that contradict each other."""
     known = [part.name for part in G.parts]
+    if signal == "accelerometer" and sensors:
+        known = [part.name for part in G.parts if not part.turns]
+        if not rigid_motions(G):
+            problems.add(f"needs group SE2 or SE3, got {G.name}; remove this key")
+            return
     for index, sensor in enumerate(sensors):
         here = problems.at(index)
-        if signal != "velocity" and isinstance(sensor, DynamicSensor):
+        if isinstance(sensor, Lever) and signal != "accelerometer":
+            here.add("lever is of an accelerometer; move it to sensors.accelerometer")
+        elif signal not in ("velocity", "accelerometer") and isinstance(sensor, DynamicSensor):
             here.add(f"{sensor.name} measures velocities; move it to sensors.velocity")
         if sensor.of is not None and sensor.of not in known:
             parts = ", ".join(known)
@@ -609,9 +618,9 @@ def vehicle_from(
         tuple(sensing["velocity"]),
         config.estimator,
         model=model,
-        flux_sensors=tuple(field),
+        more_sensors=(tuple(field), tuple(sensing["accelerometer"])),
     )
-    if vehicle.flux_sensors and not vehicle.magnet:
+    if field and not vehicle.magnet:
         at_sensors.at("magnetometer").add("needs the field of magnetorquers; add them to actuators")
     section = "model" if plant.forces is None else "plant"
     _check_currents(vehicle.forces, problems.at(section, "forces"))

@@ -274,7 +274,8 @@ def sampled(
 def _lengths(loop: ClosedLoop) -> tuple[int, ...]:
     """Return the number of entries of each part of `Errors`."""
     G, vehicle, m = loop.group, loop.vehicle, loop.group.dimension
-    return m, m, len(vehicle.holding(G)), m * vehicle.estimates, 3 * bool(vehicle.magnet)
+    more = 3 * bool(vehicle.magnet), m * bool(vehicle.more_sensors[1])
+    return m, m, len(vehicle.holding(G)), m * vehicle.estimates, *more
 
 
 def parameter_rows(problem: Problem) -> Array:

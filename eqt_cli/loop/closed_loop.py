@@ -12,6 +12,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays, dot, stack
 from eqt_cli.base.errors import KeyPath, parse_key
 from eqt_cli.base.registry import is_foreign
+from eqt_cli.components.accelerometer import felt, reads_specific_force
 from eqt_cli.components.actuators import Actuator
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
@@ -22,7 +23,7 @@ from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking,
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
-from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle
+from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle, moving_sensors
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
 
 # The layout of a flat state: named stretches of numbers, one after the other ----------------------
@@ -195,7 +196,10 @@ class ClosedLoop:
             torque = torque + force
             rates |= {place: rates[place] + more} if place in rates else {}
         _, of_sensors = self.vehicle.read(self.group, s.V, s.vehicle)
-        return self.vehicle.acting(s, torque), rates | of_sensors
+        acting = self.vehicle.acting(s, torque)
+        if any(moving_sensors(self.vehicle, "accelerometer")):
+            of_sensors |= felt(self.vehicle, s, acting)[1]
+        return acting, rates | of_sensors
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
@@ -345,7 +349,12 @@ class ClosedLoop:
             s = self.tracking(t, state)
             command = s.command(self.controller.torque(s))
             running = self.vehicle.at(s).running(self.group, command, s.vehicle)
-            state = self.layout.join(stretches | _named(VEHICLE, running), state)
+            stretches |= _named(VEHICLE, running)
+            state = self.layout.join(stretches, state)
+        if any(moving_sensors(self.vehicle, "accelerometer")):
+            s = self.tracking(t, state)
+            settled = felt(self.vehicle, s, self.acting_and_rates(s)[0], is_start=True)[1]
+            state = self.layout.join(stretches | _named(VEHICLE, settled), state)
         return state
 
     def tracking(self, t: Any, state: Array) -> Tracking:
@@ -425,6 +434,8 @@ class ClosedLoop:
             return state
         s = self.tracking(t, state)
         errors = errors if s.flux is None else errors._replace(flux=s.flux + errors.flux)
+        if errors.felt.shape[-1]:
+            errors = errors._replace(felt=_felt(self, s) + errors.felt)
         states = self.vehicle.after_measuring(self.group, s.Q, s.V, errors, s.vehicle)
         return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
 
@@ -444,15 +455,19 @@ class ClosedLoop:
         s = self.tracking(t, state)
         inputs = LawInput.of(s)
         V, _ = self.vehicle.read(self.group, inputs.velocity, s.vehicle)
+        f = _felt(self, s) if reads_specific_force(self.controller) else None
         inputs = inputs._replace(velocity=V)
-        if errors is None:
+        if errors is not None:
+            Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
+            B = None if s.flux is None else s.flux + errors.flux
+            f = f if not errors.felt.shape[-1] else f + errors.felt
+            Q, V, B, f = self.vehicle.as_arrived(self.group, (Q, V, B, f), s.vehicle)
+            if self.vehicle.estimator is not None:
+                Q, V = self.vehicle.estimated(self.group, s.vehicle)
+            inputs = inputs._replace(pose=Q, velocity=V, flux=B)
+        if f is None or self.group.translation is None:
             return inputs
-        Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
-        B = None if s.flux is None else s.flux + errors.flux
-        Q, V, B = self.vehicle.as_arrived(self.group, (Q, V, B), s.vehicle)
-        if self.vehicle.estimator is not None:
-            Q, V = self.vehicle.estimated(self.group, s.vehicle)
-        return inputs._replace(pose=Q, velocity=V, flux=B)
+        return inputs._replace(specific_force=f[..., self.group.translation.axes])
 
     def answer(self, inputs: LawInput, memory: Arrays, period: Any) -> tuple[Array, Arrays]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
@@ -522,6 +537,11 @@ class ClosedLoop:
     def memory(self, state: Array) -> dict[str, Array]:
         """Return the memory of the law in a flat state, by name."""
         return _of(MEMORY, self.layout.split(state))
+
+
+def _felt(loop: ClosedLoop, s: Tracking) -> Array:
+    """Return the specific force as it is measured before errors, ``(..., m)``."""
+    return felt(loop.vehicle, s, loop.acting_and_rates(s)[0])[0]
 
 
 def known_force(loop: ClosedLoop, t: Any, Q: Array) -> Array | None:

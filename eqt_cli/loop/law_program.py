@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import LATER, LawInput
@@ -219,10 +220,15 @@ def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
         "position": "m, m/s, …",
         "heading": "rad, rad/s, …",
         "flux": "T",
+        "specific_force": "m/s^2",
     }
     shapes: dict[str, tuple[int, ...]] = {"t": (), "flux": (3,)}
     shapes |= dict.fromkeys(("pose", "desired_pose"), (d, d))
-    others = (*FlatOutput._fields, *LATER, "flux" * (loop.controller.commands != "dipole"))
+    others = [*FlatOutput._fields, *LATER, "flux" * (loop.controller.commands != "dipole")]
+    if G.translation is not None and reads_specific_force(loop.controller):
+        shapes["specific_force"] = (len(range(m)[G.translation.axes]),)
+    else:
+        others.append("specific_force")
     names = [name for name in LawInput._fields if name not in others]
     if loop.controller.reads_flat_output:
         output = loop.reference.flat_output(G, 0.0)

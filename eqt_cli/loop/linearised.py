@@ -6,7 +6,7 @@ those of a run.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, NamedTuple, Self
@@ -15,7 +15,8 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
-from eqt_cli.components.laws import Designed, LinearPlant, OuterLoop, ReadsLimits
+from eqt_cli.components.accelerometer import Lever
+from eqt_cli.components.laws import CountsInstants, Designed, LinearPlant, OuterLoop, ReadsLimits
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
@@ -128,8 +129,12 @@ GAINS = {
     "kp": ("gains.K",),
     "kd": ("gains.K_d",),
     "position": tuple(f"controller.position.{gain}" for gain in ("kx", "kv", "ki")),
+    "lag": ("controller.believed",),
 }
-"""Paths of the numbers of a loop that each gain multiplies."""
+"""Paths of the numbers of a loop that each gain multiplies, and the lag that a law believes in."""
+
+EFFECTIVENESS = "effectiveness"
+"""The torque for each command: multiplied behind the law, which does not know it."""
 
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work", f"{VEHICLE}{PROPELLANT}"}
 """Stretches of a flat state that are not copied into x as they are."""
@@ -220,19 +225,22 @@ class Linearised:
         return None
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
-        """Return the loop about the same states with its gains kp, kd and position multiplied."""
+        """Return the loop about the same states with gains or other numbers multiplied."""
         numbers = leaves(self.about.loop)
         scaled = {
             path: factor * numbers[path]
             for name, factor in factors.items()
-            for path in GAINS[name]
+            for path in GAINS.get(name, ())
             if path in numbers
         }
         loop = with_leaves(self.about.loop, scaled)
         # Motion and measurements of a sampled loop do not depend on gains.
         known = () if self.period is None else ("_flow", "held", "_measurements")
         computed = {name: getattr(self.about, name) for name in known}
-        return with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
+        linear = with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
+        effect = factors.get(EFFECTIVENESS, 1.0)
+        phases = tuple(phase._replace(B=effect * phase.B) for phase in linear.phases)
+        return dataclasses.replace(linear, phases=phases)
 
 
 class Phase(NamedTuple):
@@ -389,8 +397,10 @@ class _About:
         vehicle = self.loop.vehicle
         if vehicle.control is None:
             return [{}]
-        outer, law = self.loop.controller.formula, vehicle.control.clock
-        of_law = outer.cycle(vehicle.control.period) if isinstance(outer, OuterLoop) else [{}]
+        formula, law = self.loop.controller.formula, vehicle.control.clock
+        of_law: Sequence[Mapping[str, float]] = [{}]
+        if isinstance(formula, CountsInstants):
+            of_law = formula.cycle(vehicle.control.period)
         ticks = math.lcm(law.every * len(of_law), *(each.every for each in vehicle.clocks.values()))
         rows = []
         for tick in range(ticks):
@@ -695,10 +705,17 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     flags = [FIRST] * len(holding)
     if instant is not None:
         flags = [MEASURED if channel.clock.is_due(instant) else NOTHING for channel in holding]
-    still = np.zeros(G.dimension)
+    m, still = G.dimension, np.zeros(G.dimension)
     bias = still if loop.vehicle.estimator is not None else np.empty(0)
     flux = np.zeros(3 if loop.vehicle.magnet else 0)
-    return Errors(G.identity, still, np.array(flags), bias, flux)
+    return Errors(
+        G.identity,
+        still,
+        np.array(flags),
+        bias,
+        flux,
+        still[: m * bool(loop.vehicle.more_sensors[1])],
+    )
 
 
 # Whether small errors of a linearised loop decay --------------------------------------------------
@@ -841,8 +858,8 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
         yield LeftOut("the anti-windup (the loop is that off its limits)", stabilises=False)
     for place, sensor in vehicle.sensors().items():
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []
-        if isinstance(sensor, DynamicSensor) and not loses:
-            continue  # its states are part of the loop
+        if isinstance(sensor, DynamicSensor | Lever) and not loses:
+            continue  # it is part of the loop
         yield LeftOut(f"{place} ({', '.join([sensor.departs, *loses])})", bool(loses), bool(loses))
     if vehicle.estimator is not None and not (linear and linear.about.loop.vehicle.estimator):
         yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")

@@ -536,7 +536,7 @@ def test_errors_may_be_without_a_bias_that_is_estimated():
     parts = np.zeros((2, 5, 3, 3)), np.ones((2, 5, 3)), np.zeros((2, 5, 0))
     errors = Errors(*parts)
     assert errors.bias.shape == (0,) and len(errors.of_runs) == 3
-    assert [part.shape for part in errors.of(1, 4)] == [(3, 3), (3,), (0,), (0,), (0,)]
+    assert [part.shape for part in errors.of(1, 4)] == [(3, 3), (3,), *[(0,)] * 4]
     clocked = Vehicle(control=Sampling(0.1), velocity_sensors=(Bias(value=0.1),))
     random_of = lambda place: np.random.default_rng(1)  # noqa: E731 shorter than a function
     assert clocked.measurement_errors(SO3, 5, [random_of]).bias.shape == (1, 5, 0)

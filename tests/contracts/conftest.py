@@ -58,6 +58,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "gravity_gradient": {"rate": 0.3, "inertia": [[1.0, 0.1, 0], [0.1, 2.0, 0], [0, 0, 2.5]]},
     "magnetorquers": {"limit": 0.2, "flux": ["2e-5", "3e-5*cos(t)", "3e-5*sin(t)"]},
     "b_dot": {"k": 4e4},
+    "lever": {"at": [0.1, 0.2, 0.3]},
     "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},
     "rate_loop": {"gains": 2.0, "cutoff": 3.0, "kd": 0.01, "feedforward": 0.1},

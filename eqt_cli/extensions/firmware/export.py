@@ -165,6 +165,7 @@ INPUT_MEANINGS = {
     "position": "p_d and its first four derivatives, in space",
     "heading": "the heading and its first two derivatives",
     "flux": "B, the magnetic field in the body as it was measured",
+    "specific_force": "the acceleration less gravity in body axes, as an accelerometer gives it",
 }
 
 NUMBER_MEANINGS = {

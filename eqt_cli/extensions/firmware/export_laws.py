@@ -192,7 +192,8 @@ def _flown(G: MatrixLieGroup, flying: Vehicle, seed: int) -> tuple[dict[str, Arr
         at = errors.measured(G, 0, k)
         Q = G.exp(k * flying.tick * V)
         states = states | flying.after_measuring(G, Q, V, at, states)
-        Q_m, V_m, _ = flying.as_arrived(G, (Q @ at.pose, V + at.velocity, at.flux), states)
+        measured = Q @ at.pose, V + at.velocity, *at[4:]
+        Q_m, V_m, *_ = flying.as_arrived(G, measured, states)
         new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))
         fresh = np.array([new.get(part.name, 1.0) for part in flying.schedule(G).timed])
         for name, values in zip(flown, (Q_m, V_m, fresh), strict=True):

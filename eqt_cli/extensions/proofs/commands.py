@@ -233,32 +233,41 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
         yield laid_out(_margins_table(result, laws))
 
 
+LAGGING = "delay margin if lag × 0.5, × 2"
+"""Title of the column of the delay margins with other believed lags."""
+
+
 def _margins_table(result: Margins, laws: Sequence[LawMargins]) -> TextTable:
     """Return the table of some laws, and notes on how to read it."""
     sampled, gains = result.period is not None, _gains(result)
     size = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
     factors = [f"{'of' if k else 'multiples of'} {name}" for k, name in enumerate(gains)]
-    header, rows = ["law", size, "delay margin", *factors, "verdict"], []
+    header, rows = ["law", size, "delay margin", *factors, LAGGING, "verdict"], []
     for law in laws:
         largest = "-" if law.changes else f"{law.size:.{6 if sampled else 3}g}"
         ranges = ["-"] * len(gains)
         if law.growth.is_stable:
             ranges = [_factors(law.gains.get(name)) for name in gains]
         title = result.experiment.titles[law.label]
-        rows.append([title, largest, _delay(law), *ranges, law.verdict])
+        lags = ", ".join(_delay(replace(law, delay=x, delay_periods=None)) for x in law.lag_delays)
+        rows.append([title, largest, _delay(law), *ranges, lags or "-", law.verdict])
     notes = list(_notes(result, laws))
     table = TextTable("margins", "", header, [Block("", rows)], notes, spare=("of both",))
-    return table.without([size] if all(law.changes for law in laws) else [])
+    changing = [size] * all(law.changes for law in laws)
+    return table.without([*changing, *[LAGGING] * (not any(law.lag_delays for law in laws))])
 
 
 def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     """Say what the columns mean, and what is left out."""
     from eqt_cli.extensions.proofs.margins import LARGEST_FACTOR
 
-    titles = result.experiment.titles
+    titles, lagging = result.experiment.titles, "lag" in _gains(result)
     yield "delay margin: further delay of the command with which the loop is still stable"
+    rejects = (
+        ", of the torque for each command (effectiveness), of the lag that the law believes in"
+    )
     yield (
-        "multiples: the loop is stable for these multiples of kp, kd, or both; "
+        f"multiples: the loop is stable for these multiples of kp, kd, or both{rejects * lagging}; "
         f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
     )
     if "position" in _gains(result):
@@ -294,7 +303,9 @@ def _gains(result: Margins) -> list[str]:
     from eqt_cli.extensions.proofs.margins import GAINS
 
     cascades = any(loop.controller.reads_flat_output for loop in result.experiment.loops.values())
-    return [name for name in GAINS if cascades or name != "position"]
+    rejects = any("lag" in law.gains for law in result.laws)
+    shown = {"position": cascades, "lag": rejects, "effectiveness": rejects}
+    return [name for name in GAINS if shown.get(name, True)]
 
 
 def _delay(law: LawMargins) -> str:

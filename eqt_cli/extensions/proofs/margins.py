@@ -22,6 +22,7 @@ from eqt_cli.extensions.proofs.certified import LawRates, box_of, check_push_and
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     DERIVATIVE,
+    EFFECTIVENESS,
     MOST_STATES,
     Along,
     Growth,
@@ -183,8 +184,12 @@ FACTOR_STEP = 2.0
 """Ratio of successive factors at which stability is tested."""
 
 GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd"), "position": ("position",)}
+GAINS |= {EFFECTIVENESS: (EFFECTIVENESS,), "lag": ("lag",)}
 """Gains that are multiplied together, by the name of the margin. Of a cascade, kp and kd are those
-of its attitude law."""
+of its attitude law. The lag is the one that a law believes in."""
+
+LAGS = 0.5, 2.0
+"""Multiples of the believed lag with which delays are tried."""
 
 
 @dataclass(frozen=True)
@@ -242,6 +247,8 @@ class LawMargins:
     gains
         Gain margins by the names in `GAINS`, for gains that the law uses; empty if the loop is
         unstable.
+    lag_delays
+        The delay margins with the `LAGS` of a law that believes in one, s; None where unstable.
     """
 
     label: str
@@ -257,6 +264,7 @@ class LawMargins:
     cycle: float | None
     left_out: list[str]
     gains: dict[str, GainMargin]
+    lag_delays: tuple[float | None, ...] = ()
 
     @property
     def verdict(self) -> str:
@@ -280,6 +288,7 @@ class LawMargins:
             "delay_margin_is_least": self.delay_is_least,
             "delay_margin_is_frozen": self.delay_is_frozen,
             "gain_margins": {name: asdict(gain) for name, gain in self.gains.items()},
+            "delay_margins_of_lags": dict(zip(map(str, LAGS), self.lag_delays, strict=False)),
         }
 
     @property
@@ -499,17 +508,9 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
             "moves; give a reference that rests, or leave this law out"
         )
     largest, omitted = growth(linear.at_rest or linear), list(left_out(loop, linear))
-    delay, is_least = None, False
-    # The command turns in coordinates at rest; a delay margin is that of its own coordinates.
-    at_times = largest if changes or linear.is_constant else growth(linear)
-    if largest.is_stable and at_times.is_stable:
-        if len(linear.phases) > 1:
-            delay, is_least = _delay_of_cycle(linear)
-        else:
-            [cut] = linear.phases
-            each = zip(cut.A, cut.B, cut.C, strict=True)
-            delay = min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in each)
+    delay, is_least = _delay_of(linear, largest)
     gains = _gain_margins(linear) if largest.is_stable else {}
+    lagging = [linear.with_gains({"lag": factor}) for factor in LAGS if "lag" in gains]
     periods = None
     if linear.period is not None and delay is not None and np.isfinite(delay):
         periods = round(delay / linear.period)
@@ -529,7 +530,21 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
         linear.cycle,
         [each.words for each in omitted],
         gains,
+        tuple(_delay_of(each, growth(each.at_rest or each))[0] for each in lagging),
     )
+
+
+def _delay_of(linear: Linearised, largest: Growth) -> tuple[float | None, bool]:
+    """Return the delay margin, s, None if unstable; and whether longer delays were not tried."""
+    # The command turns in coordinates at rest; a delay margin is that of its own coordinates.
+    is_own = linear.at_rest is None or linear.is_constant
+    if not (largest.is_stable and (is_own or growth(linear).is_stable)):
+        return None, False
+    if len(linear.phases) > 1:
+        return _delay_of_cycle(linear)
+    [cut] = linear.phases
+    each = zip(cut.A, cut.B, cut.C, strict=True)
+    return min(delay_margin(CutLoop(A, B, C, linear.period)) for A, B, C in each), False
 
 
 def _delay_of_cycle(loop: Linearised) -> tuple[float, bool]:

@@ -1,0 +1,388 @@
+"""Laws that reject what their model does not know: INDI and the momentum observer."""
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, Arrays, cos, exp, less, sin, where
+from eqt_cli.base.errors import Problems
+from eqt_cli.base.option_types import Kind, Positive, Real, Scale
+from eqt_cli.components.actuators import excess
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.laws import (
+    Controller,
+    CountsInstants,
+    Designed,
+    OuterLoop,
+    Previews,
+    ReadsLimits,
+    ReadsSpecificForce,
+    RunsCode,
+    controllers,
+    published,
+)
+from eqt_cli.components.matrix_groups import rigid_motions
+from eqt_cli.components.mechanics import Gains, Tracking
+from eqt_cli.components.motions import PlantModel, check_rigid_body
+from eqt_cli.numbers.leaves import with_fields
+
+INNER = "law_"
+"""Prefix of the states of the inner law, before its own names."""
+
+STARTED, ACTUATED, DISTURBANCE = "started", "actuated", "disturbance"
+"""States: 0 before the first measurement, then 1; û, the torque of the actuators as it is believed;
+δ̂, the torque that the model does not know."""
+
+
+@dataclass(frozen=True)
+class Rejecting(CountsInstants, ReadsLimits):
+    """u = τ − δ̂ around a law with the torque τ, on every group.
+
+    δ̂ is an estimate of all that acts besides the torque û of the actuators. After every command,
+
+        û ← û + (1 − e^{−T/T_a})(sat(u) − û),
+
+    with the control period T, a lag T_a of the actuators, and what the limits that the law knows
+    leave of u. At the start û is 0 or, of rotors, what they run at.
+
+    Attributes
+    ----------
+    law
+        The inner law: a kind of the group, or a mapping with `kind` and options.
+    lag
+        T_a as it is believed, s: a number, or one along each axis. Default: that of the actuator
+        `lag` or the `time_constant` of thrusters, else 0.
+    """
+
+    # Those of the inner law, where it is known.
+    tasks: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
+    matched: Any = field(default=None, init=False, repr=False)  # type: ignore[misc]
+    weight: Any = field(default="", init=False, repr=False)  # type: ignore[misc]
+    energy: Any = field(default=Controller.energy, init=False, repr=False)  # type: ignore[misc]
+
+    theorem: ClassVar[str] = ""
+    departs: ClassVar[str] = "disturbance observer in the law"
+    output_units: ClassVar[Mapping[str, str]] = {DISTURBANCE: "N m"}
+    bounded: ClassVar[tuple[str, float, str]]
+    """The option that has a bound, this bound times the control period, and the unit."""
+
+    law: str | dict[str, Any]
+    lag: Annotated[Real | list[Real] | None, Scale("believed lag", "s")] = field(
+        default=None, kw_only=True
+    )
+    inner: Any = field(default=None, init=False, repr=False)
+    acting: Any = field(default=(), init=False, repr=False)
+    known: Any = field(default=(), init=False, repr=False)  # tuple of forces
+    believed: Any = field(default=None, init=False, repr=False)  # the lag by axis; None for 0
+    runs: Any = field(default=False, init=False, repr=False)
+
+    # What it is made of.
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an inner law without a torque of its own, and a lag that is none."""
+        law = Kind(controllers).checked(self.law, problems.at("law"), G)
+        without = (Designed, OuterLoop, Previews, RunsCode, Rejecting)
+        if law is not None and (isinstance(law, without) or law.commands != "torque"):
+            said = f"expected a law of {G.name} that computes a torque, such as lee2010"
+            problems.at("law").add(f"{said}, got {law.name}")
+        if isinstance(self.lag, list) and len(self.lag) != G.dimension:
+            got = len(self.lag)
+            problems.at("lag").add(f"expected a number, or {G.dimension} of them, got {got}")
+        elif self.lag is not None and (least := np.min(self.lag)) < 0:
+            problems.at("lag").add(f"expected at least 0 s, got {least:g}")
+
+    def loaded(
+        self, home: Any, G: MatrixLieGroup, problems: Problems
+    ) -> tuple[Self, dict[str, str]]:
+        """Return the law with its inner law."""
+        inner = Kind(controllers).checked(self.law, Problems(), G)
+        names = ("tasks", "matched", "weight", "energy") if inner else ()
+        said = {name: getattr(inner, name) for name in names}
+        return with_fields(self, inner=inner, **said), {}
+
+    def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
+        """Return the inner law with the options that follow its gains."""
+        return {"inner": self.inner.with_defaults(G, gains, self.law)}
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with lag, limits and forces that it knows; note what does not fit."""
+        if plant.period is None:
+            problems.add("answers at control instants; set control.period, at which it is called")
+            return self
+        name, most, unit = self.bounded
+        if (value := getattr(self, name)) * plant.period >= most:
+            said = f"{most / plant.period:g} {unit}, as the law answers every {plant.period:g} s"
+            problems.at(name).add(f"expected less than {said}, got {value:g}")
+        if not isinstance(plant.inertia, Inertia):
+            problems.add("needs a constant inertia; write `inertia` as numbers")
+        for index, part in enumerate(plant.actuators):
+            unlike = part.limits and part.allowed(G, np.zeros(G.dimension)) is None
+            if unlike or getattr(part, "friction", None) is not None:
+                problems.add(
+                    f"cannot know what actuators[{index}], {part.name}, leaves of its command; use "
+                    "a limit, or thrusters without allocation: bounded, and no friction"
+                )
+        return with_fields(
+            self,
+            inner=self.inner.for_plant(G, plant, problems.at("law")),
+            acting=tuple(part for part in plant.actuators if part.limits),
+            known=plant.forces,
+            believed=self._lag(G, plant, problems.at("lag")),
+            runs=any(part.runs for part in plant.actuators),
+        )
+
+    def _lag(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Array | None:
+        """Return the believed lag along each axis; None for 0."""
+        lags = [getattr(part, "time_constant", None) for part in plant.actuators]
+        true = [np.unique(x) if np.ptp(x) == 0 else x for x in lags if x is not None]
+        lag: Any = self.lag
+        if lag is None and len(true) == 1 and np.size(true[0]) in (1, G.dimension):
+            lag = true[0]
+        elif sum(map(np.size, true)) > 1 and not isinstance(lag, list):
+            listed = ", ".join(f"{x:g}" for x in np.concatenate(true))
+            got = f"the actuators lag by {listed} s" + ("" if lag is None else f", got {lag:g}")
+            problems.add(f"expected a list of {G.dimension} lags, one along each axis, as {got}")
+        return np.broadcast_to(lag, G.dimension) * 1.0 if np.any(lag) else None
+
+    def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
+        """Return that the first measurement has been."""
+        return [{STARTED: 1.0}]
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """Return that of the inner law."""
+        return self.inner.lyapunov(self._inside(s))
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Return that of the inner law."""
+        return self.inner.velocity_error(self._inside(s))
+
+    def torque(self, s: Tracking) -> Array:
+        """τ − δ̂ with the last estimate, body frame."""
+        return self.inner.torque(self._inside(s)) - s.memory[DISTURBANCE]
+
+    # Its memory.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of its states, and of those of the inner law."""
+        lengths = {STARTED: 1, ACTUATED: G.dimension, DISTURBANCE: G.dimension}
+        return lengths | {INNER + name: n for name, n in self.inner.memory(G).items()}
+
+    def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the length of δ̂, and of the states of the inner law."""
+        names = [DISTURBANCE, *(INNER + name for name in self.inner.memory(G))]
+        return {name: self.memory(G)[name] for name in names}
+
+    def memory_rate(self, s: Tracking) -> Arrays:
+        """Return the rates of the inner law, and 0 for the states that change at instants."""
+        inner = self.inner.memory_rate(self._inside(s))
+        waiting = {name: 0.0 * z for name, z in s.memory.items()}
+        return waiting | {INNER + name: rate for name, rate in inner.items()}
+
+    def initial_memory(self, s: Tracking) -> Arrays:
+        """Return the beginning of the inner law."""
+        inner = self.inner.initial_memory(self._inside(s))
+        return {INNER + name: z for name, z in inner.items()}
+
+    def _inside(self, s: Tracking) -> Tracking:
+        """Return what the inner law reads, with its own memory."""
+        n = len(INNER)
+        memory = {name[n:]: z for name, z in s.memory.items() if name.startswith(INNER)}
+        rates = {"Vd": s.Vd, "Vd_dot": s.Vd_dot, "Pd_dot": s.Pd_dot}
+        return with_fields(s, memory=memory, V=s.V, **rates)
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
+        """Return u, and all states a period later."""
+        tau, inner = self.inner.answer(self._inside(s), period)
+        is_first, before = less(s.memory[STARTED], 0.5), s.memory[ACTUATED]
+        if self.runs:
+            before = where(is_first, s.command(tau - s.memory[DISTURBANCE]), before)
+        estimate, states = self.estimated(s, before, is_first, period)
+        u = tau - estimate
+        reached = s.command(u)
+        if self.acting:
+            reached = reached - excess(s.G, self.acting, reached)
+        if self.believed is not None:
+            reached = reached + exp(-period / self.believed) * (before - reached)
+        states |= {INNER + name: z for name, z in inner.items()}
+        started = 1.0 + 0.0 * s.memory[STARTED]
+        return u, {STARTED: started, ACTUATED: reached, DISTURBANCE: estimate, **states}
+
+    @abstractmethod
+    def estimated(
+        self, s: Tracking, actuated: Array, is_first: Array, period: Any
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return δ̂ at an instant where the actuators give û, and the states that follow."""
+
+
+@dataclass(frozen=True)
+class Indi(Rejecting, ReadsSpecificForce):
+    """Incremental nonlinear dynamic inversion around a law with the torque τ, on every group.
+
+    u = 𝕀ν + H[û − 𝕀(V_k − V_{k−1})/T],  𝕀ν = τ + ad*_V 𝕀V,
+
+    at control instants a period T apart, with the measured V and the torque û of the actuators as
+    it is believed. H is a Butterworth filter of second order, K = tan(π f T). With an exact model
+    this is u = τ − H[δ]: the inner law and an estimate δ̂ = τ − u of all that acts besides the
+    actuators, known forces and gravity included, which are not taken from u again. The first
+    instant has no difference: it is 0, and H has settled on û.
+
+    With `linear: accelerometer`, on SE(2) and SE(3) and for the inertia diag(J, m I),
+
+    u = τ − w + ad*_Ω JΩ + H[û − (J ΔΩ/T, m a)],
+
+    where a is the measured specific force and w the weight that the model knows.
+
+    After Smeur, Chu and de Croon (2016), of which only the abstract was read, and the firmware of
+    the Crazyflie (controller_indi.c); the form on groups is that of the design of eqt.
+
+    Attributes
+    ----------
+    cutoff
+        f of H, Hz; less than half the control rate.
+    gyro
+        `differences` of the measured velocity; `estimate`: of that of an estimator, too, which is
+        a second filter that û does not pass.
+    linear
+        Where the acceleration of the origin comes from: `differences`, or `accelerometer`.
+    """
+
+    name: ClassVar[str] = "indi"
+    title: ClassVar[str] = "INDI"
+    bounded: ClassVar[tuple[str, float, str]] = "cutoff", 0.5, "Hz"
+    bibtex: ClassVar[str] = published("smeur2016adaptive")
+
+    cutoff: Annotated[Positive, Scale("cutoff", "Hz")]
+    gyro: Literal["differences", "estimate"] = field(default="differences", kw_only=True)
+    linear: Literal["differences", "accelerometer"] = field(default="differences", kw_only=True)
+
+    @property
+    def reads_specific_force(self) -> bool:
+        """Whether it reads an accelerometer."""
+        return self.linear == "accelerometer"
+
+    @property
+    def counteracts(self) -> bool:
+        """Not: known forces are in the acceleration that it measures."""
+        return False
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note an accelerometer without a rigid body."""
+        super().check(G, problems)
+        if self.reads_specific_force and not rigid_motions(G):
+            problems.at("linear").add(
+                f"accelerometer needs group SE2 or SE3, got {G.name}; use differences"
+            )
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with what it knows; note sensors and inertias that do not fit."""
+        self = super().for_plant(G, plant, problems)
+        if problems:
+            return self
+        vehicle = plant.vehicle
+        if vehicle.estimator is not None and self.gyro != "estimate":
+            problems.at("gyro").add(
+                f"û does not pass the filter of the estimator, {vehicle.estimator.name}; write "
+                "gyro: estimate, or remove the estimator"
+            )
+        most = max((x.every for x in vehicle.channels(G) if x.signal == "velocity"), default=0)
+        if most > vehicle.control.clock.every:
+            said = f"the velocity is measured every {most * vehicle.tick:g} s, so that most"
+            problems.at("gyro").add(f"{said} differences are 0; set control.period to this")
+        if self.reads_specific_force:
+            check_rigid_body(G, plant.inertia, problems.at("linear"))
+            acts, knows = (
+                any(hasattr(force, "weight_alone") for force in forces)
+                for forces in (vehicle.forces, self.known)
+            )
+            if acts and not knows:
+                said = "no accelerometer feels the weight, and the law does not know it"
+                problems.at("linear").add(f"{said}; write restoring under model.forces, too")
+        return self
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of all states: the last V, and two of the filter for each axis."""
+        m = G.dimension
+        return {**super().memory(G), "measured": m, "filter": m, "filter_next": m}
+
+    def initial_memory(self, s: Tracking) -> Arrays:
+        """Return the δ̂ of running rotors, against the forces that the law knows."""
+        begun = super().initial_memory(s)
+        if not self.runs:
+            return begun
+        free = s.G.ad_star(s.V, s.P)
+        return {**begun, DISTURBANCE: self._known(s) - free}
+
+    def _known(self, s: Tracking, of_weight: bool = False) -> Any:
+        """Return the forces that the model knows, or their weight alone, body frame."""
+        forces: Any = self.known
+        if of_weight:
+            forces = [force.weight_alone for force in forces if hasattr(force, "weight_alone")]
+        return 0.0 * s.V + sum(force.in_body(s.G, s.t, s.Q, s.V) for force in forces)
+
+    def estimated(
+        self, s: Tracking, actuated: Array, is_first: Array, period: Any
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return −(ad*_V 𝕀V + H[û − 𝕀ΔV/T]), and the states of the filter."""
+        V, weight = s.V, 0.0 * s.V
+        change = where(is_first, 0.0 * V, (V - s.memory["measured"]) / period)
+        if self.reads_specific_force:
+            turns = s.G.parts[0].axes
+            change = np.concatenate([change[..., turns], s.specific_force], axis=-1)
+            V = np.concatenate([V[..., turns], 0.0 * s.specific_force], axis=-1)
+            weight = self._known(s, of_weight=True)
+        free = s.G.ad_star(V, s.inertia.momentum(V))
+        r = actuated - s.inertia.momentum(change)
+        if self.runs:
+            start = weight - self._known(s)
+            if self.reads_specific_force:
+                start = np.concatenate([start[..., turns], r[..., turns.stop :]], axis=-1)
+            r = where(is_first, start, r)
+        K = sin(np.pi * self.cutoff * period) / cos(np.pi * self.cutoff * period)
+        scale = 1.0 / (1.0 + np.sqrt(2.0) * K + K * K)
+        b, a1 = K * K * scale, 2.0 * (K * K - 1.0) * scale
+        a2 = (1.0 - np.sqrt(2.0) * K + K * K) * scale
+        z1 = where(is_first, (1.0 - b) * r, s.memory["filter"])
+        z2 = where(is_first, (b - a2) * r, s.memory["filter_next"])
+        y = b * r + z1
+        states = {"measured": s.V + 0.0 * r, "filter": 2.0 * b * r - a1 * y + z2}
+        return weight - free - y, {**states, "filter_next": b * r - a2 * y}
+
+
+@dataclass(frozen=True)
+class MomentumObserver(Rejecting):
+    """A law with an observer of the momentum, u = τ − δ̂, on every group.
+
+    P̂̇ = ad*_V 𝕀V + û + f + δ̂,  δ̂ = k(𝕀V − P̂),
+
+    by a step of Euler with the û that the command leads to, so that δ̂ is INDI's with a first-order
+    filter, without a difference. f are the forces that the model knows. P̂ begins at the first 𝕀V.
+    After the external wrench observers of aerial robots; the form is that of the design of eqt.
+
+    Attributes
+    ----------
+    rate
+        k, rad/s; less than 1/T. A Butterworth filter with the cutoff ω has the delay of k = ω/√2.
+    """
+
+    name: ClassVar[str] = "observer"
+    bounded: ClassVar[tuple[str, float, str]] = "rate", 1.0, "rad/s"
+
+    rate: Annotated[Positive, Scale("rate of the observer", "rad/s")]
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the lengths of all states, with P̂ of the next instant without û and δ̂."""
+        return {**super().memory(G), "momentum": G.dimension}
+
+    def estimated(
+        self, s: Tracking, actuated: Array, is_first: Array, period: Any
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return k(𝕀V − P̂), and P̂."""
+        new = s.memory["momentum"] + period * (actuated + s.memory[DISTURBANCE])
+        P, force = where(is_first, s.P, new), s.G.ad_star(s.V, s.P)
+        if s.known_force is not None:
+            force = force + s.known_force
+        return self.rate * (s.P - P), {"momentum": P + period * force}
