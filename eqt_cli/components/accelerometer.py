@@ -10,7 +10,7 @@ from eqt_cli.base.arrays import Array, Arrays, apply_matrix
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Real, Unit
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller, ReadsSpecificForce
+from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid
 from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import Sensor
@@ -18,8 +18,8 @@ from eqt_cli.components.vehicle import SENSOR, Vehicle, moving_sensors
 
 
 def reads_specific_force(law: Controller) -> bool:
-    """Return whether a law reads an accelerometer."""
-    return isinstance(law, ReadsSpecificForce) and bool(law.reads_specific_force)
+    """Return whether a law reads an accelerometer: if it says so by an attribute of this name."""
+    return bool(getattr(law, "reads_specific_force", False))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller, ReadsLimits, published
 from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
+from eqt_cli.components.motions import PlantModel
+from eqt_cli.numbers.leaves import with_fields
 
 # Base class of laws that shape an energy of the body error and cancel all other forces ------------
 
@@ -316,7 +318,8 @@ class Goodarzi2013(ReadsLimits):
     ki
         k_I, N m/rad. Default: a tenth of the least stiffness H of Υ, 0.2 on SO(3) with K = I.
     c2
-        c₂, 1/s.
+        c₂, 1/s. Default: offsets decay at k_I c₂/(k_I + H) = ¼ min(H/K_d, K_d/𝕀), along the axis
+        where this is least; a quarter of what loses stability or less.
     bound
         b, bound of the integral in the torque, rad. Default: none.
     anti_windup
@@ -339,8 +342,19 @@ class Goodarzi2013(ReadsLimits):
     acting: Any = field(default=(), init=False, repr=False)
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, float]:
-        """k_I = 0.1 min H: a fixed one would be too strong for a light body."""
-        return {"ki": 0.1 * float(np.linalg.eigvalsh(hessian_at_identity(G, gains.K)).min())}
+        """k_I = 0.1 min H: a fixed one would be too strong for a light body. c₂ follows later."""
+        least = float(np.linalg.eigvalsh(hessian_at_identity(G, gains.K)).min())
+        return {"ki": 0.1 * least, "c2": 0.5}  # c2 until the inertia is known
+
+    def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
+        """Return the law with c₂, where it is not written, and the limits that it reads."""
+        law = super().for_plant(G, plant, problems)
+        if (gains := (plant.follows or {}).get("c2")) is None:
+            return law
+        J, D = map(np.diagonal, (plant.inertia.at(0.0).matrix, gains.K_d))
+        H = np.diagonal(hessian_at_identity(G, gains.K))
+        rate = float(np.minimum(H / D, D / J).min()) / 4
+        return with_fields(law, c2=rate * (1 + float(H.min()) / law.ki))
 
     output_units: ClassVar[Mapping[str, str]] = {"integral": "rad"}
 

@@ -279,15 +279,6 @@ class CountsInstants(Controller):
         return [{}]
 
 
-class ReadsSpecificForce(Controller):
-    """A law that may read an accelerometer."""
-
-    @property
-    def reads_specific_force(self) -> bool:
-        """Whether it does, by its options."""
-        return False
-
-
 class OuterLoop(CountsInstants):
     """A law that commands an attitude R_c to an inner law, of which L and the gains are.
 

@@ -352,6 +352,8 @@ class PlantModel(NamedTuple):
         Whether the reference is a function of time, so that its later motion is known.
     vehicle
         The whole vehicle, for what a law refuses.
+    follows
+        The gains of the law, by its options that follow them because they are not written.
     """
 
     inertia: InertiaLaw
@@ -365,6 +367,7 @@ class PlantModel(NamedTuple):
     actuators: tuple[Any, ...] = ()
     foreseen: bool = True
     vehicle: Any = None
+    follows: Any = None
 
 
 @dataclass(frozen=True)

@@ -10,21 +10,10 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays, cos, exp, less, sin, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale
+from eqt_cli.components import laws
 from eqt_cli.components.actuators import excess
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.laws import (
-    Controller,
-    CountsInstants,
-    Designed,
-    OuterLoop,
-    Previews,
-    ReadsLimits,
-    ReadsSpecificForce,
-    RunsCode,
-    controllers,
-    published,
-)
 from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import Gains, Tracking
 from eqt_cli.components.motions import PlantModel, check_rigid_body
@@ -37,9 +26,12 @@ STARTED, ACTUATED, DISTURBANCE = "started", "actuated", "disturbance"
 """States: 0 before the first measurement, then 1; û, the torque of the actuators as it is believed;
 δ̂, the torque that the model does not know."""
 
+Estimate = tuple[Array, dict[str, Array]]
+"""δ̂, and the states that follow."""
+
 
 @dataclass(frozen=True)
-class Rejecting(CountsInstants, ReadsLimits):
+class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     """u = τ − δ̂ around a law with the torque τ, on every group.
 
     δ̂ is an estimate of all that acts besides the torque û of the actuators. After every command,
@@ -62,7 +54,7 @@ class Rejecting(CountsInstants, ReadsLimits):
     tasks: Any = field(default=(), init=False, repr=False)  # type: ignore[misc]
     matched: Any = field(default=None, init=False, repr=False)  # type: ignore[misc]
     weight: Any = field(default="", init=False, repr=False)  # type: ignore[misc]
-    energy: Any = field(default=Controller.energy, init=False, repr=False)  # type: ignore[misc]
+    energy: Any = field(default=laws.Controller.energy, init=False, repr=False)  # type: ignore[misc]
 
     theorem: ClassVar[str] = ""
     departs: ClassVar[str] = "disturbance observer in the law"
@@ -84,14 +76,14 @@ class Rejecting(CountsInstants, ReadsLimits):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an inner law without a torque of its own, and a lag that is none."""
-        law = Kind(controllers).checked(self.law, problems.at("law"), G)
-        without = (Designed, OuterLoop, Previews, RunsCode, Rejecting)
+        law = Kind(laws.controllers).checked(self.law, problems.at("law"), G)
+        without = (laws.Designed, laws.OuterLoop, laws.Previews, laws.RunsCode, Rejecting)
         if law is not None and (isinstance(law, without) or law.commands != "torque"):
             said = f"expected a law of {G.name} that computes a torque, such as lee2010"
             problems.at("law").add(f"{said}, got {law.name}")
         if isinstance(self.lag, list) and len(self.lag) != G.dimension:
-            got = len(self.lag)
-            problems.at("lag").add(f"expected a number, or {G.dimension} of them, got {got}")
+            said = f"expected a number, or {G.dimension} of them"
+            problems.at("lag").add(f"{said}, got {len(self.lag)}")
         elif self.lag is not None and (least := np.min(self.lag)) < 0:
             problems.at("lag").add(f"expected at least 0 s, got {least:g}")
 
@@ -99,10 +91,9 @@ class Rejecting(CountsInstants, ReadsLimits):
         self, home: Any, G: MatrixLieGroup, problems: Problems
     ) -> tuple[Self, dict[str, str]]:
         """Return the law with its inner law."""
-        inner = Kind(controllers).checked(self.law, Problems(), G)
+        inner = Kind(laws.controllers).checked(self.law, Problems(), G)
         names = ("tasks", "matched", "weight", "energy") if inner else ()
-        said = {name: getattr(inner, name) for name in names}
-        return with_fields(self, inner=inner, **said), {}
+        return with_fields(self, inner=inner, **{name: getattr(inner, name) for name in names}), {}
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the inner law with the options that follow its gains."""
@@ -156,10 +147,6 @@ class Rejecting(CountsInstants, ReadsLimits):
         """Return that of the inner law."""
         return self.inner.lyapunov(self._inside(s))
 
-    def velocity_error(self, s: Tracking) -> Array:
-        """Return that of the inner law."""
-        return self.inner.velocity_error(self._inside(s))
-
     def torque(self, s: Tracking) -> Array:
         """τ − δ̂ with the last estimate, body frame."""
         return self.inner.torque(self._inside(s)) - s.memory[DISTURBANCE]
@@ -173,8 +160,8 @@ class Rejecting(CountsInstants, ReadsLimits):
 
     def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the length of δ̂, and of the states of the inner law."""
-        names = [DISTURBANCE, *(INNER + name for name in self.inner.memory(G))]
-        return {name: self.memory(G)[name] for name in names}
+        shown = (DISTURBANCE, *(INNER + name for name in self.inner.memory(G)))
+        return {name: n for name, n in self.memory(G).items() if name in shown}
 
     def memory_rate(self, s: Tracking) -> Arrays:
         """Return the rates of the inner law, and 0 for the states that change at instants."""
@@ -212,14 +199,12 @@ class Rejecting(CountsInstants, ReadsLimits):
         return u, {STARTED: started, ACTUATED: reached, DISTURBANCE: estimate, **states}
 
     @abstractmethod
-    def estimated(
-        self, s: Tracking, actuated: Array, is_first: Array, period: Any
-    ) -> tuple[Array, dict[str, Array]]:
+    def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
         """Return δ̂ at an instant where the actuators give û, and the states that follow."""
 
 
 @dataclass(frozen=True)
-class Indi(Rejecting, ReadsSpecificForce):
+class Indi(Rejecting):
     """Incremental nonlinear dynamic inversion around a law with the torque τ, on every group.
 
     u = 𝕀ν + H[û − 𝕀(V_k − V_{k−1})/T],  𝕀ν = τ + ad*_V 𝕀V,
@@ -253,7 +238,7 @@ class Indi(Rejecting, ReadsSpecificForce):
     name: ClassVar[str] = "indi"
     title: ClassVar[str] = "INDI"
     bounded: ClassVar[tuple[str, float, str]] = "cutoff", 0.5, "Hz"
-    bibtex: ClassVar[str] = published("smeur2016adaptive")
+    bibtex: ClassVar[str] = laws.published("smeur2016adaptive")
 
     cutoff: Annotated[Positive, Scale("cutoff", "Hz")]
     gyro: Literal["differences", "estimate"] = field(default="differences", kw_only=True)
@@ -269,52 +254,39 @@ class Indi(Rejecting, ReadsSpecificForce):
         """Not: known forces are in the acceleration that it measures."""
         return False
 
-    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note an accelerometer without a rigid body."""
-        super().check(G, problems)
-        if self.reads_specific_force and not rigid_motions(G):
-            problems.at("linear").add(
-                f"accelerometer needs group SE2 or SE3, got {G.name}; use differences"
-            )
-
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what it knows; note sensors and inertias that do not fit."""
-        self = super().for_plant(G, plant, problems)
+        law = super().for_plant(G, plant, problems)
         if problems:
-            return self
+            return law
         vehicle = plant.vehicle
         if vehicle.estimator is not None and self.gyro != "estimate":
-            problems.at("gyro").add(
-                f"û does not pass the filter of the estimator, {vehicle.estimator.name}; write "
-                "gyro: estimate, or remove the estimator"
-            )
+            said = f"û does not pass the filter of the estimator, {vehicle.estimator.name}"
+            problems.at("gyro").add(f"{said}; write gyro: estimate, or remove the estimator")
         most = max((x.every for x in vehicle.channels(G) if x.signal == "velocity"), default=0)
         if most > vehicle.control.clock.every:
             said = f"the velocity is measured every {most * vehicle.tick:g} s, so that most"
             problems.at("gyro").add(f"{said} differences are 0; set control.period to this")
-        if self.reads_specific_force:
+        if self.reads_specific_force and not rigid_motions(G):
+            here = problems.at("linear")
+            here.add(f"accelerometer needs group SE2 or SE3, got {G.name}; use differences")
+        elif self.reads_specific_force:
             check_rigid_body(G, plant.inertia, problems.at("linear"))
-            acts, knows = (
-                any(hasattr(force, "weight_alone") for force in forces)
-                for forces in (vehicle.forces, self.known)
-            )
-            if acts and not knows:
+            weighs = [hasattr(x, "weight_alone") for x in (*law.known, *vehicle.forces)]
+            if any(weighs) and not any(weighs[: len(law.known)]):
                 said = "no accelerometer feels the weight, and the law does not know it"
                 problems.at("linear").add(f"{said}; write restoring under model.forces, too")
-        return self
+        return law
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of all states: the last V, and two of the filter for each axis."""
-        m = G.dimension
-        return {**super().memory(G), "measured": m, "filter": m, "filter_next": m}
+        names = ("measured", "filter", "filter_next")
+        return {**super().memory(G), **dict.fromkeys(names, G.dimension)}
 
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the δ̂ of running rotors, against the forces that the law knows."""
-        begun = super().initial_memory(s)
-        if not self.runs:
-            return begun
-        free = s.G.ad_star(s.V, s.P)
-        return {**begun, DISTURBANCE: self._known(s) - free}
+        rejected = {DISTURBANCE: self._known(s) - s.G.ad_star(s.V, s.P)} if self.runs else {}
+        return {**super().initial_memory(s), **rejected}
 
     def _known(self, s: Tracking, of_weight: bool = False) -> Any:
         """Return the forces that the model knows, or their weight alone, body frame."""
@@ -323,9 +295,7 @@ class Indi(Rejecting, ReadsSpecificForce):
             forces = [force.weight_alone for force in forces if hasattr(force, "weight_alone")]
         return 0.0 * s.V + sum(force.in_body(s.G, s.t, s.Q, s.V) for force in forces)
 
-    def estimated(
-        self, s: Tracking, actuated: Array, is_first: Array, period: Any
-    ) -> tuple[Array, dict[str, Array]]:
+    def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
         """Return −(ad*_V 𝕀V + H[û − 𝕀ΔV/T]), and the states of the filter."""
         V, weight = s.V, 0.0 * s.V
         change = where(is_first, 0.0 * V, (V - s.memory["measured"]) / period)
@@ -337,10 +307,7 @@ class Indi(Rejecting, ReadsSpecificForce):
         free = s.G.ad_star(V, s.inertia.momentum(V))
         r = actuated - s.inertia.momentum(change)
         if self.runs:
-            start = weight - self._known(s)
-            if self.reads_specific_force:
-                start = np.concatenate([start[..., turns], r[..., turns.stop :]], axis=-1)
-            r = where(is_first, start, r)
+            r = where(is_first, weight - self._known(s), r)
         K = sin(np.pi * self.cutoff * period) / cos(np.pi * self.cutoff * period)
         scale = 1.0 / (1.0 + np.sqrt(2.0) * K + K * K)
         b, a1 = K * K * scale, 2.0 * (K * K - 1.0) * scale
@@ -377,12 +344,9 @@ class MomentumObserver(Rejecting):
         """Return the lengths of all states, with P̂ of the next instant without û and δ̂."""
         return {**super().memory(G), "momentum": G.dimension}
 
-    def estimated(
-        self, s: Tracking, actuated: Array, is_first: Array, period: Any
-    ) -> tuple[Array, dict[str, Array]]:
+    def estimated(self, s: Tracking, actuated: Array, is_first: Array, period: Any) -> Estimate:
         """Return k(𝕀V − P̂), and P̂."""
         new = s.memory["momentum"] + period * (actuated + s.memory[DISTURBANCE])
-        P, force = where(is_first, s.P, new), s.G.ad_star(s.V, s.P)
-        if s.known_force is not None:
-            force = force + s.known_force
-        return self.rate * (s.P - P), {"momentum": P + period * force}
+        P = where(is_first, s.P, new)
+        free_and_known = -s.command(-s.G.ad_star(s.V, s.P))  # the loop commands τ − f
+        return self.rate * (s.P - P), {"momentum": P + period * free_and_known}

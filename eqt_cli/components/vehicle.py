@@ -264,9 +264,9 @@ class Vehicle:
             for channel in holding
         ]
         flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
-        lengths = 3 * bool(self.magnet), G.dimension * bool(self.more_sensors[1])
-        more = (n[name][..., :length] for name, length in zip((FLUX, FELT), lengths, strict=True))
-        return Errors(n[POSE], n[VELOCITY], flags, bias, *more)
+        flux, felt = n[FLUX][..., : 3 * bool(self.magnet)], n[FELT]
+        felt = felt[..., : G.dimension * bool(self.more_sensors[1])]
+        return Errors(n[POSE], n[VELOCITY], flags, bias, flux, felt)
 
     def after_measuring(
         self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Arrays

@@ -451,7 +451,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     assert inertia
     laws = {label: law.with_gains(G, gains[label]) for label, law in laws.items()}
     known = sections.known_forces(config, vehicle, G)
-    laws, desired = with_model(config, laws, G, inertia, vehicle, known, desired, problems)
+    laws, desired = with_model(config, laws, gains, G, inertia, vehicle, known, desired, problems)
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
     over_time: dict[str, Any] = {"reference": desired.reference}
     over_time |= {f"controllers[{law.index}]": law.law for law in laws.values()}
@@ -465,10 +465,10 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         bare = vehicle.more_sensors[0], ()
         unfelt = replace(vehicle.configured or vehicle, more_sensors=bare).of_run(G)
         if not any(reads_specific_force(law.law) for law in laws.values()):
-            problems.at("sensors", "accelerometer").add(
-                "is read by no law; add `linear: accelerometer` to a law of kind indi, or remove "
-                "this key"
+            said = (
+                "is read by no law; write `linear: accelerometer` in one of kind indi, or remove it"
             )
+            problems.at("sensors", "accelerometer").add(said)
     loops = {
         label: ClosedLoop(
             *(G, inertia, gains[label], desired.reference, law.law),
@@ -612,6 +612,7 @@ def _unread_gains(G: MatrixLieGroup) -> Gains:
 def with_model(
     config: Config,
     laws: Mapping[str, Law],
+    gains: Mapping[str, Gains],
     G: MatrixLieGroup,
     inertia: InertiaLaw,
     vehicle: Vehicle,
@@ -640,6 +641,7 @@ def with_model(
     for label, entry in laws.items():
         here = problems.at("controllers", entry.index)
         of_law = plant if entry.known_forces else plant._replace(forces=())
+        of_law = of_law._replace(follows=dict.fromkeys(entry.followed, gains[label]))
         laws[label] = replace(entry, law=entry.law.for_plant(G, of_law, here))
         commands = entry.law.commands
         if commands and commands != takes:

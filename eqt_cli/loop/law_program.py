@@ -225,10 +225,9 @@ def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
     shapes: dict[str, tuple[int, ...]] = {"t": (), "flux": (3,)}
     shapes |= dict.fromkeys(("pose", "desired_pose"), (d, d))
     others = [*FlatOutput._fields, *LATER, "flux" * (loop.controller.commands != "dipole")]
-    if G.translation is not None and reads_specific_force(loop.controller):
+    if G.translation:
         shapes["specific_force"] = (len(range(m)[G.translation.axes]),)
-    else:
-        others.append("specific_force")
+    others += ["specific_force"] * (not reads_specific_force(loop.controller))
     names = [name for name in LawInput._fields if name not in others]
     if loop.controller.reads_flat_output:
         output = loop.reference.flat_output(G, 0.0)

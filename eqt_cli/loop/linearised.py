@@ -130,11 +130,10 @@ GAINS = {
     "kd": ("gains.K_d",),
     "position": tuple(f"controller.position.{gain}" for gain in ("kx", "kv", "ki")),
     "lag": ("controller.believed",),
+    "effectiveness": (),
 }
-"""Paths of the numbers of a loop that each gain multiplies, and the lag that a law believes in."""
-
-EFFECTIVENESS = "effectiveness"
-"""The torque for each command: multiplied behind the law, which does not know it."""
+"""Paths of the numbers of a loop that each gain multiplies. The lag is the one that a law believes
+in; effectiveness is the torque for each command, which no law knows."""
 
 _ELSEWHERE = {"pose", "momentum", *DESIRED, "work", f"{VEHICLE}{PROPELLANT}"}
 """Stretches of a flat state that are not copied into x as they are."""
@@ -230,7 +229,7 @@ class Linearised:
         scaled = {
             path: factor * numbers[path]
             for name, factor in factors.items()
-            for path in GAINS.get(name, ())
+            for path in GAINS[name]
             if path in numbers
         }
         loop = with_leaves(self.about.loop, scaled)
@@ -238,7 +237,7 @@ class Linearised:
         known = () if self.period is None else ("_flow", "held", "_measurements")
         computed = {name: getattr(self.about, name) for name in known}
         linear = with_fields(self.about, loop=loop, **computed).linearised(self.is_constant)
-        effect = factors.get(EFFECTIVENESS, 1.0)
+        effect = factors.get("effectiveness", 1.0)
         phases = tuple(phase._replace(B=effect * phase.B) for phase in linear.phases)
         return dataclasses.replace(linear, phases=phases)
 

@@ -22,7 +22,6 @@ from eqt_cli.extensions.proofs.certified import LawRates, box_of, check_push_and
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import (
     DERIVATIVE,
-    EFFECTIVENESS,
     MOST_STATES,
     Along,
     Growth,
@@ -184,7 +183,7 @@ FACTOR_STEP = 2.0
 """Ratio of successive factors at which stability is tested."""
 
 GAINS = {"kp": ("kp",), "kd": ("kd",), "both": ("kp", "kd"), "position": ("position",)}
-GAINS |= {EFFECTIVENESS: (EFFECTIVENESS,), "lag": ("lag",)}
+GAINS |= {name: (name,) for name in ("effectiveness", "lag")}
 """Gains that are multiplied together, by the name of the margin. Of a cascade, kp and kd are those
 of its attitude law. The lag is the one that a law believes in."""
 
