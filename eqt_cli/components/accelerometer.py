@@ -68,8 +68,7 @@ def felt(
     """
     G, V, states = rigid(s.G), s.V, dict[str, Array]()
     turns, moves = (part.axes for part in G.parts)
-    free = G.ad_star(V, s.P) - s.inertia.rate_force(V)
-    V_dot = s.inertia.velocity(free + acting)
+    V_dot = s.inertia.velocity(G.ad_star(V, s.P) - s.inertia.rate_force(V) + acting)
     turning, turning_rate = map(G.rotation_group.hat, (V[..., turns], V_dot[..., turns]))
     f: Any = V_dot[..., moves] + apply_matrix(turning, V[..., moves])
     true = vehicle.inertia_at(s)

@@ -112,7 +112,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             problems.add("needs a constant inertia; write `inertia` as numbers")
         for index, part in enumerate(plant.actuators):
             unlike = part.limits and part.allowed(G, np.zeros(G.dimension)) is None
-            if unlike or getattr(part, "friction", None) is not None:
+            if unlike or getattr(part, "rubbing", None) is not None:
                 problems.add(
                     f"cannot know what actuators[{index}], {part.name}, leaves of its command; use "
                     "a limit, or thrusters without allocation: bounded, and no friction"

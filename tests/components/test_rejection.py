@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 import yaml
+from case_tables import from_yaml, in_ci, refusal
 from plain import hat
 from scipy.linalg import block_diag, expm
 from scipy.signal import butter
+
+from eqt_cli.base.errors import ConfigError
 
 T, LAG, CUTOFF, RATE = 0.002, 0.05, 20.0, 88.9
 SUBSTEPS = 8  # of 0.25 ms; halving them changes V by less than 1e-11
@@ -34,7 +37,7 @@ ATTITUDE = {
         "velocity": {"kind": "fixed", "coordinates": [0.5, 0.2, -0.4]},
     },
     "ensemble": {"runs": 1},
-    "time": {"duration": 0.3, "samples": 4},
+    "time": {"duration": 0.12, "samples": 4},
     "solver": {"engine": "native", "rtol": 1e-12, "atol": 1e-13},
 }
 BODY = {
@@ -82,7 +85,7 @@ class Filter:
 
 
 def flown(s, law, linear="differences", mounted=False, limit=np.inf, turns_only=False):
-    """Q and V after 0.3 s: RK4 between instants, the laws as they are published."""
+    """Q and V over 0.12 s: RK4 between instants, the laws as they are published."""
     kp, kd = (2.0, [0.8] * 3) if turns_only else (2.0, [0.8] * 3 + [3.0] * 3)
     n = 3 if turns_only else 6
     inertia = block_diag(J, MASS * np.eye(3))
@@ -110,7 +113,7 @@ def flown(s, law, linear="differences", mounted=False, limit=np.inf, turns_only=
     y = np.concatenate([R.ravel(), p, V, np.zeros(6), np.zeros(3)])
     y[24:] = rates(y, np.zeros(6))[1]
     u_hat, last, P_hat, found = np.zeros(6), V, inertia @ V, []
-    for k in range(150):
+    for k in range(60):
         R, p, V = y[:9].reshape(3, 3), y[9:12], y[12:18]
         pose = np.zeros((4, 4))
         pose[:3, :3], pose[:3, 3] = hat(V_d[:3]), V_d[3:]
@@ -145,16 +148,23 @@ def flown(s, law, linear="differences", mounted=False, limit=np.inf, turns_only=
             c = rates(y + h / 2 * b, command)[0]
             d = rates(y + h * c, command)[0]
             y = y + h / 6 * (a + 2 * b + 2 * c + d)
-        if (k + 1) % 50 == 0:
+        if (k + 1) % 20 == 0:
             found.append(y.copy())
     return np.array(found)
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
-@pytest.mark.parametrize("law", ["indi", "observer"])
-@pytest.mark.parametrize("limit", [None, 0.3])
+@pytest.mark.parametrize(
+    ("engine", "law", "limit"),
+    [
+        ("solve_ivp", "indi", 0.3),
+        in_ci("another law", "solve_ivp", "observer", 0.3),
+        in_ci("compiles a law", "native", "indi", 0.3),
+        in_ci("compiles a law", "native", "indi", None),
+        in_ci("compiles a law", "native", "observer", None),
+    ],
+)
 def test_on_attitudes_a_run_is_that_of_a_plain_program(solved, engine, law, limit):
-    """Within 1e-9: the engines' tolerance, over 150 periods."""
+    """Within 1e-9: the engines' tolerance, over 60 periods."""
     text = ATTITUDE | {"solver": ATTITUDE["solver"] | {"engine": engine}}
     if limit:
         cut = {"kind": "limit", "limit": limit}
@@ -166,14 +176,15 @@ def test_on_attitudes_a_run_is_that_of_a_plain_program(solved, engine, law, limi
     np.testing.assert_allclose(s.V[0, 1:], found[:, 12:15], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
 @pytest.mark.parametrize(
-    ("law", "linear", "mounted"),
+    ("engine", "law", "linear", "mounted"),
     [
-        ("indi", "differences", False),
-        ("indi", "accelerometer", False),
-        ("indi", "accelerometer", True),
-        ("observer", "differences", False),
+        ("solve_ivp", "indi", "accelerometer", True),
+        in_ci("another law", "solve_ivp", "indi", "differences", False),
+        in_ci("compiles a law", "native", "indi", "differences", False),
+        in_ci("compiles a law", "native", "indi", "accelerometer", False),
+        in_ci("compiles a law", "native", "indi", "accelerometer", True),
+        in_ci("compiles a law", "native", "observer", "differences", False),
     ],
 )
 def test_on_rigid_motions_a_run_is_that_of_a_plain_program(solved, engine, law, linear, mounted):
@@ -189,3 +200,137 @@ def test_on_rigid_motions_a_run_is_that_of_a_plain_program(solved, engine, law, 
     np.testing.assert_allclose(s.Q[0, 1:, :3, :3].reshape(3, 9), found[:, :9], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.Q[0, 1:, :3, 3], found[:, 9:12], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[0, 1:], found[:, 12:18], rtol=0, atol=1e-9)
+
+
+def changed(base, **changes):
+    return yaml.safe_dump(base | changes)
+
+
+LAW = {"kind": "indi", "law": "lee2010", "cutoff": CUTOFF}
+QUICK = {"solver": {"engine": "solve_ivp", "rtol": 1e-10, "atol": 1e-12}}
+
+
+@pytest.mark.ci("four runs")
+def test_without_lag_and_filter_it_commands_what_its_law_does(solved):
+    """With H = 1, the exact model and no lag, u − τ is a difference for a rate: it falls with T."""
+    apart = []
+    for period in (0.002, 0.001):
+        law = LAW | {"cutoff": 0.49999 / period, "lag": 0.0}
+        bare = {"plant": {}, "actuators": [], "control": {"period": period}}
+        time = {"duration": 0.08, "samples": 41}
+        text = changed(ATTITUDE | bare | QUICK, controllers=[law, "lee2010"], time=time)
+        found = []
+        for label in ("indi", "lee2010"):
+            problem, solution = solved(text, label=label)
+            s = problem.loop.tracking(problem.times, solution.states)
+            found.append(problem.loop.command(s)[0, 4:])
+        apart.append(np.abs(found[0] - found[1]).max())
+    assert apart[0] < 0.06 * np.abs(found[1]).max()
+    assert apart[1] / apart[0] == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.ci("a run of a second and a half")
+def test_the_estimate_is_a_signal_and_tends_to_the_torque(solved):
+    """After 60 time constants of the filter, about a rest."""
+    rest = {"plant": {"forces": ATTITUDE["plant"]["forces"]}, "reference": {"kind": "constant"}}
+    time = {"duration": 1.5, "samples": 4}
+    text = changed(ATTITUDE | rest | QUICK, controllers=[LAW], time=time)
+    problem, solution = solved(text, label="indi")
+    s = problem.loop.tracking(problem.times, solution.states)
+    law = problem.loop.controller
+    assert [*law.outputs(s.G)] == ["disturbance"] and law.output_units["disturbance"] == "N m"
+    np.testing.assert_allclose(law.output(s)["disturbance"][0, -1], DELTA[:3], rtol=0, atol=1e-3)
+
+
+def test_an_accelerometer_feels_nothing_in_free_fall_and_the_push_at_rest(experiment_of):
+    """f = F/m without the weight, and what a lever of the angular acceleration adds."""
+    text = ATTITUDE | BODY | {"controllers": [LAW | {"linear": "accelerometer"}, "lee2010"]}
+    push = {"kind": "constant", "force": [0.2, 0.0, 0.0, 0.0, 2.6, 0.0]}
+    weight = {"kind": "restoring", "weight": MASS * G}
+    for forces, expected in (([weight], [0, 0, 0]), ([weight, push], [0, 2, -0.5])):
+        sensors = {"accelerometer": [{"kind": "lever", "at": [0.0, 0.1, 0.0]}]}
+        plant = {"forces": forces, "inertia": [0.04, 0.05, 0.08, MASS, MASS, MASS]}
+        if forces[1:]:  # ω̇ × r = 5 × 0.1 along z
+            push["force"] = [-0.2, 0.0, 0.0, 0.0, 2.6, 0.0]
+        experiment = experiment_of(changed(text, plant=plant, sensors=sensors))
+        loop, bare = experiment.loops["indi"], experiment.loops["lee2010"]
+        still = np.zeros(6)
+        state = loop.initial_state(np.eye(4), still, np.eye(4), still)
+        f = loop.law_input(0.0, state).specific_force
+        np.testing.assert_allclose(f, expected, rtol=0, atol=1e-12)
+        assert bare.vehicle.more_sensors == ((), ())
+        assert (
+            bare.law_input(0.0, bare.initial_state(*2 * (np.eye(4), still))).specific_force is None
+        )
+
+
+@pytest.mark.ci("runs with noise")
+def test_the_law_reads_the_accelerometer_at_its_clock(solved):
+    """Noise of every second instant, one period late, in the held measurement."""
+    noise = {"kind": "noise", "std": 0.5, "period": 2 * T, "delay": 1}
+    text = ATTITUDE | BODY | QUICK | {"sensors": {"accelerometer": [noise]}}
+    time = {"duration": 0.04, "samples": 21}
+    controllers = [LAW | {"linear": "accelerometer"}]
+    problem, solution = solved(changed(text, controllers=controllers, time=time), label="indi")
+    s = problem.loop.tracking(problem.times, solution.states)
+    held = s.vehicle["measured_accelerometer_translation"][0]
+    drawn = problem.drawn().felt[0]
+    assert np.ptp(drawn[::2, 3:], axis=0).min() > 0.1 and not drawn[:, :3].any()
+    force = s.vehicle["actuators_0"][0, :, 3:] + DELTA[3:]
+    measured = force[:20] / (1.5 * MASS) + drawn[:, 3:]
+    expected = [measured[max(k - 1, 0) // 2 * 2] for k in range(20)]
+    np.testing.assert_allclose(held[:20, :3], expected, rtol=0, atol=1e-9)
+
+
+def test_rotors_that_run_begin_against_the_forces_that_the_law_knows(experiment_of):
+    """At hover the first command is the weight, and û is what the rotors run at."""
+    arms = [[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]
+    rotors = [
+        {"at": [0.2 * x for x in at], "along": [0, 0, 1], "turns": 0.02 * (-1) ** k}
+        for k, at in enumerate(arms)
+    ]
+    wings = {"kind": "thrusters", "thrusters": rotors, "low": 0.0, "high": 8.0}
+    wings |= {"thrust_constant": 1e-5, "time_constant": LAG, "least": 0.0}
+    law = LAW | {"linear": "accelerometer"}
+    text = ATTITUDE | BODY | {"actuators": [wings], "controllers": [law]}
+    text["reference"] = {"kind": "constant"}
+    text["plant"] = {"forces": BODY["model"]["forces"]}
+    loop = experiment_of(changed(text)).loops["indi"]
+    still = np.zeros(6)
+    state = loop.initial_state(np.eye(4), still, np.eye(4), still)
+    after = loop.after_instant(0.0, state)
+    s = loop.tracking(0.0, after)
+    weight = [0, 0, 0, 0, 0, MASS * G]
+    np.testing.assert_allclose(loop.command(s), weight, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(s.memory["actuated"], weight, rtol=0, atol=1e-12)
+
+
+@from_yaml
+def test_what_is_wrong_is_said_at_its_place(experiment_of, base, changes, said):
+    bases = {"attitude": ATTITUDE, "body": ATTITUDE | BODY}
+    text = changed(bases[base], **yaml.safe_load(changes))
+    assert said in refusal(ConfigError, experiment_of, text)
+
+
+@pytest.mark.parametrize("lag", [0.03, [0.03, 0.04, 0.05]])
+def test_a_lag_is_that_of_the_actuators_unless_written(experiment_of, lag):
+    actuators = [{"kind": "lag", "time_constant": lag}]
+    controllers = [LAW, LAW | {"lag": [0.1, 0.2, 0.3], "label": "told"}]
+    text = changed(ATTITUDE, actuators=actuators, controllers=controllers)
+    loops = experiment_of(text).loops
+    np.testing.assert_array_equal(loops["indi"].controller.believed, np.broadcast_to(lag, 3))
+    np.testing.assert_array_equal(loops["told"].controller.believed, [0.1, 0.2, 0.3])
+
+
+def test_c2_of_the_geometric_pid_follows_the_body(experiment_of):
+    """Offsets decay at k_I c₂/(k_I + H) = ¼ min(H/K_d, K_d/𝕀): a root of its characteristic."""
+    pid = {"kind": "goodarzi2013", "label": "told", "c2": 0.5}
+    experiment = experiment_of(changed(ATTITUDE, controllers=["goodarzi2013", pid]))
+    law, told = (experiment.loops[name].controller for name in ("goodarzi2013", "told"))
+    assert (law.ki, told.c2) == (pytest.approx(0.4), 0.5)
+    assert law.c2 * law.ki / (law.ki + 4) == pytest.approx(min(4 / 0.8, 0.8 / 0.08) / 4)
+    for inertia in np.diag(J):
+        roots = np.roots([inertia, 0.8, 4 + law.ki, law.ki * law.c2])
+        assert -roots.real.max() > 1.0
+    assert -np.roots([0.05, 0.8, 4.4, 0.4 * told.c2]).real.max() == pytest.approx(0.0458, abs=1e-3)
+    assert "c2" not in experiment.laws["goodarzi2013"].resolved

@@ -289,6 +289,40 @@ def test_an_exported_anti_windup_is_told_of_the_limits(tmp_path):
     assert re.search(r"acting_0_high\[3\];\s+/\* .*fixed by the law; leave it", header)
 
 
+@pytest.mark.ci("exports and compiles two laws")
+@pytest.mark.parametrize("law", [
+    {"kind": "indi", "law": "lee2010", "cutoff": 2.0, "linear": "accelerometer"},
+    {"kind": "observer", "law": "eqt", "rate": 5.0},
+])  # fmt: skip
+def test_a_law_that_rejects_disturbances_passes_its_check(tmp_path, law):
+    """With its memory, the cut command and, of INDI, the accelerometer among its inputs."""
+    if compiler.missing():
+        pytest.skip("no C compiler")
+    weight = {"forces": [{"kind": "restoring", "weight": 9.81}]}
+    flight = {
+        "group": "SE3",
+        "inertia": [1.0, 2.0, 2.5, 1.0, 1.0, 1.0],
+        "gains": {"kp": 1.0, "kd": 0.5},
+        "reference": {"kind": "constant", "velocity": [0.1, 0.2, 0.3, 0.1, 0.0, 0.2]},
+        "model": weight,
+        "controllers": [law],
+        "actuators": [{"kind": "limit", "limit": 12.0}, {"kind": "lag", "time_constant": 0.1}],
+        "control": {"period": 0.02},
+        "initial": {"pose": {"kind": "exp_normal", "std": 0.3}},
+        "ensemble": {"runs": 2},
+        "time": {"duration": 0.5},
+    }
+    eqt_cli.export(flight, tmp_path)
+    name = law["kind"]
+    sources = [str(tmp_path / f"{name}{end}.c") for end in ("_check", "")]
+    check = tmp_path / "check"
+    subprocess.run([*compilers()[0], *FLAGS, *sources, "-o", str(check), "-lm"], check=True)
+    said = subprocess.run([str(check)], check=True, capture_output=True, text=True).stdout
+    assert "36 states pass" in said
+    header = (tmp_path / f"{name}.h").read_text(encoding="utf-8")
+    assert ("double specific_force[3];" in header) == (name == "indi")
+
+
 GIVES_MORE = """\
 from dataclasses import dataclass
 from typing import ClassVar
