@@ -469,8 +469,8 @@ class TimeVarying:
 AXES = {"t": 0, "pose": 2, "desired_pose": 2, "position": 2, "later_pose": 3, "later_velocity": 2}
 """The number of axes of each part of an input that is not a vector."""
 
-LATER = ("later_pose", "later_velocity")
-"""The parts of an input that no law in C has."""
+NOT_IN_CODE = ("later_pose", "later_velocity", "specific_force")
+"""The last parts of an input, which no code of a user has."""
 
 
 class LawInput(NamedTuple):

@@ -18,7 +18,7 @@ from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.mechanics import LATER, LawInput
+from eqt_cli.components.mechanics import NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -224,10 +224,10 @@ def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
     }
     shapes: dict[str, tuple[int, ...]] = {"t": (), "flux": (3,)}
     shapes |= dict.fromkeys(("pose", "desired_pose"), (d, d))
-    others = [*FlatOutput._fields, *LATER, "flux" * (loop.controller.commands != "dipole")]
+    others = {*FlatOutput._fields, *NOT_IN_CODE, "flux" * (loop.controller.commands != "dipole")}
     if G.translation:
         shapes["specific_force"] = (len(range(m)[G.translation.axes]),)
-    others += ["specific_force"] * (not reads_specific_force(loop.controller))
+    others -= {"specific_force"} if reads_specific_force(loop.controller) else set()
     names = [name for name in LawInput._fields if name not in others]
     if loop.controller.reads_flat_output:
         output = loop.reference.flat_output(G, 0.0)

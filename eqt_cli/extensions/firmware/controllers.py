@@ -21,7 +21,7 @@ from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.derived import coordinates_of
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import CodeCall, CodeFile, Controller, RunsCode, controllers
-from eqt_cli.components.mechanics import LATER, Gains, LawInput, Tracking
+from eqt_cli.components.mechanics import NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
@@ -101,7 +101,7 @@ class Signal:
         name, _, which = self.signal.partition(".")
         part = next((each for each in G.parts if which in ("", each.name)), None)
         if part is None or getattr(x, name, None) is None:
-            known = ", ".join(x._fields[: -len(LATER)])
+            known = ", ".join(x._fields[: -len(NOT_IN_CODE)])
             raise InputError(f"signal: expected {known}, or a part, got {shown(self.signal)}")
         if name.endswith("pose"):
             rows, columns = part.entries if which else (slice(None), slice(0, None))

@@ -28,7 +28,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
 from eqt_cli.components.laws import CodeFile
-from eqt_cli.components.mechanics import LATER, LawInput
+from eqt_cli.components.mechanics import NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import ORDER
 from eqt_cli.engines import compiler
 from eqt_cli.engines.compiler import Limits, temporary_folder
@@ -338,7 +338,7 @@ class UserCode(CodeFile):
             return {name: math.prod(shape) for name, shape in self.adapted}
         q, m, n = self.entries, self.axes, self.space
         lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3, 3)
-        length_of = dict(zip(LawInput._fields[: -len(LATER)], lengths, strict=True))
+        length_of = dict(zip(LawInput._fields[: -len(NOT_IN_CODE)], lengths, strict=True))
         known = self.fields(f"{self.prefix}_input") or ()
         read = known if n and "position" in known else LawInput._fields[:6]
         return {name: length for name, length in length_of.items() if name in read}

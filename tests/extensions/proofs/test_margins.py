@@ -104,7 +104,7 @@ def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor
 
 
 def test_a_gain_that_a_law_does_not_use_has_no_margin() -> None:
-    assert set(of(WHEEL, controllers=["sliding"]).gains) == {"kp", "both"}
+    assert set(of(WHEEL, controllers=["sliding"]).gains) == {"kp", "both", "effectiveness"}
 
 
 def loop_of(config: Mapping[str, Any], **changes: Any) -> tuple[Experiment, Linearised]:
