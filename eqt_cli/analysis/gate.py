@@ -26,7 +26,7 @@ UNKNOWN = Interval(math.nan, math.nan, math.nan)
 Outcome = StrEnum("Outcome", {"WORSE": "worse", "NOT_SHOWN": "not shown", "HOLDS": "holds"})
 """What the bounds of a change say of a margin, the worst first."""
 
-_RULE = re.compile(r"(\S+)\s+worse\s+by\s+(-?\d*\.?\d+(?:e-?\d+)?)\s*([^\d\s.,].*)?")
+_RULE = re.compile(r"(\S.*?)\s+worse\s+by\s+(-?\d*\.?\d+(?:e-?\d+)?)\s*([^\d\s.,].*)?")
 
 
 class Rule(NamedTuple):
@@ -94,7 +94,7 @@ def rules_of(texts: Sequence[str]) -> list[Rule]:
         if not 0 < float(match[2]) < math.inf:
             advice = "`eqt diff` tests whether two results are equal"
             raise EqtError(f"'{text}': expected a margin above 0; {advice}")
-        rules.append(Rule(match[1], float(match[2]), (match[3] or "").strip()))
+        rules.append(Rule("_".join(match[1].split()), float(match[2]), (match[3] or "").strip()))
     return rules
 
 

@@ -14,6 +14,7 @@ from eqt_cli.base.errors import EqtError
     [
         ("effort worse by 5 %", Rule("effort", 5.0, "%")),
         ("  effort worse  by 5% ", Rule("effort", 5.0, "%")),
+        ("mean attitude error worse by 0.1 deg", Rule("mean_attitude_error", 0.1, "deg")),
         ("settled worse by 2 points", Rule("settled", 2.0, "points")),
         ("effort worse by 1e-3 (N m)^2 s", Rule("effort", 1e-3, "(N m)^2 s")),
         ("mean_pose_error worse by .01", Rule("mean_pose_error", 0.01, "")),
