@@ -48,6 +48,8 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
     lag
         T_a as it is believed, s: a number, or one along each axis. Default: that of the actuator
         `lag` or the `time_constant` of thrusters, else 0.
+    believed
+        The lag T_a along each axis, s; None for 0.
     """
 
     # Those of the inner law, where it is known.

@@ -1,5 +1,7 @@
 """INDI, the momentum observer and the accelerometer against plain programs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -9,6 +11,7 @@ from scipy.linalg import block_diag, expm
 from scipy.signal import butter
 
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.laws import Controller
 
 T, LAG, CUTOFF, RATE = 0.002, 0.05, 20.0, 88.9
 SUBSTEPS = 8  # of 0.25 ms; halving them changes V by less than 1e-11
@@ -156,9 +159,9 @@ def flown(s, law, linear="differences", mounted=False, limit=np.inf, turns_only=
 @pytest.mark.parametrize(
     ("engine", "law", "limit"),
     [
-        ("solve_ivp", "indi", 0.3),
-        in_ci("another law", "solve_ivp", "observer", 0.3),
-        in_ci("compiles a law", "native", "indi", 0.3),
+        ("solve_ivp", "indi", 1.5),
+        in_ci("another law", "solve_ivp", "observer", 1.5),
+        in_ci("compiles a law", "native", "indi", 1.5),
         in_ci("compiles a law", "native", "indi", None),
         in_ci("compiles a law", "native", "observer", None),
     ],
@@ -172,6 +175,9 @@ def test_on_attitudes_a_run_is_that_of_a_plain_program(solved, engine, law, limi
     problem, solution = solved(yaml.safe_dump(text), label=law)
     s = problem.loop.tracking(problem.times, solution.states)
     found = flown(s, law, limit=limit or np.inf, turns_only=True)
+    if limit:  # it is reached at some instants and along some axes
+        at_limit = np.abs(problem.loop.command(s)[0]) >= limit
+        assert at_limit.any() and not at_limit.all()
     np.testing.assert_allclose(s.Q[0, 1:].reshape(3, 9), found[:, :9], rtol=0, atol=1e-9)
     np.testing.assert_allclose(s.V[0, 1:], found[:, 12:15], rtol=0, atol=1e-9)
 
@@ -262,6 +268,26 @@ def test_an_accelerometer_feels_nothing_in_free_fall_and_the_push_at_rest(experi
         assert (
             bare.law_input(0.0, bare.initial_state(*2 * (np.eye(4), still))).specific_force is None
         )
+
+
+class Feeling(Controller):
+    """A law of somebody else that reads the accelerometer."""
+
+    reads_specific_force = True
+
+    def torque(self, s):
+        return np.concatenate([0 * s.V[..., :3], -MASS * s.specific_force], axis=-1)
+
+
+def test_any_law_may_read_the_accelerometer(experiment_of):
+    loop = experiment_of(changed(ATTITUDE | BODY, plant={}, controllers=["lee2010"])).loop
+    loop = replace(loop, controller=Feeling(), known_forces=())
+    still = np.zeros(6)
+    state = loop.initial_state(np.eye(4), still, np.eye(4), still)
+    lag = loop.layout.slices["vehicle.actuators_0"]
+    state[lag] = [0, 0, 0, 0, 0, MASS * G]  # at rest, with its weight on the rotors
+    torque, _ = loop.answer(loop.law_input(0.0, state), {}, T)
+    np.testing.assert_allclose(torque, [0, 0, 0, 0, 0, -MASS * G], rtol=0, atol=1e-12)
 
 
 @pytest.mark.ci("runs with noise")
