@@ -17,7 +17,7 @@ from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.files import refusals, text_of
 from eqt_cli.base.option_types import validated
-from eqt_cli.base.reporting import listed, step
+from eqt_cli.base.reporting import step
 from eqt_cli.base.units import factor
 from eqt_cli.components import pose_tables
 from eqt_cli.components.groups import MatrixLieGroup, group_named, known_group
@@ -417,11 +417,10 @@ def compare_flights(
     """
     rules, paired = rules_of(fail_on), pair or bool(within)
     files = [[x for path in some for x in flights.files_in(path)] for some in (paths, against)]
-    if of not in flights.SIZES:
-        raise EqtError(f"of: expected {listed([*flights.SIZES], 'or')}, got {of!r}")
+    _literal(Literal["rms", "median", "largest"], "of", of)
     wanted = {*metrics, *(rule.metric for rule in rules if rule.margin < np.inf)}
     if odd := wanted - {*logs.QUANTITIES}:
-        raise EqtError(f"expected {listed([*logs.QUANTITIES], 'or')}, got {min(odd)!r}")
+        raise EqtError(f"expected {', '.join(logs.QUANTITIES)}; got {min(odd)!r}")
     if within and not (period and len(files[0]) == 1 and re.fullmatch("(AB|BA)+[AB]?", within)):
         turns = "laps in turns, as ABAB, because wind and battery change with time"
         raise EqtError(f"within: expected one file, a period, and {turns}; got {within!r}")
@@ -432,10 +431,9 @@ def compare_flights(
         got = f"{', '.join(a)} and {', '.join(b)}"
         raise EqtError(f"pair: expected as many files of both sides, in one order; got {got}")
     rows = [[(side, file) for file in some] for side, some in zip("AB", files, strict=True)]
-    ordered = [one for two in (zip(*rows, strict=True) if pair else rows) for one in two]
+    ordered = [x for two in (zip(*rows, strict=True) if pair else rows) for x in two]
+    tracked, turns = partial(log_errors, **how), within[: len(within) // 2 * 2]
     with step("flights", len(ordered)):
-        turns = within[: len(within) // 2 * 2]
-        tracked = partial(log_errors, **how)
         flown = [*flights.read_flights(ordered, tracked, of, period, turns)]
     comparison = flights.compared(flown, paired, metrics, negligible, all_parameters, rules)
     if out is not None:

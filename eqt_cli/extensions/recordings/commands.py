@@ -14,7 +14,7 @@ import typer
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import significant
 from eqt_cli.cli import options, output
-from eqt_cli.cli.compare import Undecided
+from eqt_cli.cli.compare import Gate, Undecided
 from eqt_cli.cli.options import Command, Group, example
 from eqt_cli.cli.output import laid_out, print_findings, say
 from eqt_cli.cli.tables import as_csv
@@ -136,8 +136,8 @@ QUANTITIES = "position", "velocity", "attitude", "rates"
 ASSOCIATIONS = "linear", "nearest", "held"
 ALIGNMENTS = "rigid", "similarity", "yaw", "origin"
 
-Form = StrEnum("Form", "TEXT CSV")
 TWO_SIDES = "new1.ulg new2.ulg --against old1.ulg old2.ulg"
+Form = StrEnum("Form", "TEXT CSV")
 MOST_GAPS = 5
 """Maximum number of gaps that are listed; further gaps are counted."""
 
@@ -270,7 +270,7 @@ class _Against(Command):
 
 @dataclass(frozen=True)
 class Comparing:
-    """Which flights or laps belong together, and what is compared and required."""
+    """Which flights or laps belong together, and what is compared."""
 
     against: Annotated[list[Path] | None, options.option("--against")] = None
     pair: Annotated[bool, options.option("--pair")] = False
@@ -280,27 +280,20 @@ class Comparing:
     of: Annotated[str, options.option("--of", known=("rms", "median", "largest"))] = "rms"
     negligible: Annotated[float, options.option("--negligible", min=0.0)] = 0.05
     all_parameters: Annotated[bool, options.option("--all-parameters")] = False
-    fail_on: Annotated[list[str] | None, options.option("--fail-on")] = None
+    second: Annotated[Path | None, options.option("--second")] = None
+    mapping: Annotated[Path | None, options.option("--mapping")] = None
 
 
-@log_app.command(
-    "compare",
-    cls=_Against,
-    epilog=example("eqt log compare", "new1.ulg new2.ulg --against old1.ulg old2.ulg"),
-)
+@log_app.command("compare", cls=_Against, epilog=example("eqt log compare", TWO_SIDES))
 @options.spread
 def compare_flights(
-    files: Annotated[
-        list[Path], typer.Argument(metavar="A", help="Flights with a setting, or their folder.")
-    ],
+    files: Annotated[list[Path], typer.Argument(metavar="A", help="Flights, or their folder.")],
     what: Comparing,
-    second: Annotated[Path | None, options.option("--second")] = None,
-    mapping: Annotated[Path | None, options.option("--mapping")] = None,
     log_format: options.LogFormat = "csv",
     *,
     how: Errors,
+    rules: Annotated[Gate, {"law", "same"}],
     format_: Annotated[Form, options.option("--format")] = Form.TEXT,
-    undecided: Annotated[Undecided, options.option("--undecided")] = Undecided.FAIL,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
@@ -340,7 +333,7 @@ def compare_flights(
         --out DIR  Folder for the figure flights.
     Output
         --format NAME  text, or csv with a row per flight.
-    Gate
+    Two settings
         --fail-on RULE  What must not be: 'position worse by 10 %', or worse (by the words of the
             comparison). Repeatable.
         --undecided WORD  fail or pass, where a rule is not shown to hold.
@@ -348,23 +341,22 @@ def compare_flights(
     from eqt_cli import api
     from eqt_cli.analysis import gate
 
-    if undecided == Undecided.PASS and not what.fail_on:
-        raise EqtError("--undecided pass applies to --fail-on; add a rule")
-    of_errors = vars(how) | {"begin": how.begin or "-inf", "end": how.end or "inf"}
-    of_errors |= {"second": second, "mapping": mapping, "format": log_format}
+    fail_on, is_open = rules.arguments(files[0])["fail_on"], rules.undecided is Undecided.PASS
+    span = {"begin": how.begin or "-inf", "end": how.end or "inf", "format": log_format}
     chosen: Any = {name: value for name, value in vars(what).items() if value is not None}
-    both, is_open = api.compare_flights(files, **chosen, **of_errors), undecided == Undecided.PASS
-    lines = [*gate.lines(both.findings, undecided=is_open), ""] if what.fail_on else []
+    both = api.compare_flights(files, **chosen, **vars(how) | span, fail_on=fail_on or ())
+    lines = [*gate.lines(both.findings, undecided=is_open), ""] if fail_on else []
     passes = gate.passes(both.findings, undecided=is_open)
-    findings = [finding.record() for finding in both.findings]
-    gated = {"gate": {"passes": passes, "findings": findings}} if lines else {}
+    record = {"passes": passes, "findings": [finding.record() for finding in both.findings]}
     with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
-        if format_ == Form.CSV:
+        if json:
+            output.print_json(({"gate": record} if fail_on else {}) | both.document)
+        elif format_ is Form.CSV:
             output.print_verbatim(as_csv([flight.record for flight in both.flights]))
         else:
+            blank = [""] * bool(both.premises)
             ratios, flights = map(laid_out, both.tables())
-            pieces: Any = *lines, *both.premises, *[""] * bool(both.premises), ratios, "", flights
-            print_findings(gated | both.document, *pieces, json=json)
+            output.print_text(*lines, *both.premises, *blank, ratios, "", flights)
     if not passes:
         raise typer.Exit(4)
 

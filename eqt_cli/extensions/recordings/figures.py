@@ -288,8 +288,8 @@ def save_flights(comparison: FlightComparison, folder: Path) -> None:
             panels[right].set_xlabel(in_words("A against B", "%"))
             panels[left].set_yticks([0, 1], [*sides])
             panels[right].set_yticks([])
-            for panel in (panels[left], panels[right]):
-                panel.set_ylim(-0.6, 1.6)
-                panel.margins(x=0.08)
+        for panel in panels.values():
+            panel.set_ylim(-0.6, 1.6)
+            panel.margins(x=0.08)
         remark = f"Dots: flights; strokes: means. {comparison.notes[-1].partition('; p')[0]}."
         write_all(_encoded(drawing, panels, "", remark, folder / "flights"), folder)

@@ -43,7 +43,8 @@ SIZES: dict[str, Callable[[Array], Any]] = {"median": np.median, "largest": np.m
 SIZES["rms"] = lambda errors: np.sqrt(np.mean(errors**2))
 
 Errors = Mapping[str, Sequence[Array]]
-"""The errors of both sides, by the quantity."""
+Tracked = Callable[[Path], TrackingErrors]
+"""The errors of both sides by the quantity, and a function that measures those of a file."""
 
 OWN = re.compile(
     r"CAL_|TC_|COM_(FLIGHT_UUID|AUTOS_PAR)|LND_FLIGHT_T_|EKF2_MAG(BIAS|_DECL)|STAT_|COMPASS_|INS_|"
@@ -55,20 +56,7 @@ OWN = re.compile(
 # Statistics ---------------------------------------------------------------------------------------
 
 
-class Change(NamedTuple):
-    """The difference of two means with its interval, and the spread behind a flight or a pair."""
-
-    value: Any
-    low: Any
-    high: Any
-    spread: Any
-
-    def needed(self, change: float, confidence: float) -> int | None:
-        """Return the flights of a side, or pairs, whose interval probably excludes a change."""
-        return runs_to_decide(change / self.spread if self.spread else 0.0, confidence)
-
-
-def difference(x: Array, y: Array, paired: bool, confidence: float) -> Change:
+def difference(x: Array, y: Array, paired: bool, confidence: float) -> tuple[Interval, Any]:
     """Return the difference of two means, with Student's interval, of Welch (1947) without pairs.
 
     Of logarithms, it is the logarithm of the ratio of geometric means.
@@ -82,21 +70,23 @@ def difference(x: Array, y: Array, paired: bool, confidence: float) -> Change:
 
     Returns
     -------
-    Change
-        Its ends are NaN for fewer than `FEWEST` numbers.
+    Interval, float
+        Its ends are NaN for fewer than `FEWEST` numbers. The standard deviation of pairs, or of
+        the difference of a number of each side; infinite if it is unknown or 0.
     """
     from scipy.special import stdtrit  # slow to import
 
     parts, value = [x - y] if paired else [x, y], x.mean(axis=-1) - y.mean(axis=-1)
     if min(x.shape[-1], y.shape[-1]) < FEWEST:
-        return Change(value, math.nan, math.nan, math.nan)
+        return Interval(value, math.nan, math.nan), math.inf
     variances = [part.var(axis=-1, ddof=1) for part in parts]
     squares = [v / part.shape[-1] for v, part in zip(variances, parts, strict=True)]
     freedoms = [s**2 / (part.shape[-1] - 1) for s, part in zip(squares, parts, strict=True)]
     with np.errstate(invalid="ignore"):  # where all numbers of a side are equal
         t = stdtrit(sum(squares) ** 2 / sum(freedoms), (1 + confidence) / 2)
     half = np.nan_to_num(t) * np.sqrt(sum(squares))
-    return Change(value, value - half, value + half, np.sqrt(sum(variances)))
+    spread = np.sqrt(sum(variances))
+    return Interval(value, value - half, value + half), np.where(spread > 0, spread, np.inf)
 
 
 def permutation_test(x: Array, y: Array, paired: bool) -> Any:
@@ -206,11 +196,7 @@ def flown(name: tuple[str, str, str], tracking: TrackingErrors, of: str, cuts: A
 
 
 def read_flights(
-    files: Sequence[tuple[str, Path]],
-    tracked: Callable[[Path], TrackingErrors],
-    of: str,
-    period: float,
-    within: str,
+    files: Sequence[tuple[str, Path]], tracked: Tracked, of: str, period: float, within: str
 ) -> Iterator[Flown]:
     """Yield the flights of both sides, or the laps `within` one; refuse those that are no unit."""
     first, topics = dict[str, Path](), dict[str, tuple[str, Path]]()
@@ -296,14 +282,14 @@ def ratios(errors: Errors, paired: bool, negligible: float) -> Iterator[FlightRa
     rows = [(q, np.log(x), np.log(y)) for q, (x, y) in errors.items()]
     tests = [permutation_test(x, y, paired) for _, x, y in rows]
     for (q, x, y), p in zip(rows, holm(np.array(tests)).tolist(), strict=True):
-        ends = difference(x, y, paired, CONFIDENCE)
+        ends, spread = difference(x, y, paired, CONFIDENCE)
         word = Word.BETTER if ends.high < 0 else Word.WORSE if ends.low > 0 else Word.UNDECIDED
         is_alike = max(-math.expm1(ends.low), math.expm1(ends.high)) <= negligible
         decided = is_alike or (word is not Word.UNDECIDED and p <= 1 - CONFIDENCE)
-        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends[:3]))
+        numbers = (math.exp(number) for number in (x.mean(), y.mean(), *ends))
         word = Word.ALIKE if is_alike else word
         least = least_pairs(len(errors)) if paired else FEWEST
-        needed = ends.needed(ends.value, CONFIDENCE)
+        needed = runs_to_decide(ends.value / spread, CONFIDENCE)
         needed = needed and max(needed, least, (min(len(x), len(y)) + 1) * (not decided))
         row: Any = q, QUANTITIES[q][0], *numbers, p, word, decided, needed
         yield FlightRatio(*row)
@@ -318,11 +304,14 @@ def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
     margin = rule.margin / factor
     if is_relative:
         x, y, margin = np.log(x), np.log(y), math.log1p(margin)
-    change = difference(x, y, paired, gate.TWO_SIDED)
-    ends = (factor * (math.expm1(end) if is_relative else float(end)) for end in change[:3])
-    n, noun = min(len(x), len(y)), "pair" if paired else "flight"
-    needed = change.needed(margin, gate.TWO_SIDED)
-    return gate.Finding(rule, rule.metric, Interval(*ends), n, needed, noun=noun)
+    change, spread = difference(x, y, paired, gate.TWO_SIDED)
+    ends = (factor * (math.expm1(end) if is_relative else float(end)) for end in change)
+    facts: Any = {"noun": "pair" if paired else "flight", "names": {"metric": rule.metric}}
+    facts |= {
+        "pairs": min(len(x), len(y)),
+        "to_show": runs_to_decide(margin / spread, gate.TWO_SIDED),
+    }
+    return gate.Finding(rule, rule.metric, Interval(*ends), **facts)
 
 
 def _counted(values: Counter[str]) -> str:
@@ -415,9 +404,8 @@ class FlightComparison(NamedTuple):
         ]
         yield TextTable("ratios", "", header, [Block("", rows)], self.notes, keys=2)
         header = ["side", "file", "laps", "seconds", "speed", "wind", *(x[0] for x in self.pairs)]
-        columns = [[flight.record[name] for flight in self.flights] for name in header]
-        columns[3:] = [[significant(number, 3) for number in column] for column in columns[3:]]
-        rows = [[f"{cell}" for cell in row] for row in zip(*columns, strict=True)]
+        cells = [[flight.record[name] for name in header] for flight in self.flights]
+        rows = [[x if isinstance(x, str) else significant(x, 3) for x in row] for row in cells]
         yield TextTable("flights", "", header, [Block("", rows)], keys=2)
 
 

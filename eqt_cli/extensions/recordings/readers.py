@@ -231,7 +231,8 @@ def dataflash(
             primary = row.get("PI", 0)
         if instance == primary * name.startswith("XKF"):
             rows.setdefault(name, []).append(row)
-    settings = [(row["TimeUS"] / 1e6, "release", row.get("FWS")) for row in rows.pop("VER", ())]
+    releases = (x for x in rows.pop("VER", ()) if "FWS" in x)
+    settings = [(x["TimeUS"] / 1e6, "release", x["FWS"]) for x in releases]
     settings += [(x["TimeUS"] / 1e6, x["Name"], x["Value"]) for x in rows.pop("PARM", ())]
     yield Topic("", "", 0, np.empty(0, int), {}, "", settings)
     fields = {name: _columns(rows[name]) for name in rows}
@@ -282,7 +283,11 @@ def main(path: str, format: str, seconds: str) -> None:
     arrays = {f"{k}": topic.times for k, topic in enumerate(topics)}
     for k, topic in enumerate(topics):
         arrays |= {f"{k},{j}": x for j, x in enumerate(topic.fields.values())}
-    np.savez(sys.stdout.buffer, head=np.frombuffer(json.dumps(head).encode(), np.uint8), **arrays)
+    np.savez(
+        sys.stdout.buffer,
+        head=np.frombuffer(json.dumps(head, default=str).encode(), np.uint8),
+        **arrays,
+    )
 
 
 if __name__ == "__main__":
