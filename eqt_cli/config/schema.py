@@ -787,6 +787,25 @@ class ConfirmSection(Section):
     seed: int | None = Field(default=None, ge=0, lt=2**63)
 
 
+class ProofSection(Section):
+    """What the proofs of `objective: certified_rate` and `push_bound` are about.
+
+    Attributes
+    ----------
+    velocity
+        The proof is for all references with each |V_d,i| at most this: one number, or one for each
+        axis. Default: the box around the velocity of this reference.
+    push
+        The size of the wrench of `push_bound`, N m.
+    step
+        `subject_to: {step_torque: …}` bounds the torque at a turn of the pose by up to this angle.
+    """
+
+    velocity: Annotated[Real | list[Real], Unit(VELOCITY)] | None = None
+    push: Annotated[Real, Unit("N m"), Field(ge=0)] = 0.0
+    step: Annotated[Angle, Field(gt=0, le=np.pi)] = np.pi / 2
+
+
 class SearchSection(Section):
     """How long `eqt tune` and `eqt worst` search.
 
@@ -820,12 +839,14 @@ class TuneSection(SearchSection):
         [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are that law's
         own; keys of `gains` are tuned for every law.
     objective
-        The metric to be made best, in the mean over runs.
+        The metric to be made best, in the mean over runs; or what is proved, without runs:
+        `certified_rate`, `push_bound`.
     objectives
         Instead of it two metrics, of which the Pareto front is found.
     subject_to
         Bounds of metrics: a number bounds the mean over runs from the side that is worse, `{max:
-        …}` or `{min: …}` the worst run.
+        …}` or `{min: …}` the worst run. Of a proof: `step_torque`, `bandwidth`, `delay_margin`,
+        `damping`.
     cases
         By their names, what cases change of the task, as the design `cases` of a sweep: actuators,
         delays, the inertia, …; a point is run in all of them.
@@ -833,6 +854,9 @@ class TuneSection(SearchSection):
         The objective over cases: their mean (default), or the worst of them. Bounds hold in each.
     confirm
         The held-out runs on which the winners and the starting gains are compared.
+    proof
+        What a proof is about, if the objective is one: `certified_rate`, or `push_bound`. It needs
+        no runs: `budget`, `population` and `seeds` are not used.
     """
 
     objective: str | None = None
@@ -841,6 +865,7 @@ class TuneSection(SearchSection):
     cases: dict[str, dict[str, Any]] | None = None
     over_cases: Literal["mean", "worst"] | None = None
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
+    proof: ProofSection = Field(default_factory=ProofSection)
 
 
 class ProfileSection(Section):

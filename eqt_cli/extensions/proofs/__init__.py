@@ -14,3 +14,5 @@ def register(extension: Extension) -> None:
     extension.add_function("--option certified", "figures.proved")
     extension.add_function("certificates of a report", "verification.certificates_of")
     extension.add_function("identities of laws", "verification.tallies")
+    for name in ("certified_rate", "push_bound"):
+        extension.add_function(f"tune.objective {name}", f"gains.{name}")

@@ -115,15 +115,21 @@ def _rates(loop: ClosedLoop, carried: int, Qd: Array, Vd: Array, Vd_dot: Array, 
     eps, error, *states = np.split(x, np.cumsum([m, m, *memory.values()])[:-1], axis=1)
     turned = G.ad(Vd, eps)  # Ṽ = e + ad_{V_d} ε
     V_tilde = error + carried * turned
-    V, Pd, Q = Vd + V_tilde, inertia.momentum(Vd), Qd @ (G.hat(eps) + G.identity)
-    tau_d, P = inertia.momentum(Vd_dot) - G.ad_star(Vd, Pd), inertia.momentum(V)
-    z = dict(zip(memory, states, strict=True))
-    s = Tracking(G, inertia, loop.gains, 0.0, Q, P, Qd, Pd, tau_d, z)
-    s = with_fields(s, V=V, Vd=Vd, Vd_dot=Vd_dot)
+    V, Q = Vd + V_tilde, Qd @ (G.hat(eps) + G.identity)
+    s = tracking(loop, Q, V, Qd, Vd, Vd_dot, dict(zip(memory, states, strict=True)))
     force, _ = loop.acting_and_rates(s)
-    V_dot, changes = inertia.velocity(G.ad_star(V, P) + force), loop.law.memory_rate(s)
+    V_dot, changes = inertia.velocity(G.ad_star(V, s.P) + force), loop.law.memory_rate(s)
     error_rate = V_dot - Vd_dot - carried * (G.ad(Vd_dot, eps) + G.ad(Vd, error))
     return np.hstack([V_tilde - turned, error_rate, *(changes[name] for name in memory)])
+
+
+def tracking(loop: ClosedLoop, Q: Any, V: Any, Qd: Any, Vd: Any, Vd_dot: Any, z: Any) -> Tracking:
+    """Return what a law may read at poses, velocities, a rate of V_d and states z of its memory."""
+    G, inertia = loop.group, loop.inertia.at(0.0)
+    P, Pd = inertia.momentum(V), inertia.momentum(Vd)
+    tau_d = inertia.momentum(Vd_dot) - G.ad_star(Vd, Pd)
+    s = Tracking(G, inertia, loop.gains, 0.0, Q, P, Qd, Pd, tau_d, z)
+    return with_fields(s, V=V, Vd=Vd, Vd_dot=Vd_dot)
 
 
 # The slowest constant V_d of a box ----------------------------------------------------------------
@@ -364,13 +370,13 @@ class Gain:
         if self.peak is None or self.aligned is None or self.energy is None:
             return self.refused or f"has no proved bound of a push of {self.push:g} N m"
         return (
-            f"is turned by at most {_rounded(self.peak, 4, up=True)}° by a push of {self.push:g} "
-            f"N m to first order, and by {_rounded(self.aligned, 4)}° at the worst constant V_d; "
-            f"L2 gain {_rounded(self.energy, 4, up=True)} rad/(N m)"
+            f"is turned by at most {rounded(self.peak, 4, up=True)}° by a push of {self.push:g} "
+            f"N m to first order, and by {rounded(self.aligned, 4)}° at the worst constant V_d; "
+            f"L2 gain {rounded(self.energy, 4, up=True)} rad/(N m)"
         )
 
 
-def _rounded(number: float, digits: int, *, up: bool = False) -> str:
+def rounded(number: float, digits: int, *, up: bool = False) -> str:
     """Return a positive number with so many significant digits, rounded down or up."""
     unit = 10.0 ** (math.floor(math.log10(number)) + 1 - digits) if number > 0 else 1.0
     return f"{(math.ceil if up else math.floor)(number / unit) * unit:#.{digits}g}"
@@ -502,8 +508,8 @@ class Region:
         """What is proved, in words that go on from the name of the law."""
         if self.refused or not self.rate:
             return self.refused or f"has no decided region up to {self.angle:g}°"
-        within = (f" or {a:g}° and {_rounded(v, 3)} rad/s" for a, v in self.starts)
-        falls = f"W falls at {_rounded(self.rate, 4)} 1/s or faster"
+        within = (f" or {a:g}° and {rounded(v, 3)} rad/s" for a, v in self.starts)
+        falls = f"W falls at {rounded(self.rate, 4)} 1/s or faster"
         return f"from every start within {self.angle:g}° at rest{''.join(within)}: {falls}"
 
 

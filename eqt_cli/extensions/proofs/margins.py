@@ -438,7 +438,7 @@ def certified(
     check_push_and_start(push, start)
     bounds = sorted(Fraction(str(v)) for v in set(velocities))
     boxes = [[(-v, v)] * experiment.group.dimension for v in bounds]
-    boxes = boxes or [box_of(_known_reference(experiment).velocity)]
+    boxes = boxes or [box_of(known_reference(experiment).velocity)]
     with step("laws", len(experiment.loops)):
         loops = experiment.loops.items()
         return [rates_of(label, loop, boxes, push, start) for label, loop in loops]
@@ -461,7 +461,7 @@ def proved_from(angle: float) -> Callable[[Path, str], str]:
     return proved
 
 
-def _known_reference(experiment: Experiment) -> Any:
+def known_reference(experiment: Experiment) -> Any:
     """Return the reference over the horizon, after a check that it is finite."""
     shown, problems = experiment.reference_over_horizon(), Problems(experiment.document.place)
     check_reference(shown, None, problems.at("reference"))
@@ -483,7 +483,7 @@ def margins_of(experiment: Experiment) -> Margins:
     ComponentError
         If a plugin fails.
     """
-    along = along_reference(experiment, _known_reference(experiment))
+    along = along_reference(experiment, known_reference(experiment))
     laws = []
     # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):

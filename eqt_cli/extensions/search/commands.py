@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 def tune(
     config: options.Config,
     setup: options.Setup,
+    objective: Annotated[str | None, options.option("--objective")] = None,
     dry_run: options.DryRun = False,
     *,
     handling: options.HandlingOfSearch,
@@ -32,15 +33,24 @@ def tune(
 
     After an interruption, run the same command again to continue. The exit code is 4 if a law has
     no feasible gains.
+
+    Options
+    -------
+    Experiment
+        --objective NAME  A metric, or what is proved without runs: certified_rate, push_bound.
+            Same as --set tune.objective=NAME.
     """
     from eqt_cli.extensions.search.tables import tuning_answer
     from eqt_cli.extensions.search.tune import Search
 
+    if objective:
+        setup = replace(setup, set_=[*(setup.set_ or ()), f"tune.objective={objective}"])
     search = Search.read(setup.document(config, handling))
     done = _searched(search, setup, handling, dry_run=dry_run)
     laws, failed = done.record["laws"], done.judged.failed
     lost = [
-        f"no feasible point of {law['label']}: the least violation is {law['least_violation']:.3g}"
+        f"no feasible point of {law['label']}: "
+        + (law["why"] or f"the least violation is {law['least_violation']:.3g}")
         for law in laws
         if not law["winners"]
     ]
@@ -131,16 +141,16 @@ def _runs_line(search: Searches[Any]) -> str:
     runs = output.count_of(search.base.config.ensemble.runs, "run")
     cases = len(search.in_cases(search.laws[0]))
     each = f"{runs} in each of {cases} cases" if cases > 1 else runs
-    return (
-        f"runs     {search.searched_runs} ({each} at each point), and at most "
-        f"{search.judging_runs} {search.judging}"
-    )
+    sought = f"{search.searched_runs} ({each} at each point), and " * bool(search.searched_runs)
+    return f"runs     {sought}at most {search.judging_runs} {search.judging}"
 
 
 def _print_search_plan(search: Searches[Any], executor: Executor, *, json: bool) -> None:
     """Print the runs and the time that a search will take."""
     from eqt_cli.extensions.search.search import expected
 
+    if not search.searched_runs:
+        return output.print_findings({"runs": search.all_runs}, _runs_line(search), json=json)
     section, estimate = search.section, expected(search, executor)
     factors = [
         output.count_of(len(search.laws), "law"),

@@ -51,6 +51,8 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             *(record[name] for name in ("generations", "population", "runs")),
             *(number for search in searches for row in search["objectives"] for number in row),
         ]
+        proved = record.get("proved") or {"column": "", "answer": []}
+        said = [proved["column"], *proved["answer"], *(w.get("proved", "") for w in winners)]
         flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
 
         return (
@@ -69,6 +71,7 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
             and all(isinstance(law["label"], str) for law in laws)
             and all(isinstance(number, int | float) for number in numbers)
             and all(isinstance(flag, bool) for flag in flags)
+            and all(isinstance(words, str) for words in said)
             and all(set(bound) == _BOUND for bound in record["constraints"])
             and all(place(w["label"]) < place(law["start"]) for law in laws for w in law["winners"])
         )

@@ -400,11 +400,13 @@ class Searched(InNotebook, os.PathLike[str]):
     def records(self) -> list[dict[str, Any]]:
         """Return a record per winner, or per worst run: law, values by key, objectives.
 
-        Objectives of a tuning are those of the runs that chose the values, which flatter them; its
-        folder holds others.
+        Objectives of a tuning by runs are those of the runs that chose the values, which flatter
+        them; its folder holds others.
         """
         names = self.record.get("objectives") or [self.record["objective"]]
-        if self.search.kind.command == "tune":
+        if proved := self.record.get("proved"):
+            names = [proved["objective"]]
+        elif self.search.kind.command == "tune":
             names = [f"{name}_in_search" for name in names]
         outcomes = [one for law in self.record["laws"] for one in law.get("winners", [law])]
         return [

@@ -135,6 +135,7 @@ def tuning_answer(result: Result, record: Record) -> list[TextTable]:
     notes += _notes(result, record, tuned)
     if len(tuned) > 1:
         notes.insert(0, _ranking(result, record["objectives"][0], tuned))
+    notes = [*record.get("proved", {}).get("answer", ()), *notes]
     return [replace(_winners(result, record, record["objectives"]), notes=notes)]
 
 
@@ -209,12 +210,14 @@ def _winners(result: Result, record: Record, names: Sequence[str]) -> TextTable:
                 half = (means.high[k] - means.low[k]) / 2
                 ends = in_one_form(half, min(several), max(several)) if several else ["-"]
                 over = " to ".join(dict.fromkeys(ends))  # one number for one search
+                over = winner.get("proved", over)
                 rows.append([result.titles[k], best, before, spreads[label], over])
             if not law["winners"]:
                 rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
         blocks.append(Block(measured(result, name), rows))
     caption = f"Tuned laws against their starting gains: {_means_over(result)}"
-    header = ["law", "best values", "start", "tuned", "over searches"]
+    last = record["proved"]["column"] if "proved" in record else "over searches"
+    header = ["law", "best values", "start", "tuned", last]
     return TextTable("tuned", caption, header, blocks, list(_notes(result, record)))
 
 
@@ -223,7 +226,9 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
 
     Without labels, those of all laws follow the size of the search.
     """
-    if of is None:
+    if of is None and "proved" in record:
+        yield from record["proved"]["answer"]
+    elif of is None:
         yield (
             f"{searched(record)} The best of these searches is shown; over searches: the smallest "
             "and the largest mean of their winners."

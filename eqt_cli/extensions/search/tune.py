@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.base.errors import ConfigError, InputError, Problems, parse_key
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.reporting import brief
 from eqt_cli.config.designs import Cases, DrawnRange
@@ -41,14 +42,14 @@ class Search(Searches[TuneSection]):
 
     @cached_property
     def objectives(self) -> tuple[str, ...]:
-        """The metrics to optimise."""
-        return _objective_names(self.section)
+        """The metrics to optimise; of gains that are proved, the one to measure."""
+        return ("mean_pose_error",) if prover_of(self.section) else _objective_names(self.section)
 
     @cached_property
     def constraints(self) -> tuple[Constraint, ...]:
         """The bounds that a feasible point satisfies."""
         constraints = []
-        for name, bound in self.section.subject_to.items():
+        for name, bound in () if prover_of(self.section) else self.section.subject_to.items():
             if not isinstance(bound, WorstRunSection):
                 is_upper = quantity_of(name).better != "higher"
                 constraints.append(Constraint(name, float(bound), is_upper, every_run=False))
@@ -128,18 +129,29 @@ class Search(Searches[TuneSection]):
 
     def conclude(self, folder: SearchFolder, executor: Executor) -> Outcome:
         """Search for the best gains of each law, and run the winners on held-out initial states."""
-        tuned = [
-            Tuned(law, evolve(self, law, folder, executor), self.seeks_front) for law in self.laws
-        ]
+        tuned = [self._tuned(law, folder, executor) for law in self.laws]
         chosen = {of_law.law.label: of_law.confirmed for of_law in tuned}
         confirmed = compute(self.confirmation(chosen), folder.path, executor)
-        return confirmed, {
+        prover = prover_of(self.section)
+        proved = {"proved": prover.record({x.law.label: x.best for x in tuned})} if prover else {}
+        return confirmed, proved | {
             "objectives": list(self.objectives),
             "cases": list(self.section.cases or {}),
             "over_cases": self.section.over_cases or "mean",
             "constraints": [asdict(bound) for bound in self.constraints],
             "laws": [of_law.record() for of_law in tuned],
         }
+
+    def _tuned(self, law: LawSearch, folder: SearchFolder, executor: Executor) -> Tuned:
+        if not (prover := prover_of(self.section)):
+            return Tuned(law, evolve(self, law, folder, executor), self.seeks_front)
+        best = prover.gains(law, self.section, self.base)
+        if best["values"]:
+            winner = study(law.at(best["values"]))
+            folder.write_configs(law, [winner], comment=f"# {best['sentence']}\n")
+        numbers, none = np.array([best.get("objectives", [np.nan])]), np.zeros(1)
+        scores = Scores(numbers, none + (not best["values"]), none, none)
+        return Tuned(law, {0: Population(np.zeros((1, len(law.axes))), scores)}, False, best)
 
     @classmethod
     def _axis(cls, key: str, axis: DrawnRange | None, base: Experiment) -> DrawnRange | None:
@@ -161,16 +173,20 @@ class Search(Searches[TuneSection]):
 
     @classmethod
     def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
+        bounds = section.subject_to
+        if prover := prover_of(section):
+            prover.check(section, base, problems)
+            bounds, section.budget, section.seeds = {}, 0, 1  # no generations, and one winner
         for experiment in [base, *_build_cases(section, base, problems)]:
             _check_objectives(section, experiment, problems)
-            for name in section.subject_to:
+            for name in bounds:
                 with problems.catching("subject_to", name):
                     law_search.require_metric(name, experiment)
             if experiment.config.initial.file is not None:
                 problems.add(
                     "initial.file sets the states of all runs, so none can be held out; draw them"
                 )
-        for name, bound in section.subject_to.items():
+        for name, bound in bounds.items():
             if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
                 problems.at("subject_to", name).add("expected `max` or `min`, got neither")
         if section.confirm.seed == base.config.ensemble.seed:
@@ -229,6 +245,11 @@ def _objective_names(section: TuneSection) -> tuple[str, ...]:
     return tuple(section.objectives or (str(section.objective),))
 
 
+def prover_of(section: TuneSection) -> Any:
+    """Return what finds gains by proofs, without runs; None if the objective is a metric."""
+    return next(functions_for(f"tune.objective {section.objective}"), None)
+
+
 def _check_objectives(section: TuneSection, base: Experiment, problems: Problems) -> None:
     several = section.objectives
     if (section.objective is None) == (several is None):
@@ -236,7 +257,7 @@ def _check_objectives(section: TuneSection, base: Experiment, problems: Problems
     elif several is not None and (len(several) != 2 or several[0] == several[1]):
         problems.at("objectives").add(f"expected two different metrics, got {shown(several)}")
     else:
-        for index, name in enumerate(_objective_names(section)):
+        for index, name in enumerate(() if prover_of(section) else _objective_names(section)):
             with problems.catching(*(("objectives", index) if several else ("objective",))):
                 law_search.require_metric(name, base)
 
@@ -260,11 +281,14 @@ class Tuned:
         The last population of each search, by its seed.
     seeks_front
         Whether the winners are a front.
+    best
+        What is recorded of gains that a proof found: their `values`, or `why` there are none.
     """
 
     law: LawSearch
     searches: dict[int, Population]
     seeks_front: bool
+    best: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def population(self) -> Population:
@@ -288,6 +312,8 @@ class Tuned:
 
     def values(self, point: int) -> dict[str, float]:
         """Return the values at a point, by key."""
+        if self.best:
+            return dict(self.best["values"])
         return self.law.values(self.population.shares[point].tolist())
 
     @cached_property
@@ -324,8 +350,10 @@ class Tuned:
             "over": {key: [axis.low, axis.high] for key, axis in law.axes.items()},
             "start": started(law.label),
             "least_violation": float(scored.violation.min()),  # 0 if a point is feasible
+            "why": self.best.get("why"),
             "winners": [
-                {
+                self.best
+                | {
                     "label": label,
                     "config": name,
                     "values": self.values(point),
