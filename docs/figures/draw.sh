@@ -179,6 +179,10 @@ paper_rates() {
 	picture rates rates
 }
 
+provable() { # of proofs, which figures of runs do not have
+	if [ "$task" = draw ]; then "$python" $place/provable.py; fi
+}
+
 sweep_lag() {
 	sweep sweep_lag configs/sweep_lag.yaml --engine native
 	numbers settled
@@ -252,7 +256,7 @@ fi
 # The longest first.
 all=(paper references)
 if "$python" -c 'import sys; from eqt_cli.engines.native import Native as n; sys.exit(bool(n.unavailable()))'; then
-	all=(fronts se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
+	all=(provable fronts se3_bluerov2_thrusters se3_bluerov2_estimated paper paper_by_native references se3 se3_bluerov2 sweep_region sweep_lqr
 		satellite_breaks quadrotor_lee se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
 		attitude_manifold sweep_lag satellite_wheels paper_rates sweep_family quadrotor_recovery)
 elif [ $# = 0 ]; then

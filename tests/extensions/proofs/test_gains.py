@@ -229,6 +229,7 @@ PLANTED = {
 }
 
 
+@pytest.mark.ci("searches for the gains of five laws")
 @pytest.mark.usefixtures("few")
 def test_planted_laws_have_no_proof_or_a_slower_one(tmp_path: Path) -> None:
     sources = []
