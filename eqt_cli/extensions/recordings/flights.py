@@ -307,11 +307,8 @@ def finding(rule: gate.Rule, errors: Errors, paired: bool) -> gate.Finding:
     change, spread = difference(x, y, paired, gate.TWO_SIDED)
     ends = (factor * (math.expm1(end) if is_relative else float(end)) for end in change)
     facts: Any = {"noun": "pair" if paired else "flight", "names": {"metric": rule.metric}}
-    facts |= {
-        "pairs": min(len(x), len(y)),
-        "to_show": runs_to_decide(margin / spread, gate.TWO_SIDED),
-    }
-    return gate.Finding(rule, rule.metric, Interval(*ends), **facts)
+    n, needed = min(len(x), len(y)), runs_to_decide(margin / spread, gate.TWO_SIDED)
+    return gate.Finding(rule, rule.metric, Interval(*ends), n, needed, **facts)
 
 
 def _counted(values: Counter[str]) -> str:
@@ -405,7 +402,7 @@ class FlightComparison(NamedTuple):
         yield TextTable("ratios", "", header, [Block("", rows)], self.notes, keys=2)
         header = ["side", "file", "laps", "seconds", "speed", "wind", *(x[0] for x in self.pairs)]
         cells = [[flight.record[name] for name in header] for flight in self.flights]
-        rows = [[x if isinstance(x, str) else significant(x, 3) for x in row] for row in cells]
+        rows = [[significant(x, 3) if type(x) is float else f"{x}" for x in row] for row in cells]
         yield TextTable("flights", "", header, [Block("", rows)], keys=2)
 
 

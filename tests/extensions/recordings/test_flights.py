@@ -146,6 +146,8 @@ def test_pairs_are_in_order(fly):
     ]  # fmt: skip
     ends = stats.ttest_1samp(np.log(A) - np.log(B), 0).confidence_interval()
     assert found.pairs[0].low == pytest.approx(np.exp(ends.low))
+    _, rows = found.tables()
+    assert rows.rows[1] == ["B", "b0.ulg", "1", "14.9", "1.00", "-", "0.280"]
 
 
 def test_laps_are_averaged(fly):
