@@ -10,3 +10,4 @@ def register(extension: Extension) -> None:
     extension.add_command("export", "commands.export", COMPUTE, example, after="pack")
     extension.add_function("verify --code", "controllers.with_code")
     extension.add_function("answers on code", "code_rows.answers")
+    extension.add_function("verify --plant", "plant_verdict.judged")

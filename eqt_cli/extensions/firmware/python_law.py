@@ -100,7 +100,7 @@ class Law:
     def torque(self, row: list[float], period: float) -> Any:
         """Return the torque of one call; NaN after an error that is of this input."""
         request, values = self.request, self.parameters | named(self.request["adapted"], row)
-        values |= {"period": period, "self": self.object}
+        values |= {"period": period, "self": self.object, "function": self.function, "flat": flat}
         try:
             if request["call"]:
                 result = eval(request["call"], self.names | values)  # noqa: S307
@@ -125,6 +125,15 @@ class Law:
             torque = self.torque(row[at + sum(map(prod, self.memory.values())) :], how["period"])
         memory = [np.ravel(np.asarray(self.state[name], dtype=float)) for name in self.memory]
         return list(np.concatenate([torque, *memory]))
+
+
+def flat(value: Any, size: int) -> list[float]:
+    """Return so many numbers, of arrays and lists of them."""
+    parts = list(value) if isinstance(value, list | tuple) else [value]
+    numbers: list[float] = np.hstack([np.ravel(np.asarray(x, dtype=float)) for x in parts]).tolist()
+    if len(numbers) != size:
+        raise ValueError(f"expected {size} numbers, as the state has, got {len(numbers)}")
+    return numbers
 
 
 def named(shapes: Any, row: list[float]) -> dict[str, Any]:

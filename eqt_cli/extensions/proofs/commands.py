@@ -46,6 +46,8 @@ def verify(
     adapter: Annotated[Path | None, options.option("--adapter")] = None,
     fail_on: Annotated[str | None, options.option("--fail-on", known=FINDINGS)] = None,
     as_: Annotated[str | None, options.option("--as", known="controllers")] = None,
+    plant: Annotated[str | None, options.option("--plant")] = None,
+    simulator: Annotated[bool, options.option("--simulator")] = False,
     point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,
@@ -72,22 +74,22 @@ def verify(
             NAME.adapter.yaml in its folder, if it is there.
         --fail-on FINDING  Exit 4 only where the code lacks terms of the law or differs otherwise
             (lacks), or only where it differs otherwise (differs), whatever else fails.
+        --plant FILE:FUNCTION  Judge the vehicle model in this Python file instead: is it the
+            plant of CONFIG, with its inertia, forces and thrusters?
+        --simulator  Of a --plant that is a step, also print its error over control.period.
     """
     from eqt_cli import api
     from eqt_cli.config.document import overridden
 
     subject: Path | Study = target
     is_result = target.suffix == ".h5" or target.is_dir()
-    if fail_on not in (None, *FINDINGS):
-        raise EqtError(f"--fail-on: expected lacks or differs, got '{fail_on}'")
-    if is_result and (set_ or engine or runs or code):
+    if is_result and (set_ or engine or runs or code or plant):
         raise EqtError(
-            f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
-            "a configuration"
+            f"{target}: a result is verified as it is; --set, --engine, --runs, --code and --plant "
+            "are for a configuration"
         )
-    if (as_ or adapter) and not code:
-        name = "--as" if as_ else "--adapter"
-        raise EqtError(f"{name} is about a law in code; give its file with --code")
+    others = {"--code": code, "--as": as_, "--runs": runs, "--exact": exact, "--file": file}
+    _check_subject(plant, simulator, adapter, fail_on, others)
     if file and is_result:
         return _verify_files(target, json=json)
     if not is_result:
@@ -96,6 +98,11 @@ def verify(
             document = function_for("verify --code")(document, code, as_, adapter)
         document = overridden(document, options.overrides(set_, engine))
         subject = options.study_at(document, point, "verified without")
+        if plant:
+            of_plant = subject.experiment(0), plant, adapter, simulator, fail_on
+            record, pieces, passes = _verify_plant(*of_plant)
+            print_findings(record, *pieces, json=json)
+            raise typer.Exit(0 if passes else 4)
         point = None  # the configuration is already that of the point
     workers = workers or options.cores()
     result = api.verify(
@@ -126,6 +133,34 @@ def verify(
     worst = FINDINGS[FINDINGS.index(fail_on) :] if fail_on else ()
     if any(each["finding"] in worst for each in code_answers) if fail_on else result.failures:
         raise typer.Exit(4)
+
+
+def _check_subject(
+    plant: str | None,
+    simulator: bool,
+    adapter: Path | None,
+    fail_on: str | None,
+    others: Mapping[str, Any],
+) -> None:
+    """Refuse options that are not about what is judged."""
+    if fail_on not in (None, *FINDINGS):
+        raise EqtError(f"--fail-on: expected lacks or differs, got '{fail_on}'")
+    if plant and (beside := next((name for name, value in others.items() if value), "")):
+        raise EqtError(f"{beside}: is not about a plant; leave it or --plant out")
+    if simulator and not plant:
+        raise EqtError("--simulator is about a step; give its file with --plant")
+    if (others["--as"] or adapter) and not (plant or others["--code"]):
+        name = "--as" if others["--as"] else "--adapter"
+        raise EqtError(f"{name} is about a law in code; give its file with --code")
+
+
+def _verify_plant(
+    experiment: Any, plant: str, adapter: Path | None, simulator: bool, fail_on: str | None
+) -> tuple[dict[str, Any], list[Any], bool]:
+    """Return the document and the text on a plant, and whether it passes."""
+    record, answer, made = function_for("verify --plant")(experiment, plant, adapter, simulator)
+    passing = ("is", "lacks") if fail_on == "differs" else ("is",)
+    return {"plant": [record]}, [answer, "", laid_out(made)], record["finding"] in passing
 
 
 def _verify_files(target: Path, *, json: bool) -> None:

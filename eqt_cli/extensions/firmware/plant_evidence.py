@@ -1,0 +1,692 @@
+"""How a plant differs from the model: sums of terms, and the sentences that these give.
+
+Plant and model are evaluated at the same states. Where they differ, least squares over the same
+terms explain both, with as few terms as can be, and the coefficients are compared. No law of motion
+is written here, but for the names of its terms.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations_with_replacement, permutations, product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, transpose
+from eqt_cli.base.errors import InputError
+from eqt_cli.base.reporting import listed
+from eqt_cli.extensions.firmware.code_evidence import least_squares
+from eqt_cli.extensions.firmware.plant import Model, Plant, States
+from eqt_cli.numbers.leaves import with_fields
+
+STATES = 250
+"""Number of random states."""
+
+SPEED = 2.0
+"""Standard deviation of velocities, m/s and rad/s."""
+
+LEFT = 1e-6
+"""Share of a rate that may be left unexplained, and below which no term is seen."""
+
+FEW = 30
+"""States at which it is tried what something depends on, and how a step is computed."""
+
+MOST_ROTORS = 6
+"""Thrusters whose orders are tried."""
+
+XYZ = "xyz"
+
+# Terms --------------------------------------------------------------------------------------------
+
+
+def _named(pattern: str, x: Array) -> Arrays:
+    """Return the entries of vectors by names with their axes."""
+    return {pattern.format(axis): x[:, k] for k, axis in enumerate(XYZ)}
+
+
+def _products(a: str, x: Array, b: str, y: Array) -> Arrays:
+    """Return the products of entries; of a vector with itself, those that differ."""
+    pairs = combinations_with_replacement(range(3), 2) if a == b else product(range(3), repeat=2)
+    names = {
+        (i, j): f"{a}{XYZ[i]}²" if (a, i) == (b, j) else f"{a}{XYZ[i]} {b}{XYZ[j]}"
+        for i, j in pairs
+    }
+    return {name: x[:, i] * y[:, j] for (i, j), name in names.items()}
+
+
+def _entries(R: Array, name: str = "R{}{}") -> Arrays:
+    return {name.format(i + 1, j + 1): R[:, i, j] for i, j in product(range(3), repeat=2)}
+
+
+class Scene:
+    """States with what terms are made of.
+
+    Attributes
+    ----------
+    R, w
+        Attitudes, and angular velocities in the body.
+    v
+        Velocities by frame, the one of the user's state first; none on SO(3).
+    """
+
+    def __init__(self, model: Model, s: States, frame: str = "body") -> None:
+        self.model = model
+        self.R, self.w, self.inputs = s.Q[:, :3, :3], s.V[:, :3], s.inputs
+        v, self.wrench = s.V[:, 3:], apply_matrix(model.columns, s.inputs)
+        both = {"body": v, "space": apply_matrix(self.R, v)} if v.size else {}
+        self.v = dict(sorted(both.items(), key=lambda item: item[0] != frame))
+
+    def push(self, axis: int) -> Arrays:
+        """Return the terms of the inputs in the acceleration along an axis."""
+        live = [k for k in range(self.wrench.shape[1]) if np.any(self.model.columns[k])]
+        forces, names = [k for k in live if k >= 3], ["τx", "τy", "τz", "Fx", "Fy", "Fz"]
+        plain = {names[k]: self.wrench[:, k] for k in live}
+        turned = dict[str, Array]()
+        for k in forces:
+            name = "R{}{}" + f" {names[k]}" * (len(forces) > 1)
+            turned |= _entries(self.R * self.wrench[:, k, None, None], name)
+        return plain | turned if next(iter(self.v)) == "body" else turned | plain
+
+    def no_push(self, axis: int) -> Arrays:
+        """Return the terms of weight, drag and rotation in the acceleration along an axis."""
+        (here, v), (other, away) = self.v.items()
+        R, w, size = self.R, self.w, np.linalg.norm(v, axis=1, keepdims=True)
+        turn = R[:, axis] if here == "space" else R[:, :, axis]  # the other frame's axes along this
+        return {
+            "1": np.ones(len(v)),
+            **_entries(R),
+            **_named("v{}", v),
+            **_named("|v{0}|v{0}", np.abs(v) * v),
+            **_named(f"v along {{}} of {other}", turn * away),
+            **_named(f"|v|v along {{}} of {other}", turn * np.abs(away) * away),
+            **_named("|v|v{}", size * v),
+            **_named(f"v{{}} in {other}", away),
+            **_named(f"v in {here} along {{}} of {other}", turn * v),
+            **_products("ω", w, "v", v),
+            **_products("v", v, "v", v),
+            **_named("ω{}", w),
+            **_products("ω", w, "ω", w),
+            **{f"{name} in {other}": x for name, x in _products("ω", w, "v", away).items()},
+        }
+
+    def torque(self, axis: int) -> Arrays:
+        """Return the terms of the angular acceleration about an axis."""
+        w, R, parts, tau = self.w, self.R, self.model.thrusters, self.wrench[:, :3]
+        terms = dict(zip(self.model.input_names, self.inputs.T, strict=True)) | _products(
+            "ω", w, "ω", w
+        )
+        for frame, v in self.v.items():
+            of = {**_named("v{}", v), **_named("|v{0}|v{0}", np.abs(v) * v)}
+            if frame == "body":
+                of |= _products("v", v, "v", v) | _products("ω", w, "v", v)
+            terms |= {f"{name}{' in space' * (frame == 'space')}": x for name, x in of.items()}
+        away = apply_matrix(R, w)
+        terms |= _named("ω{}", w) | _named("|ω{0}|ω{0}", np.abs(w) * w)
+        terms |= _named("ω{} in space", away)
+        terms |= {f"{name} in space": x for name, x in _products("ω", away, "ω", away).items()}
+        terms |= {f"R{axis + 1}{k + 1} τ{XYZ[k]}": R[:, axis, k] * tau[:, k] for k in range(3)}
+        terms |= {f"R{k + 1}{axis + 1} τ{XYZ[k]}": R[:, k, axis] * tau[:, k] for k in range(3)}
+        if parts is not None and parts.thrust_constant is not None:
+            spin = self.model.speeds(self.inputs) @ np.sign(self.model.columns[2])
+            terms |= {"Σ±n": spin} | _named("Σ±n ω{}", spin[:, None] * w)
+        return terms | {"1": np.ones(len(w))} | _entries(R)
+
+    def turning(self, axis: int) -> Arrays:
+        """Return the terms of the rate at which the attitude turns."""
+        away = _named("Rᵀω{}", apply_matrix(transpose(self.R), self.w))
+        return _named("ω{}", self.w) | away | _named("Rω{}", apply_matrix(self.R, self.w))
+
+    def moving(self, axis: int) -> Arrays:
+        """Return the terms of the rate of the position."""
+        twice = _named("RRv{}", apply_matrix(self.R, self.v["space"]))
+        away = _named("Rᵀv{}", apply_matrix(transpose(self.R), self.v["body"]))
+        return (
+            _named("v{}", self.v["space"])
+            | _named("v{} of the body", self.v["body"])
+            | away
+            | twice
+        )
+
+
+# As few terms as can be ---------------------------------------------------------------------------
+
+
+def size_of(x: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt((x**2).mean())) if x.size else 0.0
+
+
+def fewest(
+    terms: Arrays, y: Array, scale: float, first: Collection[str] = ()
+) -> dict[str, float] | None:
+    """Return the coefficients of few terms whose sum is y; None if no sum is.
+
+    Terms are left out one by one as long as the sum is y, the last ones first, and `first` last.
+    """
+
+    def left(names: Sequence[str]) -> float:
+        return size_of(y - sum((factors(names)[n] * terms[n] for n in names), 0 * y))
+
+    def factors(names: Sequence[str]) -> dict[str, float]:
+        return least_squares({name: terms[name] for name in names}, y)
+
+    if left([*terms]) > LEFT * scale:
+        return None
+    ways = []
+    for along in (True, False):  # a drag alike along all axes is one of the body and of space
+        order = sorted(terms, key=lambda n: (along and n not in first, along and "along" not in n))
+        every = factors(order)
+        kept = [n for n in order if abs(every[n]) * size_of(terms[n]) > LEFT * scale]
+        kept = kept if left(kept) <= LEFT * scale else order
+        for name in reversed(kept):
+            fewer = [n for n in kept if n != name]
+            kept = fewer if left(fewer) <= LEFT * scale else kept
+        ways.append(factors(kept))
+    return min(ways, key=len)
+
+
+class Term(NamedTuple):
+    """A term of a rate along an axis, with its coefficients in the plant and in the model."""
+
+    axis: str
+    name: str
+    plant: float
+    model: float
+    differs: bool
+
+    @property
+    def ratio(self) -> float:
+        """The coefficient in that of the model; NaN of a term that the model has not."""
+        return self.plant / self.model if self.model else math.nan
+
+
+def compared(
+    terms: Callable[[int], Arrays], plant: Array, model: Array, axes: Sequence[str] = XYZ
+) -> list[Term] | None:
+    """Return the terms of rates, ``(n, axes)`` each; None where no sum of them explains both."""
+    scale, rows = size_of(model) or size_of(plant) or 1.0, list[Term]()
+    for axis, name in enumerate(axes):
+        columns, (y, x) = terms(axis), (plant[:, axis], model[:, axis])
+        expected = fewest(columns, x, scale)
+        same = size_of(y - x) <= LEFT * scale
+        found = expected if same else fewest(columns, y, scale, expected or ())
+        if expected is None or found is None:
+            return None
+        for term in [n for n in columns if n in found or n in expected]:
+            a, b = found.get(term, 0.0), expected.get(term, 0.0)
+            rows.append(Term(name, term, a, b, abs(a - b) * size_of(columns[term]) > LEFT * scale))
+    return rows
+
+
+# Sentences ----------------------------------------------------------------------------------------
+
+
+def number(x: float) -> str:
+    """Return a number with four digits."""
+    return f"{x:.4g}".replace("-", "−")
+
+
+def sum_of(rows: Sequence[Term], of: str, scale: float = 1.0) -> str:
+    """Return a sum in words, of the plant or of the model: ``−1 R23``."""
+    both = [(getattr(row, of) / scale, row.name) for row in rows]
+    shown = [f"{number(x)} {name}".removesuffix(" 1") for x, name in both if x]
+    return " + ".join(shown).replace("+ −", "− ") or "0"
+
+
+def near(a: float, b: float) -> bool:
+    """Return whether coefficients are equal, as far as sums with an error of 1e-6 tell."""
+    return math.isclose(a, b, rel_tol=1e-4)
+
+
+Note = Callable[[Sequence[Term]], str]
+"""Returns the cause of wrong terms, or "" if it is not known."""
+
+
+def common_ratio(rows: Sequence[Term]) -> float:
+    """Return the ratio that all terms have; NaN if they have none."""
+    ratios = [row.ratio for row in rows]
+    return ratios[0] if ratios and all(near(x, ratios[0]) for x in ratios) else math.nan
+
+
+def usual(rows: Sequence[Term]) -> str:
+    """Return the usual causes of a factor."""
+    known = {-1.0: "the sign is wrong", math.sqrt(2): "√2", math.sqrt(0.5): "1/√2"}
+    return next((words for x, words in known.items() if near(common_ratio(rows), x)), "")
+
+
+def _mirrored(name: str) -> str:
+    """Return the name of a term of R with the other entry; "" of any other."""
+    return f"R{name[2]}{name[1]}{name[3:]}" if re.match(r"R\d\d", name) else ""
+
+
+def sentences_of(
+    title: str, rows: Sequence[Term], note: Note = usual, scale: float = 1.0
+) -> Iterator[str]:
+    """Yield how the terms of one kind differ, in as few sentences as can be."""
+    wrong, there = [row for row in rows if row.differs], [row for row in rows if row.model]
+
+    def cause(some: Sequence[Term]) -> str:
+        words = usual(some) or note(some)
+        return f" ({words})" if words else ""
+
+    if wrong and wrong == there and not any(row.plant for row in wrong):
+        yield f"lacks {title}"
+    elif wrong and wrong == there and math.isfinite(ratio := common_ratio(wrong)):
+        yield f"{title}: coefficient {number(ratio)} of 1{cause(wrong)}"
+    elif wrong and {(r.axis, _mirrored(r.name)) for r in wrong if r.plant} == {
+        (r.axis, r.name) for r in wrong if r.model
+    }:
+        yield f"{title}: R is transposed"
+    elif wrong:
+        said = dict[str, list[str]]()
+        axes = dict.fromkeys(row.axis for row in wrong)
+        alike = len(axes) == 3
+        for axis in axes:
+            here = [row for row in rows if row.axis == axis]
+            plant, model = (sum_of(here, of, scale) for of in ("plant", "model"))
+            words = f"is {plant}, expected {model}" if model != "0" else f"has {plant}"
+            said.setdefault(f"{words}{cause(here)}", []).append(axis)
+        short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in said.items() for a in x}
+        if alike and len(short) == 1:
+            said = {short.pop(): []}
+        for words, of in said.items():
+            about = f"{title} along {listed(of)}" if of else title
+            yield f"has {words[4:]} as {about}" if words[:3] == "has" else f"{about} {words}"
+
+
+TERMS = {
+    "torque": r"[fFτ]|.*τ",
+    "weight": r"1$|R\d",
+    "gyroscopic torque of the rotors": "Σ",
+    "ω × v": r".*ω.*v|.*v.*ω",
+    "v × 𝕀v": r"v\w(²| v)",
+    "drag": r".*v",
+    "ω × Jω": r"ω\w(²| ω)",
+    "damping": "",
+}
+"""Kinds of terms, by their names."""
+
+
+def by_kind(rows: Sequence[Term]) -> dict[str, list[Term]]:
+    """Return terms by what they are."""
+    kinds = dict[str, list[Term]]()
+    for row in rows:
+        kind = next(kind for kind, names in TERMS.items() if re.match(names, row.name))
+        kinds.setdefault(kind, []).append(row)
+    return kinds
+
+
+# The judge ----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Judgement:
+    """What is found of a plant.
+
+    Attributes
+    ----------
+    rows
+        Part, coefficients of the plant and of the model, and finding, in words.
+    sentences
+        The findings.
+    unseen
+        What such states cannot show.
+    steps
+        How a step computes each part.
+    """
+
+    rows: list[tuple[str, str, str, str]] = field(default_factory=list)
+    sentences: list[str] = field(default_factory=list)
+    unseen: list[str] = field(default_factory=list)
+    steps: dict[str, str] = field(default_factory=dict)
+
+    def add(
+        self, title: str, rows: Sequence[Term], said: Sequence[str], scale: float = 1.0
+    ) -> None:
+        """Add a part, with a row for each axis."""
+        self.sentences += said
+        for axis in dict.fromkeys(row.axis for row in rows):
+            here = [row for row in rows if row.axis == axis]
+            plant, model = (sum_of(here, of, scale) for of in ("plant", "model"))
+            finding = "differs" * any(row.differs for row in here)
+            self.rows.append((f"{title} {axis}", plant, model, finding))
+
+    def note(self, title: str, words: str, finding: str) -> None:
+        """Add a part without coefficients."""
+        self.sentences.append(words)
+        self.rows.append((title, "", "", finding))
+
+
+class Judge:
+    """Judges a plant at random states, of any attitude."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant, self.model, self.random = plant, plant.model, np.random.default_rng(1)
+        self.result, states = Judgement(), self.drawn()
+        inputs = [self.drawn().inputs, states.inputs]
+        both = [states._replace(inputs=x) for x in (*inputs, (inputs[0] + inputs[1]) / 2)]
+        self.states, few = both, both[0].of(slice(FEW))
+        answers = [plant.derivatives(each) for each in both]
+        self.rates, self.slopes = [rates for rates, _ in answers], answers[0][1]
+        again = plant.derivatives(few.of(slice(None, None, -1)))[0][::-1]
+        if not np.array_equal(again, self.rates[0][:FEW]):
+            raise InputError(
+                f"{plant.name} gives unequal answers to equal inputs; it draws noise, or keeps "
+                "something from call to call: set all of it in the call"
+            )
+
+    def drawn(self) -> States:
+        """Draw states."""
+        G = self.model.group
+        Q = np.tile(G.identity, (STATES, 1, 1))
+        Q[:, :3, :3] = Rotation.random(STATES, random_state=self.random).as_matrix()
+        Q[:, :3, 3:] = self.random.standard_normal((STATES, 3, G.size - 3))
+        V = SPEED * self.random.standard_normal((STATES, G.dimension))
+        return States(Q, V, self.model.drawn_inputs(self.plant.limits, STATES, self.random))
+
+    def judged(self) -> Judgement:
+        """Judge the kinematics, the push, what is left of it, and the angular acceleration."""
+        self._attitude()
+        if "position" in self.plant.parts:
+            scene = Scene(self.model, self.states[0])
+            self._explained("ṗ", "position", scene.moving, *self.rate("position", 0))
+        if "velocity" in self.plant.parts:
+            self._velocity()
+        self._torque()
+        self._unseen()
+        if self.plant.adapter.step:
+            self._steps()
+        return self.result
+
+    def rate(self, kind: str, which: int) -> tuple[Array, Array]:
+        """Return a rate at the states with one of the inputs, of the plant and of the model."""
+        return self.both(kind, self.states[which], self.rates[which])
+
+    def both(self, kind: str, states: States, values: Array) -> tuple[Array, Array]:
+        """Return a rate of the plant, which is among `values`, and of the model, ``(n, 3)``."""
+        part, where = self.plant.parts[kind]
+        R, w, v = states.Q[:, :3, :3], states.V[:, :3], states.V[:, 3:]
+        if kind == "attitude":
+            turns = self.plant.turned(states)[1]
+            turned = np.linalg.pinv(turns) @ values[:, where, None]
+            return turned[..., 0] * self.plant.signs, w
+        plant = values[:, where] / part.factor * self.plant.signs
+        if kind == "position":
+            return plant, apply_matrix(R, v)
+        V_dot = self.model.acceleration(states)
+        if kind == "rates":
+            in_space = part.frame == "space"
+            return apply_matrix(transpose(R), plant) if in_space else plant, V_dot[:, :3]
+        moved = V_dot[:, 3:]
+        return plant, apply_matrix(R, moved + np.cross(w, v)) if part.frame == "space" else moved
+
+    def _explained(
+        self, title: str, kind: str, terms: Callable[[int], Arrays], plant: Array, model: Array
+    ) -> list[Term] | None:
+        """Return the terms of a rate; without such a sum, say on what the difference depends."""
+        rows = compared(terms, plant, model)
+        if rows is not None:
+            if kind in ("position", "attitude"):
+                self.result.add(title, rows, [*sentences_of(title, rows)])
+            return rows
+        (a, b, c), size = (self.rate(kind, k)[0] for k in range(3)), size_of(model)
+        if size_of((a + b) / 2 - c) > LEFT * size:
+            raise InputError(
+                f"{self.plant.name}: {title} is not affine in the input: it clips, or the input is "
+                "not thrust; give `range` or `as` in `input` of the adapter"
+            )
+        here, other, m = (
+            self.states[0].of(slice(FEW)),
+            self.drawn().of(slice(FEW)),
+            len(self.model.columns),
+        )
+
+        def apart(states: States) -> Array:
+            return np.subtract(*self.both(kind, states, self.plant.derivatives(states)[0]))
+
+        def mixed(Q: Array, rows: slice, columns: slice) -> Array:
+            mixture = np.array(here.Q)
+            mixture[:, rows, columns] = Q[:, rows, columns]
+            return mixture
+
+        axes = np.arange(m) < 3
+        changes = {
+            "position": here._replace(Q=mixed(other.Q, slice(3), slice(3, None))),
+            "attitude": here._replace(Q=mixed(other.Q, slice(3), slice(3))),
+            "velocity": here._replace(V=np.where(axes, here.V, other.V)),
+            "ω": here._replace(V=np.where(axes, other.V, here.V)),
+            "input": here._replace(inputs=other.inputs),
+        }
+        base = apart(here)
+        names = [n for n, x in changes.items() if size_of(apart(x) - base) > LEFT * size]
+        words = f"{title} is unexplained: its difference depends on {listed(names) or 'nothing'}"
+        self.result.note(title, words, "unexplained")
+        return None
+
+    def _attitude(self) -> None:
+        states, (part, where) = (
+            self.states[0].signed(self.plant.signs),
+            self.plant.parts["attitude"],
+        )
+        title, w, raw = "rate of the attitude", states.V[:, :3], self.rates[0][:, where]
+        here, turns = self.plant.turned_as(part, states)
+        ways = dict[str, Array]()
+        if part.as_ == "roll-pitch-yaw":
+            ways["the rates of roll, pitch, yaw are set to ω"] = w * part.factor
+        elif part.as_.startswith("quaternion"):
+            order = {"xyzw": "wxyz", "wxyz": "xyzw"}[part.as_[-4:]]
+            Q, other = np.array(states.Q), with_fields(part, as_=f"quaternion {order}")
+            Q[:, :3, :3] = other._rotation(here)
+            q, rates = self.plant.turned_as(other, states._replace(Q=Q))
+            words = f"the quaternion ({part.as_[-4:]}) is multiplied as if it were {order}"
+            ways[words] = apply_matrix(rates, w) * np.sign((q * here).sum(axis=1))[:, None]
+        for words, rate in ways.items():
+            if size_of(raw - rate) <= LEFT * size_of(raw):
+                self.result.note(title, words, "differs")
+                return
+        terms, both = Scene(self.model, self.states[0]).turning, self.rate("attitude", 0)
+        left = raw - (turns @ np.linalg.pinv(turns) @ raw[..., None])[..., 0]
+        is_turn = size_of(left) <= LEFT * size_of(raw)
+        if not is_turn or compared(terms, *both) is None:  # perhaps slips in few entries
+            names = [f"q{x}" for x in part.as_[-4:]]
+            if len(names) != len(raw[0]):
+                names = [f"R{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+            if part.as_ == "roll-pitch-yaw":
+                names = part.as_.split("-")
+
+            def entry(k: int) -> Arrays:
+                if part.as_ == "roll-pitch-yaw":
+                    return {f"its term of ω{XYZ[i]}": turns[:, k, i] * w[:, i] for i in range(3)}
+                pairs = product(enumerate(names), range(3))
+                return {f"{name} ω{XYZ[i]}": here[:, a] * w[:, i] for (a, name), i in pairs}
+
+            rows = compared(entry, raw, apply_matrix(turns, w), names) or ()
+            if 0 < len({row.axis for row in rows if row.differs}) <= len(names) / 2:
+                self.result.add(title, rows, [*sentences_of(title, rows)])
+                return
+        if not is_turn:
+            raise InputError(
+                f"{self.plant.name}: the rate of the attitude is that of no rotation; check `as` "
+                "and the order of the state in the adapter"
+            )
+        self._explained(title, "attitude", terms, *both)
+
+    def _velocity(self) -> None:
+        frame = "space" if self.plant.parts["velocity"][0].frame == "space" else "body"
+        first, second, mean = self.states
+        apart = Scene(self.model, first._replace(inputs=first.inputs - second.inputs), frame)
+        pushed = np.subtract(self.rate("velocity", 0), self.rate("velocity", 1))
+        push = self._explained("push", "velocity", apart.push, *pushed)
+        if push is None:
+            return
+        M = np.diag(self.model.inertia.matrix)[3:]
+        unequal, unit = np.ptp(M) > 0, 1 / M[0] if np.ptp(M) == 0 else 1.0
+        self.result.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
+        scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
+        for axis, name in enumerate(XYZ):
+            terms = scene.push(axis)
+            for row in (row for row in push if row.axis == name):
+                plant[:, axis] -= row.plant * terms[row.name]
+                model[:, axis] -= row.model * terms[row.name]
+        title = "acceleration without the push"
+        odd = [row for row in push if row.differs and row.name[0] == "R"]
+        if (
+            odd
+            and math.isnan(common_ratio([x for x in push if x.name[0] == "R"]))
+            and not compared(scene.no_push, plant, model)
+        ):
+            self.result.rows.append((title, "", "", "not judged, as R is wrong"))
+            return
+        rows = self._explained(title, "velocity", scene.no_push, plant, model) or ()
+        masses = {row.axis: row.ratio for row in push if row.differs and row.model}
+        again = {x for x in rows if x.differs and near(x.ratio, masses.get(x.axis, math.nan))}
+        titles = {"v × 𝕀v": "drag", "ω × v": "ω × 𝕀v" if unequal else "ω × v"}
+        for kind, some in by_kind(rows).items():
+            title = titles.get(kind, kind)
+            others = [row for row in some if row not in again]  # a wrong mass is said once
+            note = self._gravity if title == "weight" else self._mass
+            self.result.add(title, some, [*sentences_of(title, others, note)])
+
+    def _gravity(self, rows: Sequence[Term]) -> str:
+        """Return how a factor of the weight follows from the mass, or the values."""
+        words = self._mass(rows)
+        values = f"{number(rows[0].plant)} for {number(rows[0].model)} m/s²"
+        return values if words.startswith("mass") and len(rows) == 1 else words
+
+    def _mass(self, rows: Sequence[Term]) -> str:
+        """Return how a factor of a force follows from masses."""
+        ratio, k, I = common_ratio(rows), XYZ.index(rows[0].axis) + 3, self.model.inertia
+        m, dry = I.matrix[k, k], I.matrix[k, k] - (0.0 if I.added is None else I.added[k, k])
+        if near(ratio, m) or near(ratio, 1 / m):
+            return "not divided by the mass" if near(ratio, m) else "divided by the mass twice"
+        without = ", that without the added mass" * (bool(near(m / ratio, dry) and dry < m))
+        return f"mass {number(m / ratio)} of {number(m)}{without}" if ratio > 0 else ""
+
+    def _torque(self) -> None:
+        both = [self.rate("rates", k) for k in range(3)]
+        plant, model = (np.concatenate(each) for each in zip(*both, strict=True))
+        states = States(*map(np.concatenate, zip(*self.states, strict=True)))
+        terms = Scene(self.model, states).torque
+        rows = self._explained("angular acceleration", "rates", terms, plant, model)
+        kinds = by_kind(rows or ())
+        names, J = self.model.input_names, np.diag(self.model.inertia.matrix)[:3]
+        inputs = {(row.axis, row.name): row for row in kinds.get("torque", ())}
+        A, E = (
+            np.array([[getattr(inputs.get((a, n)), of, 0.0) for n in names] for a in XYZ])
+            for of in ("plant", "model")
+        )
+        ratios = np.divide(
+            (A * E).sum(axis=1), (E * E).sum(axis=1), out=np.ones(3), where=E.any(axis=1)
+        )
+        K = J / np.where(ratios == 0, np.nan, ratios)  # what the moments of inertia would be
+        moved = {
+            (XYZ[a], f"ω{XYZ[b]} ω{XYZ[c]}"): (-1) ** a * (K[b] - K[c]) / K[a]
+            for a, b, c in ((0, 1, 2), (1, 0, 2), (2, 0, 1))
+        }
+        products = kinds.get("ω × Jω", [])
+        of_inertia = {(r.axis, r.name) for r in products} <= moved.keys() and all(
+            abs(r.plant - moved[r.axis, r.name]) < 1e-4 for r in products
+        )
+        names_of = {
+            "weight": "torque of the weight",
+            "v × 𝕀v": "v × 𝕀v, the moment of the added mass",
+        }
+        for kind, some in kinds.items():
+            title = names_of.get(kind, kind)
+            said = [*sentences_of(title, some, self._moments)]
+            if kind == "torque" and all(row.name[0] == "R" for row in some if row.plant):
+                x = sum_of([row for row in some if row.axis == "x"], "plant")
+                said = [f"torque is carried to another frame: along x it is {x}"]
+            if title == "torque" and said and all(row.name in names for row in some):
+                said = self._allocation(A, E, ratios, J if of_inertia else 0 * J) or said
+            elif title == "ω × Jω" and said and of_inertia and not np.allclose(A, E, rtol=1e-4):
+                said = []
+            self.result.add(title, some, said)
+
+    def _allocation(self, A: Array, E: Array, ratios: Array, J: Array) -> list[str]:
+        """Return what exchanges thrusters, signs, arms or moments of inertia; none if nothing does.
+
+        J are the moments of inertia if all of ω̇ follows from others, else 0.
+        """
+
+        def is_plant(X: Array) -> bool:
+            return np.allclose(A, X, rtol=1e-4, atol=1e-6 * np.abs(E).max())
+
+        k = A.shape[1] if self.model.thrusters is not None else 0
+        orders = permutations(range(k)) if 1 < k <= MOST_ROTORS else ()
+        signs = [x for x in product((1, -1), repeat=3) if is_plant(np.array(x)[:, None] * E)]
+        axes = [[f"torque {XYZ[i]}" for i in range(3) if x[i] < 0 and E[i].any()] for x in signs]
+        ways = [f"{listed(x)}: coefficient −1 of 1 (the sign is wrong)" for x in axes[:1]]
+        right = [" ".join(str(i + 1) for i in x) for x in orders if is_plant(E[:, x])]
+        ways += [f"the thrusters are in the order {x}" for x in right[:2]]
+        if ways or not (is_plant(ratios[:, None] * E) and ratios.all()):
+            return [", or ".join(ways)] if ways else []
+        odd = [i for i in range(3) if not near(ratios[i], 1.0)]
+        if J.any() and len(odd) < 3:
+            a, b = odd[0], odd[-1]
+            if near(J[a] / ratios[a], J[b]) and near(J[b] / ratios[b], J[a]):
+                return [f"J{XYZ[a]} and J{XYZ[b]} are exchanged"]
+            of = [(XYZ[i], number(J[i] / ratios[i]), number(J[i])) for i in odd]
+            return [f"J{axis} is {mine}, expected {right}" for axis, mine, right in of]
+        said = dict[str, list[str]]()
+        for i in odd:
+            row = Term(XYZ[i], "", float(ratios[i]), 1.0, True)
+            words = usual([row]) or self._moments([row])
+            words = f"coefficient {number(row.ratio)} of 1{f' ({words})' if words else ''}"
+            said.setdefault(words, []).append(XYZ[i])
+        return [f"torque {listed(of)}: {words}" for words, of in said.items()]
+
+    def _moments(self, rows: Sequence[Term]) -> str:
+        """Return how a factor of a torque, or a product of ω, follows from moments of inertia."""
+        J, row = np.diag(self.model.inertia.matrix)[:3], rows[0]
+        if near(common_ratio(rows), J[XYZ.index(row.axis)]):
+            return f"not divided by J{row.axis}"
+        for (a, b), c in product(permutations(range(3), 2), range(3)):
+            if len(rows) == 1 and " ω" in row.name and near(row.plant, (J[a] - J[b]) / J[c]):
+                return f"J{XYZ[a]} − J{XYZ[b]} over J{XYZ[c]}"
+        return ""
+
+    # What cannot be seen, and steps.
+
+    def _unseen(self) -> None:
+        M, B, unseen = np.diag(self.model.inertia.matrix), self.model.columns[:3], list[str]()
+        for a, b, c in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
+            if near(M[a], M[b]):
+                x, y = XYZ[a], XYZ[b]
+                unseen.append(f"J{x} = J{y} hides ω{x} ω{y} in ω̇{XYZ[c]}, and J{x} for J{y}")
+        if near(M[-1], 1.0) and len(M) > 3:
+            unseen.append("1 kg hides what is multiplied or divided by the mass")
+        k = B.shape[1] if self.model.thrusters is not None else 0
+        for order in permutations(range(k)) if 1 < k <= MOST_ROTORS else ():
+            moved = B[:, order]
+            if not np.allclose(moved, B) and np.allclose(np.abs(moved), np.abs(B)):
+                unseen.append("thrusters in another order can equal wrong signs of torques")
+                break
+        self.result.unseen = [*unseen, "terms below 1e-6 of a rate; other times and inputs"]
+
+    def _steps(self) -> None:
+        """Find by the slope of (x(h) − x)/h how a step computes each part."""
+        states, h, ends = self.states[0].of(slice(FEW)), 1e-4, []
+        V_dot = self.model.acceleration(states)
+        for k in (-h, h):
+            Q = states.Q @ self.model.group.exp(k * states.V + k * k / 2 * V_dot)
+            ends.append(self.plant.derivatives(States(Q, states.V + k * V_dot, states.inputs))[0])
+        second, slopes = (ends[1] - ends[0]) / (2 * h), self.slopes[:FEW]
+        for kind, (_, where) in self.plant.parts.items():
+            a, b = slopes[:, where, None], second[:, where, None]
+            if kind == "attitude":  # without what normalises it
+                turns = self.plant.turned(states)[1]
+                a, b = (np.linalg.pinv(turns) @ x for x in (a, b))
+            share = float((a * b).sum() / (b * b).sum())
+            exact = size_of(a - share * b) < 0.05 * size_of(b)
+            words = (x for y, x in SCHEMES.items() if abs(share - y) < 0.02 and exact)
+            self.result.steps[kind] = next(words, "another scheme")
+
+
+SCHEMES = {0.0: "explicit Euler", 0.5: "order 2 or more", 1.0: "order 1, with the new rate"}
+"""Schemes by the slope of (x(h) − x)/h in that of the derivative."""
