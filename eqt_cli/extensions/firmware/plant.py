@@ -319,7 +319,8 @@ class Plant:
         entry, limits = self.adapter.input, self.adapter.input.range
         if limits is None or entry.as_ != "speeds":
             return limits
-        return np.mean(self.model.thrusters.thrust_constant) * (np.array(limits) * self.unit) ** 2
+        constant = np.mean(self.model.thrusters.thrust_constant)
+        return tuple(constant * (np.array(limits) * self.unit) ** 2)
 
     def values(self, states: States) -> list[Array]:
         """Return the parts of the user's state, ``(states, …)`` each."""

@@ -104,7 +104,7 @@ class Scene:
             **_named("|v{0}|v{0}", np.abs(v) * v),
             **_named(f"v along {{}} of {other}", turn * away),
             **_named(f"|v|v along {{}} of {other}", turn * np.abs(away) * away),
-            **_named("|v|v{}", size * v),
+            **_named("‖v‖v{}", size * v),
             **_named(f"v{{}} in {other}", away),
             **_named(f"v in {here} along {{}} of {other}", turn * v),
             **_products("ω", w, "v", v),
