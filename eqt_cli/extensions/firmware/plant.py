@@ -249,7 +249,8 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     EqtError
         If it is no adapter of a plant on this group.
     """
-    data, problems = load(text_of(file, "it is an adapter", EqtError), str(file)).data, Problems()
+    problems = Problems()
+    data: Any = load(text_of(file, "it is an adapter", EqtError), str(file)).data
     state = data.get("state") if isinstance(data, dict) else None
     if not isinstance(state, dict | list) or not state:
         raise EqtError(f"{file}: state: expected the parts of the state in their order")

@@ -21,35 +21,32 @@ from eqt_cli.base.arrays import Array, Arrays, apply_matrix, transpose
 from eqt_cli.base.errors import InputError
 from eqt_cli.base.reporting import listed
 from eqt_cli.extensions.firmware.code_evidence import least_squares
-from eqt_cli.extensions.firmware.plant import Model, Plant, States
+from eqt_cli.extensions.firmware.plant import Model, Plant, StatePart, States
 from eqt_cli.numbers.leaves import with_fields
 
 STATES = 250
 """Number of random states."""
 
-SPEED = 2.0
-"""Standard deviation of velocities, m/s and rad/s."""
+SPEED = 2.0  # standard deviation of velocities, m/s and rad/s
 
 LEFT = 1e-6
 """Share of a rate that may be left unexplained, and below which no term is seen."""
 
-FEW = 30
-"""States at which it is tried what something depends on, and how a step is computed."""
+FEW = 30  # states at which it is tried what something depends on, and how a step is computed
 
-MOST_ROTORS = 6
-"""Thrusters whose orders are tried."""
+MOST_ROTORS = 6  # whose orders are tried
 
 XYZ = "xyz"
 
 # Terms --------------------------------------------------------------------------------------------
 
 
-def _named(pattern: str, x: Array) -> Arrays:
+def _named(pattern: str, x: Array) -> dict[str, Array]:
     """Return the entries of vectors by names with their axes."""
     return {pattern.format(axis): x[:, k] for k, axis in enumerate(XYZ)}
 
 
-def _products(a: str, x: Array, b: str, y: Array) -> Arrays:
+def _products(a: str, x: Array, b: str, y: Array) -> dict[str, Array]:
     """Return the products of entries; of a vector with itself, those that differ."""
     pairs = combinations_with_replacement(range(3), 2) if a == b else product(range(3), repeat=2)
     names = {
@@ -59,7 +56,7 @@ def _products(a: str, x: Array, b: str, y: Array) -> Arrays:
     return {name: x[:, i] * y[:, j] for (i, j), name in names.items()}
 
 
-def _entries(R: Array, name: str = "R{}{}") -> Arrays:
+def _entries(R: Array, name: str = "R{}{}") -> dict[str, Array]:
     return {name.format(i + 1, j + 1): R[:, i, j] for i, j in product(range(3), repeat=2)}
 
 
@@ -97,16 +94,17 @@ class Scene:
         (here, v), (other, away) = self.v.items()
         R, w, size = self.R, self.w, np.linalg.norm(v, axis=1, keepdims=True)
         turn = R[:, axis] if here == "space" else R[:, :, axis]  # the other frame's axes along this
+        to = "b" if other == "body" else "e"
         return {
             "1": np.ones(len(v)),
             **_entries(R),
             **_named("v{}", v),
             **_named("|v{0}|v{0}", np.abs(v) * v),
-            **_named(f"v along {{}} of {other}", turn * away),
-            **_named(f"|v|v along {{}} of {other}", turn * np.abs(away) * away),
+            **_named(f"v{{0}} {to}{{0}}", turn * away),
+            **_named(f"|v{{0}}|v{{0}} {to}{{0}}", turn * np.abs(away) * away),
             **_named("‖v‖v{}", size * v),
             **_named(f"v{{}} in {other}", away),
-            **_named(f"v in {here} along {{}} of {other}", turn * v),
+            **_named(f"v{{0}} in {here} {to}{{0}}", turn * v),
             **_products("ω", w, "v", v),
             **_products("v", v, "v", v),
             **_named("ω{}", w),
@@ -179,7 +177,9 @@ def fewest(
         return None
     ways = []
     for along in (True, False):  # a drag alike along all axes is one of the body and of space
-        order = sorted(terms, key=lambda n: (along and n not in first, along and "along" not in n))
+        order = sorted(
+            terms, key=lambda n: (along and n not in first, along and n[-2:-1] not in "be")
+        )
         every = factors(order)
         kept = [n for n in order if abs(every[n]) * size_of(terms[n]) > LEFT * scale]
         kept = kept if left(kept) <= LEFT * scale else order
@@ -211,14 +211,15 @@ def compared(
     """Return the terms of rates, ``(n, axes)`` each; None where no sum of them explains both."""
     scale, rows = size_of(model) or size_of(plant) or 1.0, list[Term]()
     for axis, name in enumerate(axes):
-        columns, (y, x) = terms(axis), (plant[:, axis], model[:, axis])
-        expected = fewest(columns, x, scale)
-        same = size_of(y - x) <= LEFT * scale
-        found = expected if same else fewest(columns, y, scale, expected or ())
-        if expected is None or found is None:
+        columns, y, x = terms(axis), plant[:, axis], model[:, axis]
+        expected, same = fewest(columns, x, scale), size_of(y - x) <= LEFT * scale
+        if expected is None and not same:
             return None
-        for term in [n for n in columns if n in found or n in expected]:
-            a, b = found.get(term, 0.0), expected.get(term, 0.0)
+        found = expected if same else fewest(columns, y, scale, expected or ())
+        if found is None and not same:
+            return None
+        for term in [n for n in columns if n in (found or ()) or n in (expected or ())]:
+            a, b = (each.get(term, 0.0) for each in (found or {}, expected or {}))
             rows.append(Term(name, term, a, b, abs(a - b) * size_of(columns[term]) > LEFT * scale))
     return rows
 
@@ -269,6 +270,8 @@ def sentences_of(
 ) -> Iterator[str]:
     """Yield how the terms of one kind differ, in as few sentences as can be."""
     wrong, there = [row for row in rows if row.differs], [row for row in rows if row.model]
+    mirrored = {(row.axis, _mirrored(row.name)) for row in wrong if row.plant}
+    said = dict[str, list[str]]()
 
     def cause(some: Sequence[Term]) -> str:
         words = usual(some) or note(some)
@@ -278,25 +281,20 @@ def sentences_of(
         yield f"lacks {title}"
     elif wrong and wrong == there and math.isfinite(ratio := common_ratio(wrong)):
         yield f"{title}: coefficient {number(ratio)} of 1{cause(wrong)}"
-    elif wrong and {(r.axis, _mirrored(r.name)) for r in wrong if r.plant} == {
-        (r.axis, r.name) for r in wrong if r.model
-    }:
+    elif wrong and mirrored == {(row.axis, row.name) for row in wrong if row.model}:
         yield f"{title}: R is transposed"
-    elif wrong:
-        said = dict[str, list[str]]()
-        axes = dict.fromkeys(row.axis for row in wrong)
-        alike = len(axes) == 3
-        for axis in axes:
+    else:
+        for axis in dict.fromkeys(row.axis for row in wrong):
             here = [row for row in rows if row.axis == axis]
             plant, model = (sum_of(here, of, scale) for of in ("plant", "model"))
             words = f"is {plant}, expected {model}" if model != "0" else f"has {plant}"
             said.setdefault(f"{words}{cause(here)}", []).append(axis)
-        short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in said.items() for a in x}
-        if alike and len(short) == 1:
-            said = {short.pop(): []}
-        for words, of in said.items():
-            about = f"{title} along {listed(of)}" if of else title
-            yield f"has {words[4:]} as {about}" if words[:3] == "has" else f"{about} {words}"
+    short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in said.items() for a in x}
+    if len(short) == 1 and sum(map(len, said.values())) == 3:  # alike along all axes
+        said = {short.pop(): []}
+    for words, axes in said.items():
+        about = f"{title} along {listed(axes)}" if axes else title
+        yield f"has {words[4:]} as {about}" if words[:3] == "has" else f"{about} {words}"
 
 
 TERMS = {
@@ -304,7 +302,7 @@ TERMS = {
     "weight": r"1$|R\d",
     "gyroscopic torque of the rotors": "Σ",
     "ω × v": r".*ω.*v|.*v.*ω",
-    "v × 𝕀v": r"v\w(²| v)",
+    "v × 𝕀v, the moment of the added mass": r"v\w(²| v)",
     "drag": r".*v",
     "ω × Jω": r"ω\w(²| ω)",
     "damping": "",
@@ -440,24 +438,16 @@ class Judge:
                 f"{self.plant.name}: {title} is not affine in the input: it clips, or the input is "
                 "not thrust; give `range` or `as` in `input` of the adapter"
             )
-        here, other, m = (
-            self.states[0].of(slice(FEW)),
-            self.drawn().of(slice(FEW)),
-            len(self.model.columns),
-        )
+        here, other = self.states[0].of(slice(FEW)), self.drawn().of(slice(FEW))
+        axes, turns = np.arange(here.V.shape[1]) < 3, np.zeros(here.Q.shape[1:], dtype=bool)
+        turns[:3, :3] = True
 
         def apart(states: States) -> Array:
             return np.subtract(*self.both(kind, states, self.plant.derivatives(states)[0]))
 
-        def mixed(Q: Array, rows: slice, columns: slice) -> Array:
-            mixture = np.array(here.Q)
-            mixture[:, rows, columns] = Q[:, rows, columns]
-            return mixture
-
-        axes = np.arange(m) < 3
         changes = {
-            "position": here._replace(Q=mixed(other.Q, slice(3), slice(3, None))),
-            "attitude": here._replace(Q=mixed(other.Q, slice(3), slice(3))),
+            "position": here._replace(Q=np.where(turns, here.Q, other.Q)),
+            "attitude": here._replace(Q=np.where(turns, other.Q, here.Q)),
             "velocity": here._replace(V=np.where(axes, here.V, other.V)),
             "ω": here._replace(V=np.where(axes, other.V, here.V)),
             "input": here._replace(inputs=other.inputs),
@@ -469,44 +459,29 @@ class Judge:
         return None
 
     def _attitude(self) -> None:
-        states, (part, where) = (
-            self.states[0].signed(self.plant.signs),
-            self.plant.parts["attitude"],
-        )
-        title, w, raw = "rate of the attitude", states.V[:, :3], self.rates[0][:, where]
-        here, turns = self.plant.turned_as(part, states)
-        ways = dict[str, Array]()
+        """Judge the rate of the attitude, in the user's axes."""
+        states, title = self.states[0].signed(self.plant.signs), "rate of the attitude"
+        part, where = self.plant.parts["attitude"]
+        w, raw = states.V[:, :3], self.rates[0][:, where]
+        (here, turns), words, rate = self.plant.turned_as(part, states), "", 0 * raw
         if part.as_ == "roll-pitch-yaw":
-            ways["the rates of roll, pitch, yaw are set to ω"] = w * part.factor
+            words, rate = "the rates of roll, pitch, yaw are set to ω", w * part.factor
         elif part.as_.startswith("quaternion"):
-            order = {"xyzw": "wxyz", "wxyz": "xyzw"}[part.as_[-4:]]
+            order = "xyzw" if part.as_.endswith("wxyz") else "wxyz"
             Q, other = np.array(states.Q), with_fields(part, as_=f"quaternion {order}")
             Q[:, :3, :3] = other._rotation(here)
-            q, rates = self.plant.turned_as(other, states._replace(Q=Q))
+            q, of_other = self.plant.turned_as(other, states._replace(Q=Q))
             words = f"the quaternion ({part.as_[-4:]}) is multiplied as if it were {order}"
-            ways[words] = apply_matrix(rates, w) * np.sign((q * here).sum(axis=1))[:, None]
-        for words, rate in ways.items():
-            if size_of(raw - rate) <= LEFT * size_of(raw):
-                self.result.note(title, words, "differs")
-                return
+            rate = apply_matrix(of_other, w) * np.sign((q * here).sum(axis=1))[:, None]
+        if words and size_of(raw - rate) <= LEFT * size_of(raw):
+            self.result.note(title, words, "differs")
+            return
         terms, both = Scene(self.model, self.states[0]).turning, self.rate("attitude", 0)
         left = raw - (turns @ np.linalg.pinv(turns) @ raw[..., None])[..., 0]
         is_turn = size_of(left) <= LEFT * size_of(raw)
-        if not is_turn or compared(terms, *both) is None:  # perhaps slips in few entries
-            names = [f"q{x}" for x in part.as_[-4:]]
-            if len(names) != len(raw[0]):
-                names = [f"R{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
-            if part.as_ == "roll-pitch-yaw":
-                names = part.as_.split("-")
-
-            def entry(k: int) -> Arrays:
-                if part.as_ == "roll-pitch-yaw":
-                    return {f"its term of ω{XYZ[i]}": turns[:, k, i] * w[:, i] for i in range(3)}
-                pairs = product(enumerate(names), range(3))
-                return {f"{name} ω{XYZ[i]}": here[:, a] * w[:, i] for (a, name), i in pairs}
-
-            rows = compared(entry, raw, apply_matrix(turns, w), names) or ()
-            if 0 < len({row.axis for row in rows if row.differs}) <= len(names) / 2:
+        if not is_turn or compared(terms, *both) is None:
+            rows = self._entries(part, here, turns, raw, w)
+            if 0 < len({row.axis for row in rows if row.differs}) <= raw.shape[1] / 2:
                 self.result.add(title, rows, [*sentences_of(title, rows)])
                 return
         if not is_turn:
@@ -515,6 +490,24 @@ class Judge:
                 "and the order of the state in the adapter"
             )
         self._explained(title, "attitude", terms, *both)
+
+    def _entries(
+        self, part: StatePart, here: Array, turns: Array, raw: Array, w: Array
+    ) -> Sequence[Term]:
+        """Return the terms of each entry of the rate, which may have a slip."""
+        names = [f"R{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+        if part.as_.startswith("quaternion"):
+            names = [f"q{x}" for x in part.as_[-4:]]
+        elif part.as_ == "roll-pitch-yaw":
+            names = part.as_.split("-")
+
+        def entry(k: int) -> Arrays:
+            if part.as_ == "roll-pitch-yaw":
+                return {f"its term of ω{XYZ[i]}": turns[:, k, i] * w[:, i] for i in range(3)}
+            pairs = product(enumerate(names), range(3))
+            return {f"{name} ω{XYZ[i]}": here[:, a] * w[:, i] for (a, name), i in pairs}
+
+        return compared(entry, raw, apply_matrix(turns, w), names) or ()
 
     def _velocity(self) -> None:
         frame = "space" if self.plant.parts["velocity"][0].frame == "space" else "body"
@@ -525,7 +518,8 @@ class Judge:
         if push is None:
             return
         M = np.diag(self.model.inertia.matrix)[3:]
-        unequal, unit = np.ptp(M) > 0, 1 / M[0] if np.ptp(M) == 0 else 1.0
+        unequal = bool(np.ptp(M) > 0)
+        unit = 1.0 if unequal else 1 / M[0]
         self.result.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
         scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
         for axis, name in enumerate(XYZ):
@@ -534,20 +528,18 @@ class Judge:
                 plant[:, axis] -= row.plant * terms[row.name]
                 model[:, axis] -= row.model * terms[row.name]
         title = "acceleration without the push"
-        odd = [row for row in push if row.differs and row.name[0] == "R"]
-        if (
-            odd
-            and math.isnan(common_ratio([x for x in push if x.name[0] == "R"]))
-            and not compared(scene.no_push, plant, model)
-        ):
+        of_R = [row for row in push if row.name[0] == "R"]
+        is_wrong = any(row.differs for row in of_R) and math.isnan(common_ratio(of_R))
+        if is_wrong and not compared(scene.no_push, plant, model):
             self.result.rows.append((title, "", "", "not judged, as R is wrong"))
             return
         rows = self._explained(title, "velocity", scene.no_push, plant, model) or ()
         masses = {row.axis: row.ratio for row in push if row.differs and row.model}
         again = {x for x in rows if x.differs and near(x.ratio, masses.get(x.axis, math.nan))}
-        titles = {"v × 𝕀v": "drag", "ω × v": "ω × 𝕀v" if unequal else "ω × v"}
         for kind, some in by_kind(rows).items():
-            title = titles.get(kind, kind)
+            title = (
+                "drag" if kind.startswith("v ×") else kind.replace("× v", "× 𝕀v" * unequal or "× v")
+            )
             others = [row for row in some if row not in again]  # a wrong mass is said once
             note = self._gravity if title == "weight" else self._mass
             self.result.add(title, some, [*sentences_of(title, others, note)])
@@ -580,8 +572,8 @@ class Judge:
             np.array([[getattr(inputs.get((a, n)), of, 0.0) for n in names] for a in XYZ])
             for of in ("plant", "model")
         )
-        ratios = np.divide(
-            (A * E).sum(axis=1), (E * E).sum(axis=1), out=np.ones(3), where=E.any(axis=1)
+        ratios = np.where(
+            E.any(axis=1), (A * E).sum(axis=1) / np.maximum((E * E).sum(axis=1), 1e-99), 1
         )
         K = J / np.where(ratios == 0, np.nan, ratios)  # what the moments of inertia would be
         moved = {
@@ -592,12 +584,8 @@ class Judge:
         of_inertia = {(r.axis, r.name) for r in products} <= moved.keys() and all(
             abs(r.plant - moved[r.axis, r.name]) < 1e-4 for r in products
         )
-        names_of = {
-            "weight": "torque of the weight",
-            "v × 𝕀v": "v × 𝕀v, the moment of the added mass",
-        }
         for kind, some in kinds.items():
-            title = names_of.get(kind, kind)
+            title = f"torque of the {kind}" if kind == "weight" else kind
             said = [*sentences_of(title, some, self._moments)]
             if kind == "torque" and all(row.name[0] == "R" for row in some if row.plant):
                 x = sum_of([row for row in some if row.axis == "x"], "plant")
@@ -672,7 +660,14 @@ class Judge:
     def _steps(self) -> None:
         """Find by the slope of (x(h) − x)/h how a step computes each part."""
         states, h, ends = self.states[0].of(slice(FEW)), 1e-4, []
-        V_dot = self.model.acceleration(states)
+        w_dot, R = self.both("rates", states, self.rates[0][:FEW])[0], states.Q[:, :3, :3]
+        V_dot = w_dot
+        if "velocity" in self.plant.parts:
+            v_dot = self.both("velocity", states, self.rates[0][:FEW])[0]
+            if self.plant.parts["velocity"][0].frame == "space":
+                turned = np.cross(states.V[:, :3], states.V[:, 3:])
+                v_dot = apply_matrix(transpose(R), v_dot) - turned
+            V_dot = np.hstack([w_dot, v_dot])
         for k in (-h, h):
             Q = states.Q @ self.model.group.exp(k * states.V + k * k / 2 * V_dot)
             ends.append(self.plant.derivatives(States(Q, states.V + k * V_dot, states.inputs))[0])
@@ -682,10 +677,11 @@ class Judge:
             if kind == "attitude":  # without what normalises it
                 turns = self.plant.turned(states)[1]
                 a, b = (np.linalg.pinv(turns) @ x for x in (a, b))
-            share = float((a * b).sum() / (b * b).sum())
+            share = float((a * b).sum() / ((b * b).sum() or 1.0))
             exact = size_of(a - share * b) < 0.05 * size_of(b)
             words = (x for y, x in SCHEMES.items() if abs(share - y) < 0.02 and exact)
-            self.result.steps[kind] = next(words, "another scheme")
+            constant = size_of(b) <= LEFT * size_of(self.rates[0])
+            self.result.steps[kind] = "constant rate" if constant else next(words, "another scheme")
 
 
 SCHEMES = {0.0: "explicit Euler", 0.5: "order 2 or more", 1.0: "order 1, with the new rate"}

@@ -1,5 +1,6 @@
 """Whose plant is this: the answer, its table and its document for `eqt verify --plant`."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,11 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import Block, TextTable
 from eqt_cli.extensions.firmware.plant import Model, Plant, States, adapter_in, short_way
-from eqt_cli.extensions.firmware.plant_evidence import STATES, Judge, number
+from eqt_cli.extensions.firmware.plant_evidence import FEW, STATES, Judge, number
 
 HEADER = ["part", "coefficient", "expected", "finding"]
 
 UNITS = {"position": "m", "attitude": "deg", "velocity": "m/s", "rates": "rad/s"}
-"""Units of errors of a step."""
-
-PERIODS = 20
-"""Number of states from which a step of a period is compared."""
 
 
 def judged(
@@ -36,64 +33,50 @@ def judged(
         raise EqtError(f"--plant: expected FILE.py:FUNCTION of a file in Python, got {plant}")
     beside = file.with_suffix(".adapter.yaml")
     if adapter is None and not beside.is_file():
-        raise EqtError(f"{plant}: needs an adapter; give {beside.name} beside it, or --adapter")
+        raise EqtError(f"{plant}: needs an adapter; write {beside.name} beside it, or --adapter")
     how = adapter_in(adapter or beside, loop.group)
+    if simulator and not (how.step and loop.period):
+        raise EqtError(
+            "--simulator: compares a step over control.period: give `returns: {state: dt}` in the "
+            "adapter, and control.period in the configuration"
+        )
     called = Plant(how, Model.of(loop, how.input.axes), file, function)
-    result = Judge(called).judged()
-    said = result.sentences
-    finding, answer = "is", f"{called.name} is the plant, within what {STATES} states show"
-    if said:
-        besides = [x for x in said if x.startswith(("lacks ", "has "))]
-        lacks = all(x.startswith("lacks ") for x in said)
-        unexplained = all("is unexplained" in x for x in said)
-        finding = "lacks" if lacks else "undecided" if unexplained else "differs"
-        answer = f"{called.name} differs: {'; '.join(said)}"
-        if len(besides) == len(said):
-            answer = f"{called.name} is the plant but {' and '.join(said)}"
+    judge = Judge(called)
+    result = judge.judged()
+    finding, answer = answer_of(result.sentences)
+    answer = f"{called.name} {answer}"
     notes = [f"cannot be seen: {x}" for x in result.unseen]
-    steps = ", ".join(f"{kind} {scheme}" for kind, scheme in result.steps.items())
-    notes += [f"scheme of the step: {steps}"] * bool(steps)
-    record = {
-        "plant": called.name,
-        "finding": finding,
-        "answer": answer,
-        "parts": [dict(zip(HEADER, row, strict=True)) for row in result.rows],
-        "sentences": said,
-        "unseen": result.unseen,
-        "step": result.steps,
-    }
+    if result.steps:
+        steps = [f"{kind}: {scheme}" for kind, scheme in result.steps.items()]
+        notes.append(f"scheme of the step: {'; '.join(steps)}")
+    parts = [dict(zip(HEADER, row, strict=True)) for row in result.rows]
+    record: dict[str, Any] = {"plant": called.name, "finding": finding, "answer": answer, "parts": parts}
+    record |= {"sentences": result.sentences, "unseen": result.unseen, "step": result.steps}
     if simulator:
-        period = loop.period
-        if not how.step or not period:
-            raise EqtError(
-                "--simulator: compares a step over control.period: give `returns: {state: dt}` in "
-                "the adapter, and control.period in the configuration"
-            )
-        errors = over_period(called, period)
-        record["period"] = errors
-        words = [
-            f"{kind} {number(e)} {UNITS[kind]} (order {n:.1f})" for kind, (e, n) in errors.items()
-        ]
-        notes.insert(0, f"largest error over a period of {period:g} s: {', '.join(words)}")
-    return (
-        record,
-        answer,
-        TextTable("plant", "", HEADER, [Block("", [[*row] for row in result.rows])], notes),
-    )
+        few = judge.states[0].of(slice(FEW))
+        record["period"] = errors = errors_of(called, few, loop.period)
+        half = errors_of(called, few, loop.period / 2)
+        words = []
+        for kind, error in errors.items():
+            order = math.log2(error / half[kind]) - 1 if error and half[kind] else math.nan
+            said = f", order {order:.1f}" * (finding == "is" and math.isfinite(order))
+            words.append(f"{kind} {number(error)} {UNITS[kind]}{said}")
+        notes.insert(0, f"largest error over a period of {loop.period:g} s: {'; '.join(words)}")
+    blocks = [Block("", [[*row] for row in result.rows])]
+    return record, answer, TextTable("plant", "", HEADER, blocks, notes)
 
 
-def over_period(plant: Plant, period: float) -> dict[str, tuple[float, float]]:
-    """Return the largest error of a step over a period, and its order, by kind.
-
-    The order is that of the step over many periods: halving the period leaves 2^−(order + 1) of
-    the error of one.
-    """
-    states = Judge(plant).states[0].of(slice(PERIODS))
-    whole, half = (errors_of(plant, states, h) for h in (period, period / 2))
-    return {
-        kind: (e, float(np.log2(e / half[kind]) - 1) if half[kind] else 0.0)
-        for kind, e in whole.items()
-    }
+def answer_of(said: list[str]) -> tuple[str, str]:
+    """Return the finding, is, lacks, differs or undecided, and the answer."""
+    if not said:
+        return "is", f"is the plant, within what {STATES} states show"
+    lacks, others = ([x for x in said if x.startswith("lacks ") is lack] for lack in (True, False))
+    lacking = ["lacks " + ", ".join(x[6:] for x in lacks)] if lacks else []
+    if all(x.startswith("has ") for x in others):
+        finding = "differs" if others else "lacks"
+        return finding, f"is the plant but {' and '.join([*lacking, *others])}"
+    finding = "undecided" if all("is unexplained" in x for x in said) else "differs"
+    return finding, f"differs: {'; '.join([*others, *lacking])}"
 
 
 def errors_of(plant: Plant, states: States, period: float) -> dict[str, float]:
@@ -101,11 +84,12 @@ def errors_of(plant: Plant, states: States, period: float) -> dict[str, float]:
     end, found = after(plant.model, states, period), plant.answers(states, period)
     exact, errors = plant.flat(end), dict[str, float]()
     for kind, (part, where) in plant.parts.items():
-        apart = (found - exact)[:, where] / part.factor if kind != "attitude" else found[:, where]
         if kind == "attitude":
             here, turns = plant.turned(end)
-            apart = short_way(part, apart, here)
-            apart = np.degrees((np.linalg.pinv(turns) @ apart[..., None])[..., 0])
+            apart = np.linalg.pinv(turns) @ short_way(part, found[:, where], here)[..., None]
+            apart = np.degrees(apart[..., 0])
+        else:
+            apart = (found - exact)[:, where] / part.factor
         errors[kind] = float(np.linalg.norm(apart, axis=1).max())
     return errors
 
@@ -114,14 +98,14 @@ def after(model: Model, states: States, period: float) -> States:
     """Return the states of the model after a period with the same inputs."""
     from scipy.integrate import solve_ivp
 
-    G, n = model.group, len(states.V)
-    d, m = G.size, G.dimension
+    G, n = model.group, states.Q.size
+
+    def of(y: Array) -> States:
+        return States(y[:n].reshape(states.Q.shape), y[n:].reshape(states.V.shape), states.inputs)
 
     def rate(_: float, y: Array) -> Array:
-        Q, V = y[: n * d * d].reshape(n, d, d), y[n * d * d :].reshape(n, m)
-        V_dot = model.acceleration(States(Q, V, states.inputs))
-        return np.concatenate([(Q @ G.hat(V)).ravel(), V_dot.ravel()])
+        now = of(y)
+        return np.hstack([(now.Q @ G.hat(now.V)).ravel(), model.acceleration(now).ravel()])
 
-    y = np.concatenate([states.Q.ravel(), states.V.ravel()])
-    y = solve_ivp(rate, (0.0, period), y, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    return States(y[: n * d * d].reshape(n, d, d), y[n * d * d :].reshape(n, m), states.inputs)
+    y = np.hstack([states.Q.ravel(), states.V.ravel()])
+    return of(solve_ivp(rate, (0.0, period), y, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1])
