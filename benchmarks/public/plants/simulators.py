@@ -14,7 +14,8 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
-os.environ = {**os.environ, "SCIPY_ARRAY_API": "1"}  # which drone-models sets, and plants may not
+# drone-models asks for it, and sets it otherwise, which a plant may not.
+vars(os)["environ"] = {**os.environ, "SCIPY_ARRAY_API": "1"}
 from scipy.spatial.transform import Rotation  # noqa: E402
 
 MASS, J, ARM, K_ETA, K_M = 1.2, np.diag([0.02, 0.025, 0.04]), 0.12, 5.57e-6, 1.36e-7
@@ -28,9 +29,9 @@ def text(path):
 
 def method(path, name, names):
     """Return a method, cut out of a fetched file as it stands, as a function."""
-    lines = re.search(rf"^    def {name}\(.*?(?=^    def |^    ####|\Z)", text(path), re.M | re.S)[0]
+    lines = rf"^    def {name}\(.*?(?=^    def |^    ####|\Z)"
     names = names | {"np": np}
-    exec("class Cut:\n" + lines, names)
+    exec("class Cut:\n" + re.search(lines, text(path), re.M | re.S)[0], names)
     return getattr(names["Cut"], name)
 
 
@@ -138,7 +139,8 @@ def quadcopter_simulator(x, thrusts):
 
 # PythonRobotics: the lines of `quad_sim` that move the quadrotor ----------------------------------
 
-DRONE = "PythonRobotics/AerialNavigation/drone_3d_trajectory_following/drone_3d_trajectory_following.py"
+FOLLOWING = "drone_3d_trajectory_following"
+DRONE = f"PythonRobotics/AerialNavigation/{FOLLOWING}/{FOLLOWING}.py"
 
 
 def python_robotics(x, u, dt, made=[]):  # noqa: B006  # made once
@@ -180,8 +182,8 @@ def data_driven(drag, p, q, v, w, thrusts, made={}):  # noqa: B006  # made once
     if drag not in made:
         names = {"np": np}
         for name in ("v_dot_q", "q_to_rot_mat", "skew_symmetric", "quaternion_inverse"):
-            found = re.search(rf"^def {name}\(.*?(?=^def )", text(f"{MPC}/utils/utils.py"), re.M | re.S)
-            exec(found[0], names)
+            lines = rf"^def {name}\(.*?(?=^def )"
+            exec(re.search(lines, text(f"{MPC}/utils/utils.py"), re.M | re.S)[0], names)
         code = text(f"{MPC}/quad_mpc/quad_3d.py")
         exec(re.sub(r"^from src.*", "", code, flags=re.M), names)
         made[drag] = quad = names["Quadrotor3D"](drag=drag)
@@ -228,12 +230,13 @@ def udaan(p, R, v, w, thrust, torque, dt):
 
 
 def drone_models(p, q, v, w, rpm):
-    """Call `first_principles.dynamics`; with J_r = 1e-6, as no vehicle here has gyroscopic rotors."""
+    """Call `first_principles.dynamics` with J_r = 1e-6 kg m², which the vehicle has not."""
     sys.path[:0] = ["site"] * ("site" not in sys.path)
     model = importlib.import_module("drone_models.first_principles")
-    numbers = {"mass": MASS, "L": ARM, "prop_inertia": 1e-6, "gravity_vec": np.array([0, 0, -9.81])}
+    down = np.array([0, 0, -9.81])
+    numbers = {"mass": MASS, "L": ARM, "prop_inertia": 1e-6, "gravity_vec": down}
     numbers |= {"J": J, "J_inv": np.linalg.inv(J), "drag_matrix": np.zeros((3, 3))}
-    numbers |= {"rpm2thrust": np.array([0, 0, K_ETA * RPM]), "rpm2torque": np.array([0, 0, K_M * RPM])}
+    numbers["rpm2thrust"], numbers["rpm2torque"] = ([0, 0, k * RPM] for k in (K_ETA, K_M))
     signs = np.array([[1.0, -1, -1, 1], [-1, -1, 1, 1], [1, -1, 1, -1]])
     numbers |= {"mixing_matrix": signs, "rotor_dyn_coef": np.ones(4)}
     return model.dynamics(p, q, v, w, rpm, **numbers)[:4]
@@ -259,7 +262,8 @@ def acados_rate(folder, x, krpm, made={}):  # noqa: B006  # made once
         import casadi
 
         constants = dict(zip(("Ix", "Iy", "Iz"), np.diag(J).tolist(), strict=True))
-        constants |= {"mq": MASS, "g0": 9.81, "l": ARM, "Ct": K_ETA * RPM * 1e6, "Cd": K_M * RPM * 1e6}
+        constants |= {"mq": MASS, "g0": 9.81, "l": ARM}
+        constants |= {"Ct": K_ETA * RPM * 1e6, "Cd": K_M * RPM * 1e6}
         none = casadi.MX.zeros(3)
         track = (0.0, 0.0, none, none, none, 0.0, 0.0, none, none, none)
         module("common", ca=casadi, np=np, projFrenSerretBasis=lambda s: track, **constants)

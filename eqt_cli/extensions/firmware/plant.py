@@ -371,7 +371,7 @@ class Plant:
         named |= {"thrusts": states.inputs, self.adapter.step or "dt": np.full(n, step)}
         directions = self.model.group.directions
         u = wrench[:, [*map(directions.index, entry.axes or directions)]]
-        if entry.as_ != "wrench" and self.model.thrusters is not None:
+        if entry.as_ == "speeds" or (entry.as_ != "wrench" and self.model.thrusters is not None):
             u = self.filled(entry.as_, states)
         return named | {"u": u}
 

@@ -46,6 +46,10 @@ def _named(pattern: str, x: Array) -> dict[str, Array]:
     return {pattern.format(axis): x[:, k] for k, axis in enumerate(XYZ)}
 
 
+def _frames(vectors: Arrays) -> dict[str, Array]:
+    return {name: x for of, y in vectors.items() for name, x in _named(of, y).items()}
+
+
 def _products(a: str, x: Array, b: str, y: Array) -> dict[str, Array]:
     """Return the products of entries; of a vector with itself, those that differ."""
     pairs = combinations_with_replacement(range(3), 2) if a == b else product(range(3), repeat=2)
@@ -136,19 +140,16 @@ class Scene:
 
     def turning(self, axis: int) -> Arrays:
         """Return the terms of the rate at which the attitude turns."""
-        away = _named("Rᵀω{}", apply_matrix(transpose(self.R), self.w))
-        return _named("ω{}", self.w) | away | _named("Rω{}", apply_matrix(self.R, self.w))
+        R, w = self.R, self.w
+        return _frames(
+            {"ω{}": w, "Rω{}": apply_matrix(R, w), "Rᵀω{}": apply_matrix(transpose(R), w)}
+        )
 
     def moving(self, axis: int) -> Arrays:
         """Return the terms of the rate of the position."""
-        twice = _named("RRv{}", apply_matrix(self.R, self.v["space"]))
-        away = _named("Rᵀv{}", apply_matrix(transpose(self.R), self.v["body"]))
-        return (
-            _named("v{}", self.v["space"])
-            | _named("v{} of the body", self.v["body"])
-            | away
-            | twice
-        )
+        R, v, away = self.R, self.v["body"], self.v["space"]
+        of = {"v{}": away, "v{} of the body": v, "RRv{}": apply_matrix(R, away)}
+        return _frames(of | {"Rᵀv{}": apply_matrix(transpose(R), v)})
 
 
 # As few terms as can be ---------------------------------------------------------------------------
@@ -290,19 +291,22 @@ def sentences_of(
             words = f"is {plant}, expected {model}" if model != "0" else f"has {plant}"
             said.setdefault(f"{words}{cause(here)}", []).append(axis)
     short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in said.items() for a in x}
-    if len(short) == 1 and sum(map(len, said.values())) == 3:  # alike along all axes
-        said = {short.pop(): []}
-    for words, axes in said.items():
-        about = f"{title} along {listed(axes)}" if axes else title
-        yield f"has {words[4:]} as {about}" if words[:3] == "has" else f"{about} {words}"
+    if sum(map(len, said.values())) == 3 and 1 in (len(short), len(said)):  # alike along all axes
+        said = {(short if len(short) == 1 else {*said}).pop(): []}
+    along = {words: f" along {listed(axes)}" if axes else "" for words, axes in said.items()}
+    if more := [f"{words[4:]}{axes}" for words, axes in along.items() if words[:4] == "has "]:
+        yield f"has {listed(more)} as {title}"
+    yield from (f"{title}{axes} {words}" for words, axes in along.items() if words[:3] == "is ")
 
+
+MOMENT = "v × 𝕀v, the moment of the added mass"
 
 TERMS = {
     "torque": r"[fFτ]|.*τ",
     "weight": r"1$|R\d",
     "gyroscopic torque of the rotors": "Σ",
     "ω × v": r".*ω.*v|.*v.*ω",
-    "v × 𝕀v, the moment of the added mass": r"v\w(²| v)",
+    MOMENT: r"v\w(²| v)",
     "drag": r".*v",
     "ω × Jω": r"ω\w(²| ω)",
     "damping": "",
@@ -518,8 +522,7 @@ class Judge:
         if push is None:
             return
         M = np.diag(self.model.inertia.matrix)[3:]
-        unequal = bool(np.ptp(M) > 0)
-        unit = 1.0 if unequal else 1 / M[0]
+        unit = 1.0 if np.ptp(M) > 0 else 1 / M[0]
         self.result.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
         scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
         for axis, name in enumerate(XYZ):
@@ -536,10 +539,10 @@ class Judge:
         rows = self._explained(title, "velocity", scene.no_push, plant, model) or ()
         masses = {row.axis: row.ratio for row in push if row.differs and row.model}
         again = {x for x in rows if x.differs and near(x.ratio, masses.get(x.axis, math.nan))}
-        for kind, some in by_kind(rows).items():
-            title = (
-                "drag" if kind.startswith("v ×") else kind.replace("× v", "× 𝕀v" * unequal or "× v")
-            )
+        kinds = by_kind(rows)
+        kinds["drag"] = kinds.get("drag", []) + kinds.pop(MOMENT, [])
+        for kind, some in kinds.items():
+            title = kind.replace("× v", "× 𝕀v") if np.ptp(M) > 0 else kind
             others = [row for row in some if row not in again]  # a wrong mass is said once
             note = self._gravity if title == "weight" else self._mass
             self.result.add(title, some, [*sentences_of(title, others, note)])

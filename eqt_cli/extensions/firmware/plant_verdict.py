@@ -50,7 +50,12 @@ def judged(
         steps = [f"{kind}: {scheme}" for kind, scheme in result.steps.items()]
         notes.append(f"scheme of the step: {'; '.join(steps)}")
     parts = [dict(zip(HEADER, row, strict=True)) for row in result.rows]
-    record: dict[str, Any] = {"plant": called.name, "finding": finding, "answer": answer, "parts": parts}
+    record: dict[str, Any] = {
+        "plant": called.name,
+        "finding": finding,
+        "answer": answer,
+        "parts": parts,
+    }
     record |= {"sentences": result.sentences, "unseen": result.unseen, "step": result.steps}
     if simulator:
         few = judge.states[0].of(slice(FEW))

@@ -18,7 +18,7 @@ def rot(q):
 
 
 def f(x, u):
-    p, q, v, w = x[:3], x[3:7], x[7:10], x[10:13]
+    q, v, w = x[3:7], x[7:10], x[10:13]
     T, tx, ty, tz = M @ u
     R = rot(q)
     a = R @ np.array([0, 0, T]) / m - np.array([0, 0, g]) - R @ D @ R.T @ v / m
