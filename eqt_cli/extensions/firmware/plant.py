@@ -91,8 +91,8 @@ class Model:
             raise EqtError("--plant: an inertia that varies in time is not covered")
         loop = with_fields(loop, vehicle=loop.vehicle.of_run(G))
         if unknown := [axis for axis in axes or () if axis not in G.directions]:
-            known = ", ".join(G.directions)
-            raise EqtError(f"--adapter: input.axes: expected {known}, got {shown(unknown[0])}")
+            names = ", ".join(G.directions)
+            raise EqtError(f"--adapter: input.axes: expected {names}, got {shown(unknown[0])}")
         parts: Any = next((x for x in loop.vehicle.actuators if isinstance(x, Thrusters)), None)
         rows = [G.directions.index(axis) for axis in axes or G.directions]
         return cls(loop, np.eye(G.dimension)[:, rows] if parts is None else parts.matrix, parts)
@@ -112,8 +112,8 @@ class Model:
     @cached_property
     def inertia(self) -> Inertia:
         """The true inertia."""
-        true, own = self.loop.vehicle.inertia, self.loop.inertia.at(0.0)
-        return own if true is None else true.at(own, 0.0)
+        true, model = self.loop.vehicle.inertia, self.loop.inertia.at(0.0)
+        return model if true is None else true.at(model, 0.0)
 
     def _tracking(self, x: LawInput) -> Any:
         return x.tracking(self.group, self.loop.inertia, self.loop.gains, {})
@@ -262,20 +262,24 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     signals = [TURNS.get(part.signal, part.signal) for part in adapter.state] if adapter else needed
     for index, signal in enumerate(signals):
         if signal not in (*needed, *FILLED) and not (adapter and adapter.state[index].skip):
-            said = f"expected {', '.join((*needed, *FILLED))}, got {shown(signal)}"
-            problems.at("state", index, "signal").add(said)
+            words = f"expected {', '.join((*needed, *FILLED))}, got {shown(signal)}"
+            problems.at("state", index, "signal").add(words)
+        if adapter and signal == "pose.translation" and adapter.state[index].frame == "body":
+            problems.at("state", index, "frame").add("expected space, got 'body'")
     for signal in needed[G.name == "SE3" :]:
         if signal not in signals:
             problems.at("state").add(f"lacks {signal}, which eqt compares")
     if problems:
-        raise EqtError("\n".join(f"{file}: {each.path}: {each.message}" for each in problems))
+        raise EqtError(
+            "\n".join(f"{file}: {problem.path}: {problem.message}" for problem in problems)
+        )
     state = [with_fields(x, signal=y) for x, y in zip(adapter.state, signals, strict=True)]
     return with_fields(adapter, state=state)
 
 
 # The function, called at states -------------------------------------------------------------------
 
-SHORT = 1e-5
+SHORT = 3e-6
 """Turn by which derivatives of an attitude are computed, rad: an error of 1e-10 of them."""
 
 
@@ -343,8 +347,8 @@ class Plant:
 
     def _signal(self, part: StatePart) -> StatePart:
         """Return a part with the signal that it has on the group."""
-        whole = part.signal.partition(".")[0]
-        return part if self.model.group.name == "SE3" else with_fields(part, signal=whole)
+        name = part.signal.partition(".")[0]
+        return part if self.model.group.name == "SE3" else with_fields(part, signal=name)
 
     def flat(self, states: States) -> Array:
         """Return the user's state as a vector."""
@@ -354,11 +358,11 @@ class Plant:
     def parts(self) -> dict[str, tuple[StatePart, slice]]:
         """The parts of the motion by their kind, with their entries in a state."""
         G, k = self.model.group, self.model.columns.shape[1]
-        one = self.values(States(G.identity[None], np.zeros((1, G.dimension)), np.ones((1, k))))
-        ends = np.cumsum([value.size for value in one]).tolist()
+        values = self.values(States(G.identity[None], np.zeros((1, G.dimension)), np.ones((1, k))))
+        ends = np.cumsum([value.size for value in values]).tolist()
         places = map(slice, [0, *ends], ends)
-        both = zip(self.adapter.state, places, strict=True)
-        return {KINDS[p.signal]: (self._signal(p), at) for p, at in both if p.signal in KINDS}
+        pairs = zip(self.adapter.state, places, strict=True)
+        return {KINDS[p.signal]: (self._signal(p), at) for p, at in pairs if p.signal in KINDS}
 
     def _arguments(self, states: States, step: float) -> dict[str, Array]:
         """Return all that a call may name."""
@@ -380,21 +384,21 @@ class Plant:
         """The function after its first call, in a process of its own."""
         G, names, entry = self.model.group, self.adapter.names, self.adapter.input
         inputs = self.model.drawn_inputs(self.limits, 1, np.random.default_rng(0))
-        one = States(G.exp(np.ones((1, G.dimension))), np.ones((1, G.dimension)), inputs)
-        given = self._arguments(one, STEP)
+        single = States(G.exp(np.ones((1, G.dimension))), np.ones((1, G.dimension)), inputs)
+        arguments = self._arguments(single, STEP)
         step, state = f", {self.adapter.step}" * bool(self.adapter.step), ", ".join(names)
         call = self.adapter.call or f"function({state}, u{step})"
         if entry.as_ not in (*FILLED, "wrench"):
             call = f"(lambda u: {call})({entry.as_})"
-        n = self.flat(one).size
+        n = self.flat(single).size
         result = f"[result[name] for name in {names}] if isinstance(result, dict) else result"
         # With the state, which the call must leave as it is.
         how = {"call": call, "torque": f"[*flat({result}, {n}), *flat([{state}], {n})]"}
-        adapted = tuple((name, value.shape[1:]) for name, value in given.items())
-        own: Any = {"file": self.file.name, "prefix": self.function, "numbers": (), "memory": ()}
+        adapted = tuple((name, value.shape[1:]) for name, value in arguments.items())
+        fields: Any = {"file": self.file.name, "prefix": self.function, "numbers": (), "memory": ()}
         text = text_of(self.file, "it is a plant", EqtError)
-        code = UserCode(**own, real="double", text=text, entries=0, axes=2 * n, adapted=adapted)
-        return called(code, np.empty(0), STEP, _rows(given), how)
+        code = UserCode(**fields, real="double", text=text, entries=0, axes=2 * n, adapted=adapted)
+        return called(code, np.empty(0), STEP, _rows(arguments), how)
 
     def answers(self, states: States, step: float = 0.0) -> Array:
         """Return what the function returns, ``(states, n)``.
@@ -406,14 +410,14 @@ class Plant:
         """
         rows = _rows(self._arguments(states, step))
         none = rows[:, :0]
-        values, after = np.split(self.called.call(0, none, 0.0, none, rows)[0], 2, axis=1)
+        values, state = np.split(self.called.call(0, none, 0.0, none, rows)[0], 2, axis=1)
         bad = ~np.isfinite(values).all(axis=1)
         if bad.any():
             raise InputError(
                 f"{self.name} returns what is not finite at {bad.sum()} of {len(bad)} states, "
                 f"first at {described(self.called, rows[bad.argmax()])}; call it there"
             )
-        if np.any(after != self.flat(states)):
+        if np.any(state != self.flat(states)):
             raise InputError(f"{self.name} changes its state in place; copy it first: x = x.copy()")
         return np.asarray(values)
 
@@ -425,8 +429,15 @@ class Plant:
         if not self.adapter.step:
             rates = self.answers(states)
             return rates, 0 * rates
-        x = self.flat(states)
-        a, b, c = ((self.answers(states, h) - x) / h for h in STEP / 2.0 ** np.arange(3))
+        x, (part, where) = self.flat(states), self.parts["attitude"]
+
+        def slope(h: float) -> Array:
+            moved = self.answers(states, h)
+            change = moved - x
+            change[:, where] = short_way(part, moved[:, where], x[:, where])
+            return change / h
+
+        a, b, c = map(slope, STEP / 2.0 ** np.arange(3))
         return (a - 6 * b + 8 * c) / 3, (-2 * a + 10 * b - 8 * c) / STEP
 
     def turned(self, states: States) -> tuple[Array, Array]:
@@ -443,24 +454,24 @@ class Plant:
         def at(Q: Array) -> Array:
             return part.values(G, states._replace(Q=Q).law_input).reshape(len(Q), -1)
 
-        here = at(states.Q)
+        attitude = at(states.Q)
         ends = (
             [at(states.Q @ G.exp(h * axis)) for h in (SHORT, -SHORT)]
             for axis in np.eye(3, G.dimension)
         )
-        turns = [short_way(part, a, here) - short_way(part, b, here) for a, b in ends]
-        return here, np.stack(turns, axis=-1) / (2 * SHORT)
+        turns = [short_way(part, a, attitude) - short_way(part, b, attitude) for a, b in ends]
+        return attitude, np.stack(turns, axis=-1) / (2 * SHORT)
 
 
-def short_way(part: StatePart, attitude: Array, other: Array) -> Array:
+def short_way(part: StatePart, attitude: Array, base: Array) -> Array:
     """Return attitude − other; the signs of quaternions and the turns of angles are free."""
     if part.as_.startswith("quaternion"):
-        attitude = attitude * np.sign((attitude * other).sum(axis=1, keepdims=True))
-    apart = attitude - other
+        attitude = attitude * np.sign((attitude * base).sum(axis=1, keepdims=True))
+    difference = attitude - base
     if part.as_ != "roll-pitch-yaw":
-        return apart
-    whole = 2 * np.pi * np.abs(part.factor)
-    return np.asarray(apart - whole * np.round(apart / whole))
+        return difference
+    turn = 2 * np.pi * np.abs(part.factor)
+    return np.asarray(difference - turn * np.round(difference / turn))
 
 
 STEP = 1e-3

@@ -95,25 +95,27 @@ class Scene:
 
     def no_push(self, axis: int) -> Arrays:
         """Return the terms of weight, drag and rotation in the acceleration along an axis."""
-        (here, v), (other, away) = self.v.items()
+        (frame, v), (far, u) = self.v.items()
         R, w, size = self.R, self.w, np.linalg.norm(v, axis=1, keepdims=True)
-        turn = R[:, axis] if here == "space" else R[:, :, axis]  # the other frame's axes along this
-        to = "b" if other == "body" else "e"
+        turn = (
+            R[:, axis] if frame == "space" else R[:, :, axis]
+        )  # the other frame's axes along this
+        to = "b" if far == "body" else "e"
         return {
             "1": np.ones(len(v)),
             **_entries(R),
             **_named("v{}", v),
             **_named("|v{0}|v{0}", np.abs(v) * v),
-            **_named(f"v{{0}} {to}{{0}}", turn * away),
-            **_named(f"|v{{0}}|v{{0}} {to}{{0}}", turn * np.abs(away) * away),
+            **_named(f"v{{0}} {to}{{0}}", turn * u),
+            **_named(f"|v{{0}}|v{{0}} {to}{{0}}", turn * np.abs(u) * u),
             **_named("‖v‖v{}", size * v),
-            **_named(f"v{{}} in {other}", away),
-            **_named(f"v{{0}} in {here} {to}{{0}}", turn * v),
+            **_named(f"v{{}} in {far}", u),
+            **_named(f"v{{0}} in {frame} {to}{{0}}", turn * v),
             **_products("ω", w, "v", v),
             **_products("v", v, "v", v),
             **_named("ω{}", w),
             **_products("ω", w, "ω", w),
-            **{f"{name} in {other}": x for name, x in _products("ω", w, "v", away).items()},
+            **{f"{name} in {far}": x for name, x in _products("ω", w, "v", u).items()},
         }
 
     def torque(self, axis: int) -> Arrays:
@@ -123,14 +125,16 @@ class Scene:
             "ω", w, "ω", w
         )
         for frame, v in self.v.items():
-            of = {**_named("v{}", v), **_named("|v{0}|v{0}", np.abs(v) * v)}
+            rates = {**_named("v{}", v), **_named("|v{0}|v{0}", np.abs(v) * v)}
             if frame == "body":
-                of |= _products("v", v, "v", v) | _products("ω", w, "v", v)
-            terms |= {f"{name}{' in space' * (frame == 'space')}": x for name, x in of.items()}
-        away = apply_matrix(R, w)
+                rates |= _products("v", v, "v", v) | _products("ω", w, "v", v)
+            terms |= {f"{name}{' in space' * (frame == 'space')}": x for name, x in rates.items()}
+        in_space = apply_matrix(R, w)
         terms |= _named("ω{}", w) | _named("|ω{0}|ω{0}", np.abs(w) * w)
-        terms |= _named("ω{} in space", away)
-        terms |= {f"{name} in space": x for name, x in _products("ω", away, "ω", away).items()}
+        terms |= _named("ω{} in space", in_space)
+        terms |= {
+            f"{name} in space": x for name, x in _products("ω", in_space, "ω", in_space).items()
+        }
         terms |= {f"R{axis + 1}{k + 1} τ{XYZ[k]}": R[:, axis, k] * tau[:, k] for k in range(3)}
         terms |= {f"R{k + 1}{axis + 1} τ{XYZ[k]}": R[:, k, axis] * tau[:, k] for k in range(3)}
         if parts is not None and parts.thrust_constant is not None:
@@ -147,9 +151,9 @@ class Scene:
 
     def moving(self, axis: int) -> Arrays:
         """Return the terms of the rate of the position."""
-        R, v, away = self.R, self.v["body"], self.v["space"]
-        of = {"v{}": away, "v{} of the body": v, "RRv{}": apply_matrix(R, away)}
-        return _frames(of | {"Rᵀv{}": apply_matrix(transpose(R), v)})
+        R, v, in_space = self.R, self.v["body"], self.v["space"]
+        vectors = {"v{}": in_space, "v{} of the body": v, "RRv{}": apply_matrix(R, in_space)}
+        return _frames(vectors | {"Rᵀv{}": apply_matrix(transpose(R), v)})
 
 
 # As few terms as can be ---------------------------------------------------------------------------
@@ -161,33 +165,33 @@ def size_of(x: Array) -> float:
 
 
 def fewest(
-    terms: Arrays, y: Array, scale: float, first: Collection[str] = ()
+    terms: Arrays, y: Array, scale: float, preferred: Collection[str] = ()
 ) -> dict[str, float] | None:
     """Return the coefficients of few terms whose sum is y; None if no sum is.
 
-    Terms are left out one by one as long as the sum is y, the last ones first, and `first` last.
+    Terms are left out one by one as long as the sum is y, the last ones first, `preferred` last.
     """
 
-    def left(names: Sequence[str]) -> float:
+    def rest(names: Sequence[str]) -> float:
         return size_of(y - sum((factors(names)[n] * terms[n] for n in names), 0 * y))
 
     def factors(names: Sequence[str]) -> dict[str, float]:
         return least_squares({name: terms[name] for name in names}, y)
 
-    if left([*terms]) > LEFT * scale:
+    if rest([*terms]) > LEFT * scale:
         return None
     ways = []
     for along in (True, False):  # a drag alike along all axes is one of the body and of space
         order = sorted(
-            terms, key=lambda n: (along and n not in first, along and n[-2:-1] not in "be")
+            terms, key=lambda n: (along and n not in preferred, along and n[-2:-1] not in "be")
         )
-        every = factors(order)
-        kept = [n for n in order if abs(every[n]) * size_of(terms[n]) > LEFT * scale]
-        kept = kept if left(kept) <= LEFT * scale else order
-        for name in reversed(kept):
-            fewer = [n for n in kept if n != name]
-            kept = fewer if left(fewer) <= LEFT * scale else kept
-        ways.append(factors(kept))
+        shares = factors(order)
+        chosen = [n for n in order if abs(shares[n]) * size_of(terms[n]) > LEFT * scale]
+        chosen = chosen if rest(chosen) <= LEFT * scale else order
+        for name in reversed(chosen):
+            fewer = [n for n in chosen if n != name]
+            chosen = fewer if rest(fewer) <= LEFT * scale else chosen
+        ways.append(factors(chosen))
     return min(ways, key=len)
 
 
@@ -213,14 +217,14 @@ def compared(
     scale, rows = size_of(model) or size_of(plant) or 1.0, list[Term]()
     for axis, name in enumerate(axes):
         columns, y, x = terms(axis), plant[:, axis], model[:, axis]
-        expected, same = fewest(columns, x, scale), size_of(y - x) <= LEFT * scale
-        if expected is None and not same:
+        expected, equal = fewest(columns, x, scale), size_of(y - x) <= LEFT * scale
+        if expected is None and not equal:
             return None
-        found = expected if same else fewest(columns, y, scale, expected or ())
-        if found is None and not same:
+        fitted = expected if equal else fewest(columns, y, scale, expected or ())
+        if fitted is None and not equal:
             return None
-        for term in [n for n in columns if n in (found or ()) or n in (expected or ())]:
-            a, b = (each.get(term, 0.0) for each in (found or {}, expected or {}))
+        for term in [n for n in columns if n in (fitted or ()) or n in (expected or ())]:
+            a, b = (factors.get(term, 0.0) for factors in (fitted or {}, expected or {}))
             rows.append(Term(name, term, a, b, abs(a - b) * size_of(columns[term]) > LEFT * scale))
     return rows
 
@@ -235,9 +239,9 @@ def number(x: float) -> str:
 
 def sum_of(rows: Sequence[Term], of: str, scale: float = 1.0) -> str:
     """Return a sum in words, of the plant or of the model: ``−1 R23``."""
-    both = [(getattr(row, of) / scale, row.name) for row in rows]
-    shown = [f"{number(x)} {name}".removesuffix(" 1") for x, name in both if x]
-    return " + ".join(shown).replace("+ −", "− ") or "0"
+    pairs = [(getattr(row, of) / scale, row.name) for row in rows]
+    words = [f"{number(x)} {name}".removesuffix(" 1") for x, name in pairs if x]
+    return " + ".join(words).replace("+ −", "− ") or "0"
 
 
 def near(a: float, b: float) -> bool:
@@ -257,8 +261,8 @@ def common_ratio(rows: Sequence[Term]) -> float:
 
 def usual(rows: Sequence[Term]) -> str:
     """Return the usual causes of a factor."""
-    known = {-1.0: "the sign is wrong", math.sqrt(2): "√2", math.sqrt(0.5): "1/√2"}
-    return next((words for x, words in known.items() if near(common_ratio(rows), x)), "")
+    causes = {-1.0: "the sign is wrong", math.sqrt(2): "√2", math.sqrt(0.5): "1/√2"}
+    return next((words for x, words in causes.items() if near(common_ratio(rows), x)), "")
 
 
 def _mirrored(name: str) -> str:
@@ -270,32 +274,32 @@ def sentences_of(
     title: str, rows: Sequence[Term], note: Note = usual, scale: float = 1.0
 ) -> Iterator[str]:
     """Yield how the terms of one kind differ, in as few sentences as can be."""
-    wrong, there = [row for row in rows if row.differs], [row for row in rows if row.model]
+    wrong, expected = [row for row in rows if row.differs], [row for row in rows if row.model]
     mirrored = {(row.axis, _mirrored(row.name)) for row in wrong if row.plant}
-    said = dict[str, list[str]]()
+    ways = dict[str, list[str]]()
 
-    def cause(some: Sequence[Term]) -> str:
-        words = usual(some) or note(some)
+    def cause(terms: Sequence[Term]) -> str:
+        words = usual(terms) or note(terms)
         return f" ({words})" if words else ""
 
-    if wrong and wrong == there and not any(row.plant for row in wrong):
+    if wrong and wrong == expected and not any(row.plant for row in wrong):
         yield f"lacks {title}"
-    elif wrong and wrong == there and math.isfinite(ratio := common_ratio(wrong)):
+    elif wrong and wrong == expected and math.isfinite(ratio := common_ratio(wrong)):
         yield f"{title}: coefficient {number(ratio)} of 1{cause(wrong)}"
     elif wrong and mirrored == {(row.axis, row.name) for row in wrong if row.model}:
         yield f"{title}: R is transposed"
     else:
         for axis in dict.fromkeys(row.axis for row in wrong):
-            here = [row for row in rows if row.axis == axis]
-            plant, model = (sum_of(here, of, scale) for of in ("plant", "model"))
+            line = [row for row in rows if row.axis == axis]
+            plant, model = (sum_of(line, of, scale) for of in ("plant", "model"))
             words = f"is {plant}, expected {model}" if model != "0" else f"has {plant}"
-            said.setdefault(f"{words}{cause(here)}", []).append(axis)
-    short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in said.items() for a in x}
-    if sum(map(len, said.values())) == 3 and 1 in (len(short), len(said)):  # alike along all axes
-        said = {(short if len(short) == 1 else {*said}).pop(): []}
-    along = {words: f" along {listed(axes)}" if axes else "" for words, axes in said.items()}
-    if more := [f"{words[4:]}{axes}" for words, axes in along.items() if words[:4] == "has "]:
-        yield f"has {listed(more)} as {title}"
+            ways.setdefault(f"{words}{cause(line)}", []).append(axis)
+    short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in ways.items() for a in x}
+    if sum(map(len, ways.values())) == 3 and 1 in (len(short), len(ways)):  # alike along all axes
+        ways = {(short if len(short) == 1 else {*ways}).pop(): []}
+    along = {words: f" along {listed(axes)}" if axes else "" for words, axes in ways.items()}
+    if extra := [f"{words[4:]}{axes}" for words, axes in along.items() if words[:4] == "has "]:
+        yield f"has {listed(extra)} as {title}"
     yield from (f"{title}{axes} {words}" for words, axes in along.items() if words[:3] == "is ")
 
 
@@ -347,16 +351,13 @@ class Judgement:
     unseen: list[str] = field(default_factory=list)
     steps: dict[str, str] = field(default_factory=dict)
 
-    def add(
-        self, title: str, rows: Sequence[Term], said: Sequence[str], scale: float = 1.0
-    ) -> None:
+    def add(self, title: str, rows: Sequence[Term], words: Sequence[str], unit: float = 1) -> None:
         """Add a part, with a row for each axis."""
-        self.sentences += said
+        self.sentences += words
         for axis in dict.fromkeys(row.axis for row in rows):
-            here = [row for row in rows if row.axis == axis]
-            plant, model = (sum_of(here, of, scale) for of in ("plant", "model"))
-            finding = "differs" * any(row.differs for row in here)
-            self.rows.append((f"{title} {axis}", plant, model, finding))
+            line = [row for row in rows if row.axis == axis]
+            sums = sum_of(line, "plant", unit), sum_of(line, "model", unit)
+            self.rows.append((f"{title} {axis}", *sums, "differs" * any(x.differs for x in line)))
 
     def note(self, title: str, words: str, finding: str) -> None:
         """Add a part without coefficients."""
@@ -370,13 +371,12 @@ class Judge:
     def __init__(self, plant: Plant) -> None:
         self.plant, self.model, self.random = plant, plant.model, np.random.default_rng(1)
         self.result, states = Judgement(), self.drawn()
-        inputs = [self.drawn().inputs, states.inputs]
-        both = [states._replace(inputs=x) for x in (*inputs, (inputs[0] + inputs[1]) / 2)]
-        self.states, few = both, both[0].of(slice(FEW))
-        answers = [plant.derivatives(each) for each in both]
+        a, b = self.drawn().inputs, states.inputs
+        self.states = [states._replace(inputs=inputs) for inputs in (a, b, (a + b) / 2)]
+        answers = [plant.derivatives(states) for states in self.states]
         self.rates, self.slopes = [rates for rates, _ in answers], answers[0][1]
-        again = plant.derivatives(few.of(slice(None, None, -1)))[0][::-1]
-        if not np.array_equal(again, self.rates[0][:FEW]):
+        backwards = self.states[0].of(slice(FEW)).of(slice(None, None, -1))
+        if not np.array_equal(plant.derivatives(backwards)[0][::-1], self.rates[0][:FEW]):
             raise InputError(
                 f"{plant.name} gives unequal answers to equal inputs; it draws noise, or keeps "
                 "something from call to call: set all of it in the call"
@@ -407,25 +407,23 @@ class Judge:
 
     def rate(self, kind: str, which: int) -> tuple[Array, Array]:
         """Return a rate at the states with one of the inputs, of the plant and of the model."""
-        return self.both(kind, self.states[which], self.rates[which])
+        return self.compare(kind, self.states[which], self.rates[which])
 
-    def both(self, kind: str, states: States, values: Array) -> tuple[Array, Array]:
+    def compare(self, kind: str, states: States, values: Array) -> tuple[Array, Array]:
         """Return a rate of the plant, which is among `values`, and of the model, ``(n, 3)``."""
         part, where = self.plant.parts[kind]
         R, w, v = states.Q[:, :3, :3], states.V[:, :3], states.V[:, 3:]
         if kind == "attitude":
-            turns = self.plant.turned(states)[1]
-            turned = np.linalg.pinv(turns) @ values[:, where, None]
-            return turned[..., 0] * self.plant.signs, w
+            turns = np.linalg.pinv(self.plant.turned(states)[1])
+            return (turns @ values[:, where, None])[..., 0] * self.plant.signs, w
         plant = values[:, where] / part.factor * self.plant.signs
         if kind == "position":
             return plant, apply_matrix(R, v)
-        V_dot = self.model.acceleration(states)
+        V_dot, in_space = self.model.acceleration(states), part.frame == "space"
         if kind == "rates":
-            in_space = part.frame == "space"
             return apply_matrix(transpose(R), plant) if in_space else plant, V_dot[:, :3]
-        moved = V_dot[:, 3:]
-        return plant, apply_matrix(R, moved + np.cross(w, v)) if part.frame == "space" else moved
+        v_dot = V_dot[:, 3:]
+        return plant, apply_matrix(R, v_dot + np.cross(w, v)) if in_space else v_dot
 
     def _explained(
         self, title: str, kind: str, terms: Callable[[int], Arrays], plant: Array, model: Array
@@ -442,23 +440,23 @@ class Judge:
                 f"{self.plant.name}: {title} is not affine in the input: it clips, or the input is "
                 "not thrust; give `range` or `as` in `input` of the adapter"
             )
-        here, other = self.states[0].of(slice(FEW)), self.drawn().of(slice(FEW))
-        axes, turns = np.arange(here.V.shape[1]) < 3, np.zeros(here.Q.shape[1:], dtype=bool)
+        base, drawn = self.states[0].of(slice(FEW)), self.drawn().of(slice(FEW))
+        axes, turns = np.arange(base.V.shape[1]) < 3, np.zeros(base.Q.shape[1:], dtype=bool)
         turns[:3, :3] = True
 
-        def apart(states: States) -> Array:
-            return np.subtract(*self.both(kind, states, self.plant.derivatives(states)[0]))
+        def difference(states: States) -> Array:
+            return np.subtract(*self.compare(kind, states, self.plant.derivatives(states)[0]))
 
         changes = {
-            "position": here._replace(Q=np.where(turns, here.Q, other.Q)),
-            "attitude": here._replace(Q=np.where(turns, other.Q, here.Q)),
-            "velocity": here._replace(V=np.where(axes, here.V, other.V)),
-            "ω": here._replace(V=np.where(axes, other.V, here.V)),
-            "input": here._replace(inputs=other.inputs),
+            "position": base._replace(Q=np.where(turns, base.Q, drawn.Q)),
+            "attitude": base._replace(Q=np.where(turns, drawn.Q, base.Q)),
+            "velocity": base._replace(V=np.where(axes, base.V, drawn.V)),
+            "ω": base._replace(V=np.where(axes, drawn.V, base.V)),
+            "input": base._replace(inputs=drawn.inputs),
         }
-        base = apart(here)
-        names = [n for n, x in changes.items() if size_of(apart(x) - base) > LEFT * size]
-        words = f"{title} is unexplained: its difference depends on {listed(names) or 'nothing'}"
+        at_base = difference(base)
+        names = [n for n, x in changes.items() if size_of(difference(x) - at_base) > LEFT * size]
+        words = f"{title} is unexplained: its difference depends on {listed(names or ['nothing'])}"
         self.result.note(title, words, "unexplained")
         return None
 
@@ -467,24 +465,24 @@ class Judge:
         states, title = self.states[0].signed(self.plant.signs), "rate of the attitude"
         part, where = self.plant.parts["attitude"]
         w, raw = states.V[:, :3], self.rates[0][:, where]
-        (here, turns), words, rate = self.plant.turned_as(part, states), "", 0 * raw
+        (q, turns), words, rate = self.plant.turned_as(part, states), "", 0 * raw
         if part.as_ == "roll-pitch-yaw":
             words, rate = "the rates of roll, pitch, yaw are set to ω", w * part.factor
         elif part.as_.startswith("quaternion"):
             order = "xyzw" if part.as_.endswith("wxyz") else "wxyz"
-            Q, other = np.array(states.Q), with_fields(part, as_=f"quaternion {order}")
-            Q[:, :3, :3] = other._rotation(here)
-            q, of_other = self.plant.turned_as(other, states._replace(Q=Q))
+            Q, reordered = np.array(states.Q), with_fields(part, as_=f"quaternion {order}")
+            Q[:, :3, :3] = reordered._rotation(q)
+            p, of_other = self.plant.turned_as(reordered, states._replace(Q=Q))
             words = f"the quaternion ({part.as_[-4:]}) is multiplied as if it were {order}"
-            rate = apply_matrix(of_other, w) * np.sign((q * here).sum(axis=1))[:, None]
+            rate = apply_matrix(of_other, w) * np.sign((p * q).sum(axis=1))[:, None]
         if words and size_of(raw - rate) <= LEFT * size_of(raw):
             self.result.note(title, words, "differs")
             return
-        terms, both = Scene(self.model, self.states[0]).turning, self.rate("attitude", 0)
-        left = raw - (turns @ np.linalg.pinv(turns) @ raw[..., None])[..., 0]
-        is_turn = size_of(left) <= LEFT * size_of(raw)
-        if not is_turn or compared(terms, *both) is None:
-            rows = self._entries(part, here, turns, raw, w)
+        terms, pair = Scene(self.model, self.states[0]).turning, self.rate("attitude", 0)
+        off = raw - (turns @ np.linalg.pinv(turns) @ raw[..., None])[..., 0]
+        is_turn = size_of(off) <= LEFT * size_of(raw)
+        if not is_turn or compared(terms, *pair) is None:
+            rows = self._entries(part, q, turns, raw, w)
             if 0 < len({row.axis for row in rows if row.differs}) <= raw.shape[1] / 2:
                 self.result.add(title, rows, [*sentences_of(title, rows)])
                 return
@@ -493,10 +491,10 @@ class Judge:
                 f"{self.plant.name}: the rate of the attitude is that of no rotation; check `as` "
                 "and the order of the state in the adapter"
             )
-        self._explained(title, "attitude", terms, *both)
+        self._explained(title, "attitude", terms, *pair)
 
     def _entries(
-        self, part: StatePart, here: Array, turns: Array, raw: Array, w: Array
+        self, part: StatePart, q: Array, turns: Array, raw: Array, w: Array
     ) -> Sequence[Term]:
         """Return the terms of each entry of the rate, which may have a slip."""
         names = [f"R{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
@@ -509,43 +507,44 @@ class Judge:
             if part.as_ == "roll-pitch-yaw":
                 return {f"its term of ω{XYZ[i]}": turns[:, k, i] * w[:, i] for i in range(3)}
             pairs = product(enumerate(names), range(3))
-            return {f"{name} ω{XYZ[i]}": here[:, a] * w[:, i] for (a, name), i in pairs}
+            return {f"{name} ω{XYZ[i]}": q[:, a] * w[:, i] for (a, name), i in pairs}
 
         return compared(entry, raw, apply_matrix(turns, w), names) or ()
 
     def _velocity(self) -> None:
         frame = "space" if self.plant.parts["velocity"][0].frame == "space" else "body"
-        first, second, mean = self.states
-        apart = Scene(self.model, first._replace(inputs=first.inputs - second.inputs), frame)
+        a, b, mean = self.states
+        difference = Scene(self.model, a._replace(inputs=a.inputs - b.inputs), frame)
         pushed = np.subtract(self.rate("velocity", 0), self.rate("velocity", 1))
-        push = self._explained("push", "velocity", apart.push, *pushed)
+        push = self._explained("push", "velocity", difference.push, *pushed)
         if push is None:
             return
         M = np.diag(self.model.inertia.matrix)[3:]
         unit = 1.0 if np.ptp(M) > 0 else 1 / M[0]
         self.result.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
         scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
-        for axis, name in enumerate(XYZ):
-            terms = scene.push(axis)
-            for row in (row for row in push if row.axis == name):
-                plant[:, axis] -= row.plant * terms[row.name]
-                model[:, axis] -= row.model * terms[row.name]
-        title = "acceleration without the push"
-        of_R = [row for row in push if row.name[0] == "R"]
+        for row in push:
+            k = XYZ.index(row.axis)
+            term = scene.push(k)[row.name]
+            plant[:, k] -= row.plant * term
+            model[:, k] -= row.model * term
+        title, of_R = "acceleration without the push", [x for x in push if x.name[0] == "R"]
         is_wrong = any(row.differs for row in of_R) and math.isnan(common_ratio(of_R))
         if is_wrong and not compared(scene.no_push, plant, model):
             self.result.rows.append((title, "", "", "not judged, as R is wrong"))
             return
         rows = self._explained(title, "velocity", scene.no_push, plant, model) or ()
         masses = {row.axis: row.ratio for row in push if row.differs and row.model}
-        again = {x for x in rows if x.differs and near(x.ratio, masses.get(x.axis, math.nan))}
         kinds = by_kind(rows)
         kinds["drag"] = kinds.get("drag", []) + kinds.pop(MOMENT, [])
-        for kind, some in kinds.items():
+        for kind, terms in kinds.items():
             title = kind.replace("× v", "× 𝕀v") if np.ptp(M) > 0 else kind
-            others = [row for row in some if row not in again]  # a wrong mass is said once
             note = self._gravity if title == "weight" else self._mass
-            self.result.add(title, some, [*sentences_of(title, others, note)])
+            # A wrong mass is said once.
+            news = [
+                x for x in terms if not (x.differs and near(x.ratio, masses.get(x.axis, math.nan)))
+            ]
+            self.result.add(title, terms, [*sentences_of(title, news, note)])
 
     def _gravity(self, rows: Sequence[Term]) -> str:
         """Return how a factor of the weight follows from the mass, or the values."""
@@ -563,41 +562,40 @@ class Judge:
         return f"mass {number(m / ratio)} of {number(m)}{without}" if ratio > 0 else ""
 
     def _torque(self) -> None:
-        both = [self.rate("rates", k) for k in range(3)]
-        plant, model = (np.concatenate(each) for each in zip(*both, strict=True))
+        plant, model = map(
+            np.concatenate, zip(*(self.rate("rates", k) for k in range(3)), strict=True)
+        )
         states = States(*map(np.concatenate, zip(*self.states, strict=True)))
         terms = Scene(self.model, states).torque
-        rows = self._explained("angular acceleration", "rates", terms, plant, model)
-        kinds = by_kind(rows or ())
+        kinds = by_kind(self._explained("angular acceleration", "rates", terms, plant, model) or ())
         names, J = self.model.input_names, np.diag(self.model.inertia.matrix)[:3]
         inputs = {(row.axis, row.name): row for row in kinds.get("torque", ())}
         A, E = (
             np.array([[getattr(inputs.get((a, n)), of, 0.0) for n in names] for a in XYZ])
             for of in ("plant", "model")
         )
-        ratios = np.where(
-            E.any(axis=1), (A * E).sum(axis=1) / np.maximum((E * E).sum(axis=1), 1e-99), 1
-        )
+        squares = (E * E).sum(axis=1)
+        ratios = np.where(squares > 0, (A * E).sum(axis=1) / np.where(squares > 0, squares, 1), 1)
         K = J / np.where(ratios == 0, np.nan, ratios)  # what the moments of inertia would be
         moved = {
             (XYZ[a], f"ω{XYZ[b]} ω{XYZ[c]}"): (-1) ** a * (K[b] - K[c]) / K[a]
             for a, b, c in ((0, 1, 2), (1, 0, 2), (2, 0, 1))
         }
-        products = kinds.get("ω × Jω", [])
+        products = kinds.get("ω × Jω", ())
         of_inertia = {(r.axis, r.name) for r in products} <= moved.keys() and all(
             abs(r.plant - moved[r.axis, r.name]) < 1e-4 for r in products
         )
-        for kind, some in kinds.items():
+        for kind, rows in kinds.items():
             title = f"torque of the {kind}" if kind == "weight" else kind
-            said = [*sentences_of(title, some, self._moments)]
-            if kind == "torque" and all(row.name[0] == "R" for row in some if row.plant):
-                x = sum_of([row for row in some if row.axis == "x"], "plant")
-                said = [f"torque is carried to another frame: along x it is {x}"]
-            if title == "torque" and said and all(row.name in names for row in some):
-                said = self._allocation(A, E, ratios, J if of_inertia else 0 * J) or said
-            elif title == "ω × Jω" and said and of_inertia and not np.allclose(A, E, rtol=1e-4):
-                said = []
-            self.result.add(title, some, said)
+            words = [*sentences_of(title, rows, self._moments)]
+            if kind == "torque" and all(row.name[0] == "R" for row in rows if row.plant):
+                x = sum_of([row for row in rows if row.axis == "x"], "plant")
+                words = [f"torque is carried to another frame: along x it is {x}"]
+            elif kind == "torque" and words and all(row.name in names for row in rows):
+                words = self._allocation(A, E, ratios, J if of_inertia else 0 * J) or words
+            elif kind == "ω × Jω" and of_inertia and not np.allclose(A, E, rtol=1e-4):
+                words = []
+            self.result.add(title, rows, words)
 
     def _allocation(self, A: Array, E: Array, ratios: Array, J: Array) -> list[str]:
         """Return what exchanges thrusters, signs, arms or moments of inertia; none if nothing does.
@@ -663,10 +661,10 @@ class Judge:
     def _steps(self) -> None:
         """Find by the slope of (x(h) − x)/h how a step computes each part."""
         states, h, ends = self.states[0].of(slice(FEW)), 1e-4, []
-        w_dot, R = self.both("rates", states, self.rates[0][:FEW])[0], states.Q[:, :3, :3]
+        w_dot, R = self.compare("rates", states, self.rates[0][:FEW])[0], states.Q[:, :3, :3]
         V_dot = w_dot
         if "velocity" in self.plant.parts:
-            v_dot = self.both("velocity", states, self.rates[0][:FEW])[0]
+            v_dot = self.compare("velocity", states, self.rates[0][:FEW])[0]
             if self.plant.parts["velocity"][0].frame == "space":
                 turned = np.cross(states.V[:, :3], states.V[:, 3:])
                 v_dot = apply_matrix(transpose(R), v_dot) - turned

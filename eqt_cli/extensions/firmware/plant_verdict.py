@@ -71,31 +71,32 @@ def judged(
     return record, answer, TextTable("plant", "", HEADER, blocks, notes)
 
 
-def answer_of(said: list[str]) -> tuple[str, str]:
+def answer_of(sentences: list[str]) -> tuple[str, str]:
     """Return the finding, is, lacks, differs or undecided, and the answer."""
-    if not said:
+    if not sentences:
         return "is", f"is the plant, within what {STATES} states show"
-    lacks, others = ([x for x in said if x.startswith("lacks ") is lack] for lack in (True, False))
-    lacking = ["lacks " + ", ".join(x[6:] for x in lacks)] if lacks else []
-    if all(x.startswith("has ") for x in others):
-        finding = "differs" if others else "lacks"
-        return finding, f"is the plant but {' and '.join([*lacking, *others])}"
-    finding = "undecided" if all("is unexplained" in x for x in said) else "differs"
-    return finding, f"differs: {'; '.join([*others, *lacking])}"
+    wrong = [x for x in sentences if not x.startswith("lacks ")]
+    lacking = ", ".join(x[6:] for x in sentences if x not in wrong)
+    lacks = [f"lacks {lacking}"] if lacking else []
+    if all(x.startswith("has ") for x in wrong):
+        finding = "differs" if wrong else "lacks"
+        return finding, f"is the plant but {' and '.join([*lacks, *wrong])}"
+    finding = "undecided" if all("is unexplained" in x for x in sentences) else "differs"
+    return finding, f"differs: {'; '.join([*wrong, *lacks])}"
 
 
 def errors_of(plant: Plant, states: States, period: float) -> dict[str, float]:
     """Return the largest error of a step from these states, by kind."""
-    end, found = after(plant.model, states, period), plant.answers(states, period)
+    end, values = after(plant.model, states, period), plant.answers(states, period)
     exact, errors = plant.flat(end), dict[str, float]()
     for kind, (part, where) in plant.parts.items():
         if kind == "attitude":
-            here, turns = plant.turned(end)
-            apart = np.linalg.pinv(turns) @ short_way(part, found[:, where], here)[..., None]
-            apart = np.degrees(apart[..., 0])
+            attitude, turns = plant.turned(end)
+            error = short_way(part, values[:, where], attitude)
+            error = np.degrees((np.linalg.pinv(turns) @ error[..., None])[..., 0])
         else:
-            apart = (found - exact)[:, where] / part.factor
-        errors[kind] = float(np.linalg.norm(apart, axis=1).max())
+            error = (values - exact)[:, where] / part.factor
+        errors[kind] = float(np.linalg.norm(error, axis=1).max())
     return errors
 
 
@@ -109,8 +110,8 @@ def after(model: Model, states: States, period: float) -> States:
         return States(y[:n].reshape(states.Q.shape), y[n:].reshape(states.V.shape), states.inputs)
 
     def rate(_: float, y: Array) -> Array:
-        now = of(y)
-        return np.hstack([(now.Q @ G.hat(now.V)).ravel(), model.acceleration(now).ravel()])
+        moving = of(y)
+        return np.hstack([(moving.Q @ G.hat(moving.V)).ravel(), model.acceleration(moving).ravel()])
 
     y = np.hstack([states.Q.ravel(), states.V.ravel()])
     return of(solve_ivp(rate, (0.0, period), y, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1])
