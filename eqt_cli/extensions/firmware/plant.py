@@ -249,7 +249,7 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     EqtError
         If it is no adapter of a plant on this group.
     """
-    problems = Problems()
+    problems = Problems(lambda _: str(file))
     data: Any = load(text_of(file, "it is an adapter", EqtError), str(file)).data
     state = data.get("state") if isinstance(data, dict) else None
     if not isinstance(state, dict | list) or not state:
@@ -269,10 +269,7 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     for signal in needed[G.name == "SE3" :]:
         if signal not in signals:
             problems.at("state").add(f"lacks {signal}, which eqt compares")
-    if problems:
-        raise EqtError(
-            "\n".join(f"{file}: {problem.path}: {problem.message}" for problem in problems)
-        )
+    problems.raise_if_any()
     state = [with_fields(x, signal=y) for x, y in zip(adapter.state, signals, strict=True)]
     return with_fields(adapter, state=state)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import combinations_with_replacement, permutations, product
 from typing import NamedTuple
 
@@ -262,6 +261,7 @@ def common_ratio(rows: Sequence[Term]) -> float:
 def usual(rows: Sequence[Term]) -> str:
     """Return the usual causes of a factor."""
     causes = {-1.0: "the sign is wrong", math.sqrt(2): "√2", math.sqrt(0.5): "1/√2"}
+    causes |= {math.degrees(1): "degrees for rad", math.radians(1): "rad for degrees"}
     return next((words for x, words in causes.items() if near(common_ratio(rows), x)), "")
 
 
@@ -330,9 +330,8 @@ def by_kind(rows: Sequence[Term]) -> dict[str, list[Term]]:
 # The judge ----------------------------------------------------------------------------------------
 
 
-@dataclass
-class Judgement:
-    """What is found of a plant.
+class Judge:
+    """Judges a plant at random states, of any attitude.
 
     Attributes
     ----------
@@ -346,31 +345,10 @@ class Judgement:
         How a step computes each part.
     """
 
-    rows: list[tuple[str, str, str, str]] = field(default_factory=list)
-    sentences: list[str] = field(default_factory=list)
-    unseen: list[str] = field(default_factory=list)
-    steps: dict[str, str] = field(default_factory=dict)
-
-    def add(self, title: str, rows: Sequence[Term], words: Sequence[str], unit: float = 1) -> None:
-        """Add a part, with a row for each axis."""
-        self.sentences += words
-        for axis in dict.fromkeys(row.axis for row in rows):
-            line = [row for row in rows if row.axis == axis]
-            sums = sum_of(line, "plant", unit), sum_of(line, "model", unit)
-            self.rows.append((f"{title} {axis}", *sums, "differs" * any(x.differs for x in line)))
-
-    def note(self, title: str, words: str, finding: str) -> None:
-        """Add a part without coefficients."""
-        self.sentences.append(words)
-        self.rows.append((title, "", "", finding))
-
-
-class Judge:
-    """Judges a plant at random states, of any attitude."""
-
     def __init__(self, plant: Plant) -> None:
         self.plant, self.model, self.random = plant, plant.model, np.random.default_rng(1)
-        self.result, states = Judgement(), self.drawn()
+        self.rows, self.sentences = list[tuple[str, str, str, str]](), list[str]()
+        self.unseen, self.steps, states = list[str](), dict[str, str](), self.drawn()
         a, b = self.drawn().inputs, states.inputs
         self.states = [states._replace(inputs=inputs) for inputs in (a, b, (a + b) / 2)]
         answers = [plant.derivatives(states) for states in self.states]
@@ -391,7 +369,20 @@ class Judge:
         V = SPEED * self.random.standard_normal((STATES, G.dimension))
         return States(Q, V, self.model.drawn_inputs(self.plant.limits, STATES, self.random))
 
-    def judged(self) -> Judgement:
+    def add(self, title: str, rows: Sequence[Term], words: Sequence[str], unit: float = 1) -> None:
+        """Add a part, with a row for each axis."""
+        self.sentences += words
+        for axis in dict.fromkeys(row.axis for row in rows):
+            line = [row for row in rows if row.axis == axis]
+            sums = sum_of(line, "plant", unit), sum_of(line, "model", unit)
+            self.rows.append((f"{title} {axis}", *sums, "differs" * any(x.differs for x in line)))
+
+    def note(self, title: str, words: str, finding: str) -> None:
+        """Add a part without coefficients."""
+        self.sentences.append(words)
+        self.rows.append((title, "", "", finding))
+
+    def judge(self) -> None:
         """Judge the kinematics, the push, what is left of it, and the angular acceleration."""
         self._attitude()
         if "position" in self.plant.parts:
@@ -403,7 +394,6 @@ class Judge:
         self._unseen()
         if self.plant.adapter.step:
             self._steps()
-        return self.result
 
     def rate(self, kind: str, which: int) -> tuple[Array, Array]:
         """Return a rate at the states with one of the inputs, of the plant and of the model."""
@@ -432,7 +422,7 @@ class Judge:
         rows = compared(terms, plant, model)
         if rows is not None:
             if kind in ("position", "attitude"):
-                self.result.add(title, rows, [*sentences_of(title, rows)])
+                self.add(title, rows, [*sentences_of(title, rows)])
             return rows
         (a, b, c), size = (self.rate(kind, k)[0] for k in range(3)), size_of(model)
         if size_of((a + b) / 2 - c) > LEFT * size:
@@ -457,7 +447,7 @@ class Judge:
         at_base = difference(base)
         names = [n for n, x in changes.items() if size_of(difference(x) - at_base) > LEFT * size]
         words = f"{title} is unexplained: its difference depends on {listed(names or ['nothing'])}"
-        self.result.note(title, words, "unexplained")
+        self.note(title, words, "unexplained")
         return None
 
     def _attitude(self) -> None:
@@ -476,7 +466,7 @@ class Judge:
             words = f"the quaternion ({part.as_[-4:]}) is multiplied as if it were {order}"
             rate = apply_matrix(of_other, w) * np.sign((p * q).sum(axis=1))[:, None]
         if words and size_of(raw - rate) <= LEFT * size_of(raw):
-            self.result.note(title, words, "differs")
+            self.note(title, words, "differs")
             return
         terms, pair = Scene(self.model, self.states[0]).turning, self.rate("attitude", 0)
         off = raw - (turns @ np.linalg.pinv(turns) @ raw[..., None])[..., 0]
@@ -484,7 +474,7 @@ class Judge:
         if not is_turn or compared(terms, *pair) is None:
             rows = self._entries(part, q, turns, raw, w)
             if 0 < len({row.axis for row in rows if row.differs}) <= raw.shape[1] / 2:
-                self.result.add(title, rows, [*sentences_of(title, rows)])
+                self.add(title, rows, [*sentences_of(title, rows)])
                 return
         if not is_turn:
             raise InputError(
@@ -521,7 +511,7 @@ class Judge:
             return
         M = np.diag(self.model.inertia.matrix)[3:]
         unit = 1.0 if np.ptp(M) > 0 else 1 / M[0]
-        self.result.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
+        self.add("push", push, [*sentences_of("push", push, self._mass, unit)], unit)
         scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
         for row in push:
             k = XYZ.index(row.axis)
@@ -531,7 +521,7 @@ class Judge:
         title, of_R = "acceleration without the push", [x for x in push if x.name[0] == "R"]
         is_wrong = any(row.differs for row in of_R) and math.isnan(common_ratio(of_R))
         if is_wrong and not compared(scene.no_push, plant, model):
-            self.result.rows.append((title, "", "", "not judged, as R is wrong"))
+            self.rows.append((title, "", "", "not judged, as R is wrong"))
             return
         rows = self._explained(title, "velocity", scene.no_push, plant, model) or ()
         masses = {row.axis: row.ratio for row in push if row.differs and row.model}
@@ -544,7 +534,7 @@ class Judge:
             news = [
                 x for x in terms if not (x.differs and near(x.ratio, masses.get(x.axis, math.nan)))
             ]
-            self.result.add(title, terms, [*sentences_of(title, news, note)])
+            self.add(title, terms, [*sentences_of(title, news, note)])
 
     def _gravity(self, rows: Sequence[Term]) -> str:
         """Return how a factor of the weight follows from the mass, or the values."""
@@ -595,7 +585,7 @@ class Judge:
                 words = self._allocation(A, E, ratios, J if of_inertia else 0 * J) or words
             elif kind == "ω × Jω" and of_inertia and not np.allclose(A, E, rtol=1e-4):
                 words = []
-            self.result.add(title, rows, words)
+            self.add(title, rows, words)
 
     def _allocation(self, A: Array, E: Array, ratios: Array, J: Array) -> list[str]:
         """Return what exchanges thrusters, signs, arms or moments of inertia; none if nothing does.
@@ -656,7 +646,7 @@ class Judge:
             if not np.allclose(moved, B) and np.allclose(np.abs(moved), np.abs(B)):
                 unseen.append("thrusters in another order can equal wrong signs of torques")
                 break
-        self.result.unseen = [*unseen, "terms below 1e-6 of a rate; other times and inputs"]
+        self.unseen = [*unseen, "terms below 1e-6 of a rate; other times and inputs"]
 
     def _steps(self) -> None:
         """Find by the slope of (x(h) − x)/h how a step computes each part."""
@@ -682,7 +672,7 @@ class Judge:
             exact = size_of(a - share * b) < 0.05 * size_of(b)
             words = (x for y, x in SCHEMES.items() if abs(share - y) < 0.02 and exact)
             constant = size_of(b) <= LEFT * size_of(self.rates[0])
-            self.result.steps[kind] = "constant rate" if constant else next(words, "another scheme")
+            self.steps[kind] = "constant rate" if constant else next(words, "another scheme")
 
 
 SCHEMES = {0.0: "explicit Euler", 0.5: "order 2 or more", 1.0: "order 1, with the new rate"}

@@ -42,21 +42,21 @@ def judged(
         )
     called = Plant(how, Model.of(loop, how.input.axes), file, function)
     judge = Judge(called)
-    result = judge.judged()
-    finding, answer = answer_of(result.sentences)
+    judge.judge()
+    finding, answer = answer_of(judge.sentences)
     answer = f"{called.name} {answer}"
-    notes = [f"cannot be seen: {x}" for x in result.unseen]
-    if result.steps:
-        steps = [f"{kind}: {scheme}" for kind, scheme in result.steps.items()]
+    notes = [f"cannot be seen: {x}" for x in judge.unseen]
+    if judge.steps:
+        steps = [f"{kind}: {scheme}" for kind, scheme in judge.steps.items()]
         notes.append(f"scheme of the step: {'; '.join(steps)}")
-    parts = [dict(zip(HEADER, row, strict=True)) for row in result.rows]
+    parts = [dict(zip(HEADER, row, strict=True)) for row in judge.rows]
     record: dict[str, Any] = {
         "plant": called.name,
         "finding": finding,
         "answer": answer,
         "parts": parts,
     }
-    record |= {"sentences": result.sentences, "unseen": result.unseen, "step": result.steps}
+    record |= {"sentences": judge.sentences, "unseen": judge.unseen, "step": judge.steps}
     if simulator:
         few = judge.states[0].of(slice(FEW))
         record["period"] = errors = errors_of(called, few, loop.period)
@@ -67,7 +67,7 @@ def judged(
             said = f", order {order:.1f}" * (finding == "is" and math.isfinite(order))
             words.append(f"{kind} {number(error)} {UNITS[kind]}{said}")
         notes.insert(0, f"largest error over a period of {loop.period:g} s: {'; '.join(words)}")
-    blocks = [Block("", [[*row] for row in result.rows])]
+    blocks = [Block("", [[*row] for row in judge.rows])]
     return record, answer, TextTable("plant", "", HEADER, blocks, notes)
 
 

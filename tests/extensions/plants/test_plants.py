@@ -168,7 +168,7 @@ def test_what_is_said_of_options(options, said, invoke):
 def test_another_group_is_not_covered(invoke):
     place = written("turns")
     config = {"group": "SE2", "inertia": [1.0, 1.0, 1.0], "gains": {"kp": 1, "kd": 1}}
-    config |= {"controllers": ["eqt"], "time": {"duration": 1}, "reference": "constant"}
+    config |= {"controllers": ["eqt"], "time": {"duration": 1}, "reference": {"kind": "constant"}}
     Path("c.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
     error = invoke("verify", "c.yaml", "--plant", place, code=2).stderr
     assert "--plant: SE2 is not covered; SO3 and SE3 are" in error
