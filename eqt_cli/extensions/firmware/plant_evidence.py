@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from itertools import combinations_with_replacement, permutations, product
 from typing import NamedTuple
 
@@ -91,6 +92,17 @@ class Scene:
             name = "R{}{}" + f" {names[k]}" * (len(forces) > 1)
             turned |= _entries(self.R * self.wrench[:, k, None, None], name)
         return plain | turned if next(iter(self.v)) == "body" else turned | plain
+
+    def push_of_thrusters(self, axis: int) -> Arrays:
+        """Return the terms of the thrusters one by one."""
+        B, in_body = self.model.columns[3:], next(iter(self.v)) == "body"
+        of = [(c, k) for c, k in product(range(3), range(B.shape[1])) if B[c, k]]
+        if in_body:
+            return {f"f{k + 1}": self.inputs[:, k] for _, k in of}
+        R = self.R[:, axis]
+        return {
+            f"R{axis + 1}{c + 1} f{k + 1}": R[:, c] * B[c, k] * self.inputs[:, k] for c, k in of
+        }
 
     def no_push(self, axis: int) -> Arrays:
         """Return the terms of weight, drag and rotation in the acceleration along an axis."""
@@ -231,16 +243,21 @@ def compared(
 # Sentences ----------------------------------------------------------------------------------------
 
 
-def number(x: float) -> str:
-    """Return a number with four digits."""
-    return f"{x:.4g}".replace("-", "−")
+def number(x: float, digits: int = 4) -> str:
+    """Return a number in few digits."""
+    return f"{x:.{digits}g}".replace("-", "−")
 
 
-def sum_of(rows: Sequence[Term], of: str, scale: float = 1.0) -> str:
+def sum_of(rows: Sequence[Term], of: str, scale: float = 1.0, digits: int = 4) -> str:
     """Return a sum in words, of the plant or of the model: ``−1 R23``."""
     pairs = [(getattr(row, of) / scale, row.name) for row in rows]
-    words = [f"{number(x)} {name}".removesuffix(" 1") for x, name in pairs if x]
+    words = [f"{number(x, digits)} {name}".removesuffix(" 1") for x, name in pairs if x]
     return " + ".join(words).replace("+ −", "− ") or "0"
+
+
+def coefficient(ratio: float) -> str:
+    """Return a coefficient of 1 in so many digits that it differs."""
+    return f"coefficient {number(ratio, 4 if number(ratio) != '1' else 9)} of 1"
 
 
 def near(a: float, b: float) -> bool:
@@ -285,13 +302,16 @@ def sentences_of(
     if wrong and wrong == expected and not any(row.plant for row in wrong):
         yield f"lacks {title}"
     elif wrong and wrong == expected and math.isfinite(ratio := common_ratio(wrong)):
-        yield f"{title}: coefficient {number(ratio)} of 1{cause(wrong)}"
+        yield f"{title}: {coefficient(ratio)}{cause(wrong)}"
     elif wrong and mirrored == {(row.axis, row.name) for row in wrong if row.model}:
         yield f"{title}: R is transposed"
     else:
         for axis in dict.fromkeys(row.axis for row in wrong):
             line = [row for row in rows if row.axis == axis]
-            plant, model = (sum_of(line, of, scale) for of in ("plant", "model"))
+            for digits in (4, 9):  # so many that they differ
+                plant, model = (sum_of(line, of, scale, digits) for of in ("plant", "model"))
+                if plant != model:
+                    break
             words = f"is {plant}, expected {model}" if model != "0" else f"has {plant}"
             ways.setdefault(f"{words}{cause(line)}", []).append(axis)
     short = {re.sub(rf"(?<=[ωv|)]){a}(?=[ |,²]|$)", "", w) for w, x in ways.items() for a in x}
@@ -506,7 +526,12 @@ class Judge:
         a, b, mean = self.states
         difference = Scene(self.model, a._replace(inputs=a.inputs - b.inputs), frame)
         pushed = np.subtract(self.rate("velocity", 0), self.rate("velocity", 1))
-        push = self._explained("push", "velocity", difference.push, *pushed)
+        terms_of = Scene.push
+        rows = compared(difference.push, *pushed)
+        wrong = rows is None or any(row.differs and row.name[0] == "τ" for row in rows)
+        if wrong and self.model.thrusters is not None:
+            terms_of = Scene.push_of_thrusters
+        push = self._explained("push", "velocity", partial(terms_of, difference), *pushed)
         if push is None:
             return
         M = np.diag(self.model.inertia.matrix)[3:]
@@ -515,7 +540,7 @@ class Judge:
         scene, (plant, model) = Scene(self.model, mean, frame), self.rate("velocity", 2)
         for row in push:
             k = XYZ.index(row.axis)
-            term = scene.push(k)[row.name]
+            term = terms_of(scene, k)[row.name]
             plant[:, k] -= row.plant * term
             model[:, k] -= row.model * term
         title, of_R = "acceleration without the push", [x for x in push if x.name[0] == "R"]
@@ -596,13 +621,13 @@ class Judge:
         def is_plant(X: Array) -> bool:
             return np.allclose(A, X, rtol=1e-4, atol=1e-6 * np.abs(E).max())
 
-        k = A.shape[1] if self.model.thrusters is not None else 0
-        orders = permutations(range(k)) if 1 < k <= MOST_ROTORS else ()
+        if is_plant(E):
+            return []
         signs = [x for x in product((1, -1), repeat=3) if is_plant(np.array(x)[:, None] * E)]
-        axes = [[f"torque {XYZ[i]}" for i in range(3) if x[i] < 0 and E[i].any()] for x in signs]
-        ways = [f"{listed(x)}: coefficient −1 of 1 (the sign is wrong)" for x in axes[:1]]
-        right = [" ".join(str(i + 1) for i in x) for x in orders if is_plant(E[:, x])]
-        ways += [f"the thrusters are in the order {x}" for x in right[:2]]
+        axes = [[XYZ[i] for i in range(3) if x[i] < 0 and E[i].any()] for x in signs]
+        ways = [f"torque {listed(x)}: coefficient −1 of 1 (the sign is wrong)" for x in axes[:1]]
+        orders = [" ".join(str(i + 1) for i in x) for x in self._orders() if is_plant(E[:, x])]
+        ways += [f"the thrusters are in the order {x}" for x in orders[:2]]
         if ways or not (is_plant(ratios[:, None] * E) and ratios.all()):
             return [", or ".join(ways)] if ways else []
         odd = [i for i in range(3) if not near(ratios[i], 1.0)]
@@ -610,15 +635,20 @@ class Judge:
             a, b = odd[0], odd[-1]
             if near(J[a] / ratios[a], J[b]) and near(J[b] / ratios[b], J[a]):
                 return [f"J{XYZ[a]} and J{XYZ[b]} are exchanged"]
-            of = [(XYZ[i], number(J[i] / ratios[i]), number(J[i])) for i in odd]
-            return [f"J{axis} is {mine}, expected {right}" for axis, mine, right in of]
-        said = dict[str, list[str]]()
+            K = [number(x) for x in J / ratios]
+            return [f"J{XYZ[i]} is {K[i]}, expected {number(J[i])}" for i in odd]
+        factors = dict[str, list[str]]()
         for i in odd:
             row = Term(XYZ[i], "", float(ratios[i]), 1.0, True)
             words = usual([row]) or self._moments([row])
-            words = f"coefficient {number(row.ratio)} of 1{f' ({words})' if words else ''}"
-            said.setdefault(words, []).append(XYZ[i])
-        return [f"torque {listed(of)}: {words}" for words, of in said.items()]
+            words = f"{coefficient(row.ratio)}{f' ({words})' if words else ''}"
+            factors.setdefault(words, []).append(XYZ[i])
+        return [f"torque {listed(axes)}: {words}" for words, axes in factors.items()]
+
+    def _orders(self) -> Iterator[tuple[int, ...]]:
+        """Return the orders of the thrusters, if they are few."""
+        k = self.model.columns.shape[1] if self.model.thrusters is not None else 0
+        return permutations(range(k if k <= MOST_ROTORS else 0))
 
     def _moments(self, rows: Sequence[Term]) -> str:
         """Return how a factor of a torque, or a product of ω, follows from moments of inertia."""
@@ -640,12 +670,9 @@ class Judge:
                 unseen.append(f"J{x} = J{y} hides ω{x} ω{y} in ω̇{XYZ[c]}, and J{x} for J{y}")
         if near(M[-1], 1.0) and len(M) > 3:
             unseen.append("1 kg hides what is multiplied or divided by the mass")
-        k = B.shape[1] if self.model.thrusters is not None else 0
-        for order in permutations(range(k)) if 1 < k <= MOST_ROTORS else ():
-            moved = B[:, order]
-            if not np.allclose(moved, B) and np.allclose(np.abs(moved), np.abs(B)):
-                unseen.append("thrusters in another order can equal wrong signs of torques")
-                break
+        moved = [B[:, order] for order in self._orders() if order]
+        if any(not np.allclose(x, B) and np.allclose(np.abs(x), np.abs(B)) for x in moved):
+            unseen.append("thrusters in another order can equal wrong signs of torques")
         self.unseen = [*unseen, "terms below 1e-6 of a rate; other times and inputs"]
 
     def _steps(self) -> None:
