@@ -527,9 +527,9 @@ class Judge:
         difference = Scene(self.model, a._replace(inputs=a.inputs - b.inputs), frame)
         pushed = np.subtract(self.rate("velocity", 0), self.rate("velocity", 1))
         terms_of = Scene.push
-        rows = compared(difference.push, *pushed)
-        wrong = rows is None or any(row.differs and row.name[0] == "τ" for row in rows)
-        if wrong and self.model.thrusters is not None:
+        sums = compared(difference.push, *pushed)
+        of_torque = sums is None or any(row.differs and row.name[0] == "τ" for row in sums)
+        if of_torque and self.model.thrusters is not None:
             terms_of = Scene.push_of_thrusters
         push = self._explained("push", "velocity", partial(terms_of, difference), *pushed)
         if push is None:
@@ -648,7 +648,7 @@ class Judge:
     def _orders(self) -> Iterator[tuple[int, ...]]:
         """Return the orders of the thrusters, if they are few."""
         k = self.model.columns.shape[1] if self.model.thrusters is not None else 0
-        return permutations(range(k if k <= MOST_ROTORS else 0))
+        return permutations(range(k)) if 0 < k <= MOST_ROTORS else iter(())
 
     def _moments(self, rows: Sequence[Term]) -> str:
         """Return how a factor of a torque, or a product of ω, follows from moments of inertia."""
@@ -670,7 +670,7 @@ class Judge:
                 unseen.append(f"J{x} = J{y} hides ω{x} ω{y} in ω̇{XYZ[c]}, and J{x} for J{y}")
         if near(M[-1], 1.0) and len(M) > 3:
             unseen.append("1 kg hides what is multiplied or divided by the mass")
-        moved = [B[:, order] for order in self._orders() if order]
+        moved = [B[:, order] for order in self._orders()]
         if any(not np.allclose(x, B) and np.allclose(np.abs(x), np.abs(B)) for x in moved):
             unseen.append("thrusters in another order can equal wrong signs of torques")
         self.unseen = [*unseen, "terms below 1e-6 of a rate; other times and inputs"]
