@@ -59,6 +59,7 @@ ATTITUDE = {
     },
 }
 """Changes of attitude.yaml; `lag`, `cutoff` and `rate` are those of all laws that have them."""
+ATTITUDE["the same, lag 90 ms believed"] = ATTITUDE["gusts, 50 Hz, dead time 20 ms"] | {"lag": 0.09}
 
 WEIGHT = {"kind": "restoring", "weight": 28.93}
 STILL = {"pose": 0.001, "velocity": 0.005, "accelerometer": 0.05}
@@ -95,6 +96,7 @@ HEXAROTOR = {
         "rate": 40,
     },
 }
+HEXAROTOR["the same, lag 80 ms believed"] = HEXAROTOR["50 Hz, dead time 20 ms"] | {"lag": 0.08}
 
 
 def changed(config, changes):
