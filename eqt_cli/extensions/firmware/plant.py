@@ -82,11 +82,9 @@ class Model:
         Raises
         ------
         EqtError
-            If its group or its inertia is not covered, or it has no such axes.
+            If its inertia is not covered, or it has no such axes.
         """
         G = loop.group
-        if G.name not in COVERED:
-            raise EqtError(f"--plant: {G.name} is not covered; {' and '.join(COVERED)} are")
         if not isinstance(loop.inertia, Inertia) or loop.inertia.change is not None:
             raise EqtError("--plant: an inertia that varies in time is not covered")
         loop = with_fields(loop, vehicle=loop.vehicle.of_run(G))
@@ -247,9 +245,11 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
     Raises
     ------
     EqtError
-        If it is no adapter of a plant on this group.
+        If it is no adapter of a plant on this group, or this is not covered.
     """
     problems = Problems(lambda _: str(file))
+    if G.name not in COVERED:
+        raise EqtError(f"--plant: {G.name} is not covered; {' and '.join(COVERED)} are")
     data: Any = load(text_of(file, "it is an adapter", EqtError), str(file)).data
     state = data.get("state") if isinstance(data, dict) else None
     if not isinstance(state, dict | list) or not state:

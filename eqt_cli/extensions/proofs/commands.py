@@ -102,6 +102,8 @@ def verify(
             of_plant = subject.experiment(0), plant, adapter, simulator, fail_on
             record, pieces, passes = _verify_plant(*of_plant)
             print_findings(record, *pieces, json=json)
+            if quiet and not (passes or json):
+                complain(f"eqt: {target}: {pieces[0]}")
             raise typer.Exit(0 if passes else 4)
         point = None  # the configuration is already that of the point
     workers = workers or options.cores()
