@@ -51,7 +51,7 @@ class Signal:
     unit
         Such as deg/s.
     scale, sign
-        A factor, and a sign or one for each axis; a rotation R is then S R S.
+        A factor, and a sign or one for each axis, or for each angle; a rotation R is S R S.
     torque
         Of the output in Python: an expression of `result` and of the inputs.
     per
@@ -122,17 +122,17 @@ class Signal:
 
     def _rotation(self, value: Array) -> Array:
         if self.as_ == "roll-pitch-yaw":
-            value = matrix_groups.rotation_of_euler("xyz", value / self.factor)
-        elif self.as_.startswith("quaternion"):  # of any length
+            return matrix_groups.rotation_of_euler("xyz", value / self.factor)
+        if self.as_.startswith("quaternion"):  # of any length
             q = np.roll(value, -(self.as_[-4] == "w"), -1)
             value = matrix_groups.rotation_of_quaternion(q) / dot(q, q)[..., None, None]
         value = transpose(value) if self.as_ == "columns" else value
         return value * np.outer(*2 * [np.broadcast_to(self.sign, value.shape[-1])])
 
     def _ordered(self, part: Part, R: Array) -> Array:
-        R = R * np.outer(*2 * [np.broadcast_to(self.sign, R.shape[-1])])
         if self.as_ == "roll-pitch-yaw":
             return coordinates_of(part, R, lambda rotation: rotation.as_euler("xyz") * self.factor)
+        R = R * np.outer(*2 * [np.broadcast_to(self.sign, R.shape[-1])])
         if self.as_.startswith("quaternion"):
             return coordinates_of(part, R, lambda q: np.roll(q.as_quat(), self.as_[-4] == "w", -1))
         return transpose(R) if self.as_ == "columns" else R

@@ -196,6 +196,8 @@ def states(G, count=4):
         ({"signal": "desired_pose", "as_": "columns"}, lambda x, R, Rd: Rd.inv().as_matrix()),
         ({"signal": "pose", "as_": "roll-pitch-yaw", "unit": "deg"},
          lambda x, R, Rd: R.as_euler("ZYX", degrees=True)[:, ::-1]),
+        ({"signal": "pose", "as_": "roll-pitch-yaw", "sign": [1, -1, 1]},
+         lambda x, R, Rd: R.as_euler("ZYX")[:, ::-1] * [1, -1, 1]),
         ({"signal": "pose", "sign": [1, -1, -1]},
          lambda x, R, Rd: np.diag([1, -1, -1]) @ R.as_matrix() @ np.diag([1, -1, -1])),
         ({"signal": "velocity", "unit": "deg/s", "scale": 2},
