@@ -203,8 +203,8 @@ def test_a_result_is_verified_as_it_is(eqt, refused):
     eqt("run", "c.yaml", "--quiet")
     for option in (("--set", "gains.kp=2"), ("--engine", "native"), ("--runs", "2")):
         assert refused("verify", "results/c", *option) == (
-            "eqt: results/c: a result is verified as it is; --set, --engine, --runs and --code "
-            "are for a configuration\n"
+            "eqt: results/c: a result is verified as it is; --set, --engine, --runs, --code and "
+            "--plant are for a configuration\n"
         )
 
 
