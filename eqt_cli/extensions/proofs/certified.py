@@ -368,10 +368,11 @@ class Gain:
     def __str__(self) -> str:
         """What is proved, in words that go on from the name of the law; bounds are rounded up."""
         if self.peak is None or self.aligned is None or self.energy is None:
-            return self.refused or f"has no proved bound of a push of {self.push:g} N m"
+            return self.refused or f"has no proved bound for a disturbance of {self.push:g} N m"
         return (
-            f"is turned by at most {rounded(self.peak, 4, up=True)}° by a push of {self.push:g} "
-            f"N m to first order, and by {rounded(self.aligned, 4)}° at the worst constant V_d; "
+            f"is rotated by at most {rounded(self.peak, 4, up=True)}° by a disturbance of "
+            f"{self.push:g} N m to first order, and by {rounded(self.aligned, 4)}° at the worst "
+            "constant V_d; "
             f"L2 gain {rounded(self.energy, 4, up=True)} rad/(N m)"
         )
 
@@ -452,7 +453,7 @@ def _aligned(A: Array, B: Array) -> Array:
 
 def _by_wrench(loop: ClosedLoop, A: Array) -> Array:
     """Return the fractions of B with ẋ = A x + B w, ``(n, 3)``, for wrenches w on SO(3)."""
-    none = "has no proved bound of a push: "
+    none = "has no proved bound for a disturbance: "
     if loop.group.name != "SO3":
         raise InputError(f"{none}eqt proves one on SO3 only")
     if not loop.vehicle.is_ideal:  # such as limits of the torque, which its linear part lacks

@@ -695,9 +695,9 @@ class TrackingErrors(NamedTuple):
         rms, most, rest = (f"{by * x:.3g} {unit}" for x in (size.rms, size.largest, size.remains))
         headline = f"{size.quantity} error {rms} rms, at most {most}"
         if not np.isnan(size.delay):
-            late = f"{abs(size.delay):.3g} ± {size.delay_error:.1g} s"
-            side = "late" if size.delay > 0 else "early"
-            headline += f"; {late} {side}, without which {rest} remain"
+            shift = f"{abs(size.delay):.3g} ± {size.delay_error:.1g} s"
+            cause = "delay" if size.delay > 0 else "lead"
+            headline += f", of which a {cause} of {shift} explains all but {rest}"
         headline += f" ({size.remark})" * bool(size.remark)
         return "; ".join([headline, *self.remarks])
 

@@ -455,7 +455,7 @@ def test_pushes_are_bounded_on_rotations_only() -> None:
         [0.5],
         push=1.0,
     )
-    none = "has no proved bound of a push: "
+    none = "has no proved bound for a disturbance: "
     assert str(law.rates[0].gain) == f"{none}eqt proves one on SO3 only"
     assert law.rates[0].rate  # which needs no push
 
@@ -477,11 +477,11 @@ def test_a_gain_does_not_depend_on_the_unit_of_the_wrench() -> None:
 
 
 def test_what_is_not_proved_is_said_and_numbers_have_digits() -> None:
-    assert str(certified.Gain(0.1)) == "has no proved bound of a push of 0.1 N m"
+    assert str(certified.Gain(0.1)) == "has no proved bound for a disturbance of 0.1 N m"
     tiny = certified.Gain(1e-5, 0.00231, 0.00204, [0.0] * 3, 2.0093e-4, {})
     assert str(tiny) == (
-        "is turned by at most 0.002310° by a push of 1e-05 N m to first order, and by 0.002040° "
-        "at the worst constant V_d; L2 gain 0.0002010 rad/(N m)"
+        "is rotated by at most 0.002310° by a disturbance of 1e-05 N m to first order, and by "
+        "0.002040° at the worst constant V_d; L2 gain 0.0002010 rad/(N m)"
     )
     slow = certified.Region(120.0, 1.239e-5, [[60.0, 0.004567]])
     assert str(slow) == (

@@ -88,10 +88,10 @@ def test_a_delay_is_found_with_the_error_that_remains():
     one = size(found, "position")
     assert one.rms == pytest.approx(2 * RADIUS * np.sin(TURN * 0.12 / 2), rel=1e-3)
     assert (one.delay, one.remains < 1e-3) == (pytest.approx(0.12, abs=1e-4), True)
-    assert found.headline.startswith("position error 0.356 m rms, at most 0.357 m; ")
+    assert found.headline.startswith("position error 0.356 m rms, at most 0.357 m, ")
     assert found.headline.endswith(
-        "; 0.12 ± 1e-06 s late, without which 0.000439 m remain (this motion does not tell the "
-        "delay from an offset or turn of the frame)"  # a circle at constant speed
+        ", of which a delay of 0.12 ± 1e-06 s explains all but 0.000439 m (this motion does not "
+        "tell the delay from an offset or turn of the frame)"  # a circle at constant speed
     )
 
 
@@ -498,7 +498,7 @@ def test_a_vehicle_ahead_of_its_setpoints_is_early():
     table("ahead.csv", T - 0.1)
     table("wanted.csv", T)
     found = eqt_cli.log_errors("ahead.csv", "wanted.csv")
-    assert "; 0.1 ± 1e-06 s early, without" in found.headline
+    assert ", of which a lead of 0.1 ± 1e-06 s explains all but" in found.headline
 
 
 def flown(t):
