@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
+from pydantic import Field
 
 from eqt_cli.base.arrays import Array, Arrays, dot
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Real, Scale
+from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components.actuators import limited_parts
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking
+from eqt_cli.components.mechanics import LATER, Gains, LawInput, TimeVarying, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import structure, with_fields
 
@@ -309,6 +310,31 @@ class OuterLoop(CountsInstants):
         """Return errors that may not change along a reference, inner loop first, ``(..., 2m)``."""
 
 
+MOST_AHEAD = 1000
+"""Most steps of a preview."""
+
+
+@dataclass(frozen=True)
+class Preview(Keys):
+    """Later times of the reference.
+
+    Attributes
+    ----------
+    steps
+        Number of times.
+    every
+        Time from one to the next, and from now to the first, s.
+    """
+
+    steps: Annotated[int, Field(ge=1, le=MOST_AHEAD)]
+    every: Annotated[Positive, Unit("s")]
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """The times from now, s."""
+        return tuple(self.every * k for k in range(1, self.steps + 1))
+
+
 class Previews(Controller):
     """A law that knows the reference in advance.
 
@@ -316,9 +342,21 @@ class Previews(Controller):
     ----------
     preview : (k,)
         The times from now at which it knows the reference, s.
+    previewed
+        What it reads of the reference at these times, among `LATER`.
     """
 
     preview: ClassVar[Any] = ()
+    previewed: ClassVar[Any] = LATER[:2]
+
+
+def check_foreseen(plant: PlantModel, problems: Problems) -> None:
+    """Note a reference whose later motion a preview cannot know."""
+    if not plant.foreseen:
+        problems.add(
+            "the reference is integrated, so its later values are unknown; use one that is a "
+            "function of time: path, flat, waypoints, log, slew or constant"
+        )
 
 
 class LinearPlant(NamedTuple):

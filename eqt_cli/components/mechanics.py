@@ -10,7 +10,17 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, apply_matrix, dot, frobenius, maximum, norm, times, transpose
+from eqt_cli.base.arrays import (
+    Array,
+    Arrays,
+    apply_matrix,
+    dot,
+    frobenius,
+    maximum,
+    norm,
+    times,
+    transpose,
+)
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import distance_of_turn
@@ -227,8 +237,8 @@ class Tracking:
     flux : (..., 3)
         The magnetic field in the body, T, likewise.
     ahead
-        For laws with a `preview`: returns Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)`` at later
-        times. A function, because a sampled law needs them at its instants only.
+        For laws with a `preview`: returns what they read of `LATER`. A function, because a sampled
+        law needs it at its instants only.
     known_force : (..., m)
         The force that the loop takes from the torque of the law, body frame; None for none.
     specific_force : (..., n)
@@ -248,7 +258,7 @@ class Tracking:
     vehicle: Mapping[str, Array] = field(default_factory=dict)
     flat: FlatOutput | None = None
     flux: Any = None
-    ahead: Callable[[], tuple[Array, Array]] | None = None
+    ahead: Callable[[], Arrays] | None = None
     known_force: Array | None = None
     specific_force: Any = None
 
@@ -467,10 +477,14 @@ class TimeVarying:
 
 
 AXES = {"t": 0, "pose": 2, "desired_pose": 2, "position": 2, "later_pose": 3, "later_velocity": 2}
+AXES |= {"later_torque": 2, "later_position": 3}
 """The number of axes of each part of an input that is not a vector."""
 
-NOT_IN_CODE = ("later_pose", "later_velocity", "specific_force")
-"""The last parts of an input, which no code of a user has."""
+LATER = ("later_pose", "later_velocity", "later_torque", "later_position")
+"""The parts of an input that only laws with a preview have."""
+
+NOT_IN_CODE = ("specific_force",)
+"""The last part of an input, which no code of a user has."""
 
 
 class LawInput(NamedTuple):
@@ -492,6 +506,8 @@ class LawInput(NamedTuple):
         The measured magnetic field; only for laws that read it.
     later_pose, later_velocity : (..., k, d, d) and (..., k, m)
         Q_d and V_d at k later times; only for laws with a `preview`.
+    later_torque, later_position : (..., k, m) and (..., k, 5, n)
+        τ_d by the law's inertia, and p_d as `position`, at these times, where the law reads them.
     specific_force : (..., n)
         The measured specific force, in body axes; only for laws that read it.
     """
@@ -507,14 +523,16 @@ class LawInput(NamedTuple):
     flux: Any = None
     later_pose: Any = None
     later_velocity: Any = None
+    later_torque: Any = None
+    later_position: Any = None
     specific_force: Any = None
 
     @classmethod
     def of(cls, s: Tracking) -> LawInput:
         """Return the input of a law at a tracking state."""
-        optional = *(s.flat or (None, None)), s.flux, *(s.ahead() if s.ahead else (None, None))
-        optional += (s.specific_force,)
-        return cls._make((s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *optional))
+        optional, later = (*(s.flat or (None, None)), s.flux), s.ahead() if s.ahead else {}
+        later = {**later, "specific_force": s.specific_force}
+        return cls(s.t, s.Q, s.V, s.Qd, s.Vd, s.Vd_dot, *optional, **later)
 
     def each(self, function: Callable[[Any], Any]) -> LawInput:
         """Return the input with a function applied to every part that there is."""
@@ -550,8 +568,8 @@ class LawInput(NamedTuple):
         now, Q, Qd = inertia.at(self.t), self.pose, self.desired_pose
         P = now.momentum(self.velocity)
         flat = None if self.position is None else FlatOutput(self.position, self.heading)
-        later = self.later_pose, self.later_velocity
-        ahead = None if self.later_pose is None else lambda: later
+        later = {n: part for n in LATER if (part := getattr(self, n)) is not None}
+        ahead = (lambda: later) if later else None
         # In place of P_d and τ_d, until `following` gives them, is P.
         of_loop = flat, self.flux, ahead, known_force, self.specific_force
         tracking = Tracking(G, now, gains, self.t, Q, P, Qd, P, P, memory, {}, *of_loop)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeVar
 import numpy as np
 
 from eqt_cli.base import units
-from eqt_cli.base.arrays import Array, stack
+from eqt_cli.base.arrays import Array, Arrays, stack
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import VELOCITY, Positive, Real, Unit
@@ -18,7 +18,7 @@ from eqt_cli.base.registry import Component, Registry
 from eqt_cli.components import motions
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
-from eqt_cli.components.mechanics import TimeVarying
+from eqt_cli.components.mechanics import AXES, LATER, TimeVarying
 from eqt_cli.components.pose_notation import check_turn, pose_from, vector
 from eqt_cli.components.pose_tables import coordinate_names
 from eqt_cli.numbers.jets import Jet, series, value_and_derivative
@@ -287,23 +287,29 @@ class ReferenceAhead(TimeVarying):
     ----------
     after
         The times from now, s.
+    names
+        What the law reads of it, among `LATER`.
     pieces
         The reference in its piece at each of them; () where it has none.
     """
 
     reference: ClosedReference = field(metadata=STRUCTURE)
     after: tuple[float, ...] = field(metadata=STRUCTURE)
+    names: tuple[str, ...] = field(default=LATER[:2], metadata=STRUCTURE)
     pieces: tuple[Any, ...] = ()
 
-    def motion(self, G: MatrixLieGroup, t: Any, batch: tuple[int, ...]) -> tuple[Array, Array]:
-        """Return Q_d ``(..., k, d, d)`` and V_d ``(..., k, m)``."""
-        pieces = self.pieces or [self.reference] * len(self.after)
-        poses, velocities = [], []
+    def parts(self, G: MatrixLieGroup, inertia: Any, t: Any, batch: tuple[int, ...]) -> Arrays:
+        """Return what the law reads, ``(..., k, …)`` each; its inertia gives the torque τ_d."""
+        pieces, rows = self.pieces or [self.reference] * len(self.after), dict[str, list[Array]]()
         for piece, s in zip(pieces, self.after, strict=True):
-            Q, V, _ = piece.motion(G, t + s)
-            poses.append(np.broadcast_to(Q, (*batch, G.size, G.size)))
-            velocities.append(np.broadcast_to(V, (*batch, G.dimension)))
-        return np.stack(poses, axis=-3), np.stack(velocities, axis=-2)
+            now = piece.desired(G, inertia.at(t + s), t + s, None, None)
+            flat = piece.flat_output(G, t + s) if LATER[3] in self.names else None
+            known = dict(zip(LATER, (now.Q, now.V, now.tau, flat and flat.position), strict=True))
+            for name in self.names:
+                value, axes = known[name], AXES[name] - 1
+                whole = (*batch, *value.shape[value.ndim - axes :])
+                rows.setdefault(name, []).append(np.broadcast_to(value, whole))
+        return {name: np.stack(each, axis=-AXES[name]) for name, each in rows.items()}
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which the reference changes at one of the later times."""

@@ -274,9 +274,11 @@ class ClosedLoop:
     @property
     def _ahead(self) -> ReferenceAhead | None:
         """The reference as the law knows it in advance; None without a preview."""
-        preview = self.controller.preview if isinstance(self.controller, Previews) else ()
+        law = self.controller
+        if not isinstance(law, Previews) or not law.preview:
+            return None
         reference: Any = self.reference  # a ClosedReference, as the configuration was checked for
-        return ReferenceAhead(reference, tuple(preview)) if preview else None
+        return ReferenceAhead(reference, tuple(law.preview), law.previewed)
 
     @cached_property
     def holds(self) -> bool:
@@ -386,7 +388,8 @@ class ClosedLoop:
         if self.vehicle.magnet:
             s = dataclasses.replace(s, flux=self.vehicle.magnet.in_body(s))
         if ahead := self.held_ahead or self._ahead:
-            s = dataclasses.replace(s, ahead=partial(ahead.motion, self.group, t, batch))
+            parts_ahead = partial(ahead.parts, self.group, self.inertia, t, batch)
+            s = dataclasses.replace(s, ahead=parts_ahead)
         if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
             return s
         return s.following(_spread(desired.V, batch, 1), _spread(desired.V_dot, batch, 1))

@@ -18,7 +18,7 @@ from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.components.accelerometer import reads_specific_force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.mechanics import NOT_IN_CODE, LawInput
+from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.loop.closed_loop import ClosedLoop
@@ -224,7 +224,8 @@ def _inputs(loop: ClosedLoop) -> tuple[Entry, ...]:
     }
     shapes: dict[str, tuple[int, ...]] = {"t": (), "flux": (3,)}
     shapes |= dict.fromkeys(("pose", "desired_pose"), (d, d))
-    others = {*FlatOutput._fields, *NOT_IN_CODE, "flux" * (loop.controller.commands != "dipole")}
+    others = {*FlatOutput._fields, *LATER, *NOT_IN_CODE}
+    others |= {"flux"} if loop.controller.commands != "dipole" else set()
     if G.translation:
         shapes["specific_force"] = (len(range(m)[G.translation.axes]),)
     others -= {"specific_force"} if reads_specific_force(loop.controller) else set()

@@ -20,8 +20,17 @@ from eqt_cli.components import matrix_groups
 from eqt_cli.components.cascade import check_flat_output
 from eqt_cli.components.derived import coordinates_of
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import CodeCall, CodeFile, Controller, RunsCode, controllers
-from eqt_cli.components.mechanics import NOT_IN_CODE, Gains, LawInput, Tracking
+from eqt_cli.components.laws import (
+    CodeCall,
+    CodeFile,
+    Controller,
+    Preview,
+    Previews,
+    RunsCode,
+    check_foreseen,
+    controllers,
+)
+from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
@@ -80,6 +89,8 @@ class Signal:
         """Return the signal as code reads it, ``(..., *shape)``."""
         name, part, where, eqt_frame = self._place(G, x)
         value: Any = np.asarray(getattr(x, name), dtype=float)[where]
+        if name in LATER:  # its desired frame is that of its own time
+            x = x._replace(pose=x.pose[..., None, :, :], desired_pose=x.later_pose)
         if not eqt_frame:
             return self._ordered(part, value)
         return self.factor * turned(G, x, value, eqt_frame, self.frame)
@@ -101,15 +112,16 @@ class Signal:
         name, _, which = self.signal.partition(".")
         part = next((each for each in G.parts if which in ("", each.name)), None)
         if part is None or getattr(x, name, None) is None:
-            known = ", ".join(x._fields[: -len(NOT_IN_CODE)])
+            absent = {*NOT_IN_CODE, *(() if x.later_pose is not None else LATER)}
+            known = ", ".join(name for name in x._fields if name not in absent)
             raise InputError(f"signal: expected {known}, or a part, got {shown(self.signal)}")
         if name.endswith("pose"):
             rows, columns = part.entries if which else (slice(None), slice(0, None))
             if part.turns:
                 return name, part, (..., rows, columns), ""
             return name, part, (..., rows, columns.start), "space"
-        of_velocity = "desired" if name.startswith("desired") else "body"
-        eqt_frame = "space" if name == "position" else of_velocity
+        of_velocity = "desired" if name.startswith(("desired", "later")) else "body"
+        eqt_frame = "space" if name.endswith("position") else of_velocity
         return name, part, (..., part.axes) if which else (...,), eqt_frame
 
     def words(self, unit: str) -> str:
@@ -220,7 +232,7 @@ class _Numbers(Controller):
 
 
 @dataclass(frozen=True)
-class Code(_Numbers, RunsCode):
+class Code(_Numbers, RunsCode, Previews):
     """Your own function in C, C++ or Python, called at control instants, or by solve_ivp.
 
     The file defines the types ``X_input``, ``X_numbers`` and ``X_memory`` and the function
@@ -254,6 +266,9 @@ class Code(_Numbers, RunsCode):
         All fields of ``X_memory``.
     real
         The type of its numbers.
+    preview_
+        It is also given the reference at so many later `steps`, `every` so long, as `later_pose`,
+        `later_velocity` and `later_torque` (τ_d), and where it names it, `later_position`.
     """
 
     name: ClassVar[str] = "code"
@@ -266,6 +281,7 @@ class Code(_Numbers, RunsCode):
     memory_: list[str] = field(default_factory=list)
     real: Literal["double", "float"] = "double"
     adapter: Adapter | None = None
+    preview_: Preview | None = field(default=None, metadata=STRUCTURE)
     values: Any = field(init=False, repr=False)
     claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
     forces: Any = field(init=False, default=(), repr=False, metadata=STRUCTURE)
@@ -274,7 +290,7 @@ class Code(_Numbers, RunsCode):
     @property
     def structure(self) -> Hashable:
         """All but the numbers."""
-        return type(self), self.code, repr((self.claimed, self.adapter)), self.called
+        return type(self), self.code, repr((self.claimed, self.adapter, self.preview)), self.called
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid C names, and errors of the law that it claims to be."""
@@ -339,10 +355,12 @@ class Code(_Numbers, RunsCode):
         if problems:
             return None, {}
         with problems.catching():
-            space, first = G.space if matrix_groups.rigid_motions(G) else 0, first_inputs(G)
+            steps = self.preview_.steps if self.preview_ else 0
+            space, first = G.space if matrix_groups.rigid_motions(G) else 0, first_inputs(G, steps)
             reads = self._adapted.inputs.items()
             shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
             of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
+            of_group["steps"] = steps
             code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
             numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
@@ -376,7 +394,8 @@ class Code(_Numbers, RunsCode):
 
     @property
     def _adapted(self) -> Adapter:
-        named = LawInput._fields[:6] if self.code.is_python else ()
+        named = LawInput._fields[:6] + LATER[: 3 * (self.preview_ is not None)]
+        named = named if self.code.is_python else ()
         return self.adapter or Adapter({name: Signal(name) for name in named})
 
     def reading(self, G: MatrixLieGroup, x: LawInput, code: UserCode) -> Array:
@@ -446,6 +465,18 @@ class Code(_Numbers, RunsCode):
         batch = s.P.shape[:-1]
         return {name: part.reshape(*batch, -1) for name, part in zip(lengths, parts, strict=True)}
 
+    @property
+    def preview(self) -> tuple[float, ...]:
+        """The times from now at which it knows the reference, s."""
+        return self.preview_.times if self.preview_ else ()
+
+    @property
+    def previewed(self) -> tuple[str, ...]:
+        """What it reads of the reference at these times; the pose, by which vectors turn, too."""
+        signals = [each.signal for each in self._adapted.inputs.values()]
+        reads = [name.partition(".")[0] for name in signals or self.called.code.inputs]
+        return tuple(name for name in LATER if name in reads or name == LATER[0])
+
     # The claims.
 
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
@@ -456,7 +487,7 @@ class Code(_Numbers, RunsCode):
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
         """Whether the input of the function has the position and its derivatives."""
         reads = [each.signal for each in self._adapted.inputs.values()]
-        return "position" in (reads or self.called.code.inputs)
+        return not {"position", LATER[3]}.isdisjoint(reads or self.called.code.inputs)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what the law that it claims to be knows of the plant."""
@@ -474,6 +505,8 @@ class Code(_Numbers, RunsCode):
                 f"{self.prefix}_input has a field heading, and the reference gives none; remove "
                 "the field"
             )
+        if self.preview_:
+            check_foreseen(plant, problems.at("preview"))
         if problems:
             return self
         if law is not None:
@@ -568,8 +601,11 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     return changed_at(document, ("controllers",), [entry], "--code")
 
 
-def first_inputs(G: MatrixLieGroup) -> LawInput:
-    """Return inputs at random states, at rest without error, and at half turns about every axis."""
+def first_inputs(G: MatrixLieGroup, steps: int = 0) -> LawInput:
+    """Return inputs at random states, at rest without error, and at half turns about every axis.
+
+    With so many steps of a preview.
+    """
     random, m = np.random.default_rng(0), G.dimension
     n = G.space if matrix_groups.rigid_motions(G) else 0
 
@@ -581,4 +617,8 @@ def first_inputs(G: MatrixLieGroup) -> LawInput:
     x, xd, V, Vd, Vd_dot, psi = map(drawn, (m, m, m, m, m, 3))
     x[TRIED + 1 :] = np.pi * np.eye(m)
     t = np.repeat([0.5, 0.0], [TRIED, 1 + m])
-    return LawInput(t, G.exp(x), V, G.exp(xd), Vd, Vd_dot, drawn(ORDER + 1, n), psi)
+    first = LawInput(t, G.exp(x), V, G.exp(xd), Vd, Vd_dot, drawn(ORDER + 1, n), psi)
+    if not steps:
+        return first
+    later = G.exp(drawn(steps, m)), drawn(steps, m), drawn(steps, m), drawn(steps, ORDER + 1, n)
+    return first._replace(**dict(zip(LATER, later, strict=True)))

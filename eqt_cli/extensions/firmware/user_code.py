@@ -28,7 +28,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
 from eqt_cli.components.laws import CodeFile
-from eqt_cli.components.mechanics import NOT_IN_CODE, LawInput
+from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import ORDER
 from eqt_cli.engines import compiler
 from eqt_cli.engines.compiler import Limits, temporary_folder
@@ -317,6 +317,8 @@ class UserCode(CodeFile):
         The number of entries of a pose, and of a velocity.
     space
         The number of coordinates of a position; 0 on groups other than SE2 and SE3.
+    steps
+        The number of later times of the reference that it is given.
     adapted
         The inputs with their shapes, as an adapter names them; empty without one.
     """
@@ -325,6 +327,7 @@ class UserCode(CodeFile):
     entries: int
     axes: int
     space: int = 0
+    steps: int = 0
     adapted: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     @cached_property
@@ -332,16 +335,18 @@ class UserCode(CodeFile):
         """The fields of ``X_input`` with their lengths, in the order of `LawInput`.
 
         A text with a field ``position`` names all of its fields; any other one has those of a law
-        that reads none.
+        that reads none. Of a preview it has those that it names.
         """
         if self.adapted:
             return {name: math.prod(shape) for name, shape in self.adapted}
         q, m, n = self.entries, self.axes, self.space
-        lengths = (1, q, m, q, m, m, (ORDER + 1) * n, 3, 3)
+        p, k = (ORDER + 1) * n, self.steps
+        lengths = (1, q, m, q, m, m, p, 3, 3, q * k, m * k, m * k, p * k)
         length_of = dict(zip(LawInput._fields[: -len(NOT_IN_CODE)], lengths, strict=True))
         known = self.fields(f"{self.prefix}_input") or ()
         read = known if n and "position" in known else LawInput._fields[:6]
-        return {name: length for name, length in length_of.items() if name in read}
+        later = [name for name in LATER if name in known and length_of[name]]
+        return {name: length for name, length in length_of.items() if name in (*read, *later)}
 
     @cached_property
     def preprocessed(self) -> str:

@@ -25,9 +25,18 @@ from eqt_cli.base.arrays import (
     where,
 )
 from eqt_cli.base.errors import InputError, Problems, TraceError
-from eqt_cli.base.option_types import Count, Keys, Positive, Real, Unit
+from eqt_cli.base.option_types import Count, Positive, Real
 from eqt_cli.components.groups import MatrixLieGroup, Part
-from eqt_cli.components.laws import CodeCall, CodeFile, Controller, Previews, RunsCode
+from eqt_cli.components.laws import (
+    MOST_AHEAD,
+    CodeCall,
+    CodeFile,
+    Controller,
+    Preview,
+    Previews,
+    RunsCode,
+    check_foreseen,
+)
 from eqt_cli.components.mechanics import LawInput, Tracking
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.engines import compiler
@@ -44,26 +53,6 @@ Motion = Literal["position", "position_error", "velocity", "velocity_error"]
 Rotation = Literal["rotation", "rotation_error", "rates", "rates_error"]
 Attitude = Literal["gravity", "quaternion", "euler"]
 Observable = Literal[Motion, Rotation, Attitude, "last_command"]
-
-
-MOST_AHEAD = 1000
-"""Most steps of a preview."""
-
-
-@dataclass(frozen=True)
-class Preview(Keys):
-    """Later times of the reference.
-
-    Attributes
-    ----------
-    steps
-        Number of times.
-    every
-        Time from one to the next, and from now to the first, s.
-    """
-
-    steps: Annotated[int, Field(ge=1, le=MOST_AHEAD)]
-    every: Annotated[Positive, Unit("s")]
 
 
 @dataclass(frozen=True)
@@ -522,17 +511,13 @@ class Network(RunsCode, Previews):
     @property
     def preview(self) -> tuple[float, ...]:
         """The times from now at which it knows the reference, s."""
-        previews = [signal.preview for signal in self.observes if signal.preview]
-        return tuple(p.every * k for p in previews for k in range(1, p.steps + 1))
+        return tuple(t for each in self.observes if each.preview for t in each.preview.times)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law in C, with the rotors of the plant."""
-        if self.preview and not plant.foreseen:
+        if self.preview:
             index = next(i for i, each in enumerate(self.observes) if each.preview)
-            problems.at("observes", index, "preview").add(
-                "the reference is integrated, so its later values are unknown; use one that is a "
-                "function of time: path, flat, waypoints, log, slew or constant"
-            )
+            check_foreseen(plant, problems.at("observes", index, "preview"))
         if problems or not self.text:
             return self
         M, curve = self._commanding(G, plant, problems.at("commands"))
