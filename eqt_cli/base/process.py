@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -272,3 +273,27 @@ class _Forgiving(io.TextIOWrapper):
     def flush(self) -> None:
         with suppress(OSError):
             super().flush()
+
+
+# What another installation may replace -----------------------------------------------------------
+
+
+def too_old(distribution: str) -> str:
+    """Return which packages are older than a distribution requires, and the remedy; else ""."""
+    import importlib.metadata as installed
+
+    words, needed = list[str](), list[str]()
+    with suppress(installed.PackageNotFoundError):
+        for line in installed.requires(distribution) or ():
+            name, _, least = line.partition(">=")
+            bound = re.match(r"[\d.]+", least)
+            if bound is None or "extra ==" in line:
+                continue
+            version = installed.version(name)
+            numbers = [
+                [int(x) for x in re.findall(r"\d+", text)[:3]] for text in (version, bound[0])
+            ]
+            if numbers[0] < numbers[1]:
+                words.append(f"{name} {version} is installed, and eqt needs {bound[0]} or newer")
+                needed.append(f"'{name}>={bound[0]}'")
+    return f"{'; '.join(words)}; install it with pip install {' '.join(needed)}" if words else ""

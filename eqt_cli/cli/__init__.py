@@ -63,6 +63,8 @@ def _app(stop: process.Requests) -> None:
         if stop.number is None or isinstance(error, InterruptedRun):
             from eqt_cli.base.registry import blamed
 
+            if not isinstance(error, EqtError) and (old := process.too_old("eqt-cli")):
+                raise EqtError(old) from error
             with blamed():  # a command of another distribution may fail
                 raise
         raise process.Interrupted(stop.number) from error

@@ -13,6 +13,7 @@ from case_tables import from_yaml
 from plugin_sources import EVERY_KIND
 
 import eqt_cli
+from eqt_cli.base import process
 
 HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray"]
 
@@ -260,3 +261,17 @@ def test_a_folder_in_place_of_entry_points_is_passed_over(process, folder):
     (folder / "site/a-1.0.dist-info/entry_points.txt").mkdir(parents=True)
     done = process("--help", PYTHONPATH=str(folder / "site"))
     assert (done.code, done.err) == (0, "")
+
+
+def test_packages_that_are_too_old_are_one_line(eqt, monkeypatch):
+    """As `pip install do-mpc` put NumPy 1.26 under eqt; 2.0.0rc1 is as good as 2.0."""
+    from importlib import metadata
+
+    versions = {"numpy": "1.26.4", "scipy": "1.11.4", "h5py": "3.16.0rc1"}
+    real = metadata.version
+    monkeypatch.setattr(metadata, "version", lambda name: versions.get(name) or real(name))
+    assert process.too_old("eqt-cli") == (
+        "numpy 1.26.4 is installed, and eqt needs 2.0 or newer; scipy 1.11.4 is installed, and eqt "
+        "needs 1.16 or newer; install it with pip install 'numpy>=2.0' 'scipy>=1.16'"
+    )
+    assert process.too_old("no-such-distribution") == ""
