@@ -525,6 +525,7 @@ MEANINGS = {
     "cross_check_runs": "how many runs of each law it repeated",
     "cross_check_difference": "largest difference that it found",
     "cross_check_bound": "bound for this difference",
+    "cross_check_law": "the law that differs most, where it is more than the bound",
 }
 """Of the attributes of a result file; one that is new has to be described here."""
 

@@ -210,9 +210,11 @@ def _doubts(result: Result) -> Iterator[str]:
     """Yield remarks on a cross-check that does not hold, and on estimates above the tolerance."""
     check = result.cross_check
     if check and not check.holds:
+        where = f"'{check.law}'" if check.law else "the laws"
         yield (
-            "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
-            "or look for kinks and discontinuities in the laws"
+            f"eqt: the two integrators differ by more than the bound, most in {where}; tighten "
+            "solver.rtol, or look for kinks and discontinuities there; or, in code, for what it "
+            "keeps from call to call and `memory` does not name"
         )
     elif check and (drift := result["group_drift"][result.good].max(initial=0.0)) > check.bound:
         yield (

@@ -180,6 +180,7 @@ _EXPECTED: dict[str, tuple[str, TypeAdapter[Any]]] = {
     "cross_check_runs": ("a whole number of at least 0", TypeAdapter(NonNegativeInt)),
     "cross_check_difference": _NUMBER,
     "cross_check_bound": _NUMBER,
+    "cross_check_law": _TEXT,
 }
 """Expected kind of each attribute that a file may have, in words and as a type."""
 
@@ -203,12 +204,15 @@ class CrossCheck:
         these fails in the repetition, NaN if all runs failed.
     bound
         Allowed difference.
+    law
+        Label of the law whose difference is the largest, where that is more; else "".
     """
 
     method: str
     runs: int
     difference: float
     bound: float
+    law: str = ""
 
     @property
     def holds(self) -> bool:
@@ -361,6 +365,7 @@ class KnownResult(ResultFile):
     def cross_check(self) -> CrossCheck | None:
         """Outcome of the cross-check; None if there was none."""
         stored: Any = {name: self.attributes.get(f"cross_check_{name}") for name in CROSS_CHECK}
+        stored["law"] = printable(str(self.attributes.get("cross_check_law", "")))
         return None if stored["method"] is None else CrossCheck(**stored)
 
 

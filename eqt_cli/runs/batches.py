@@ -368,7 +368,7 @@ def cross_check(
         return None
     bound, method = BOUND_PER_RTOL * base.engine.rtol, str(independent(base.engine).method)
     deadline = time.thread_time() + MOST_SECONDS * runs
-    difference, shortest = np.nan, np.inf
+    apart, shortest = list[tuple[float, str]](), np.inf
 
     def progress(done: float) -> None:
         reporter().advance(done)
@@ -389,18 +389,21 @@ def cross_check(
             begun = replace(problem.select(good), times=problem.times[:samples])
             again = independent(group[0][1].engine).solve(begun, progress=progress).states
         except _Skipped as skipped:
-            if difference > bound:
+            if max(apart, default=(0.0, ""))[0] > bound:
                 break
             return CrossCheck(f"{method}, {skipped}", runs, np.nan, bound)
         with np.errstate(all="ignore"):  # the other engine may fail or diverge
             loop = begun.batched_loop(extra_axes=1)
             distances = distance(loop, begun.times, states[good, :samples], again)
-        difference = np.fmax(difference, np.nan_to_num(distances, nan=np.inf).max())
+        distances = np.nan_to_num(distances, nan=np.inf)
+        of_rows = np.repeat([label for label, _ in group], [len(b.rows) for _, b in group])
+        apart.append((float(distances.max()), str(of_rows[good[distances.argmax()]])))
         if samples < len(problem.times):
             shortest = min(shortest, begun.times[-1] - begun.times[0])
     if shortest < np.inf:
         method += f" over the first {shortest:.3g} s"
-    return CrossCheck(method, runs, float(difference), bound)
+    difference, law = max(apart, default=(np.nan, ""))
+    return CrossCheck(method, runs, difference, bound, law * (difference > bound))
 
 
 def _samples(base: Experiment, problem: Problem, work: float) -> int:

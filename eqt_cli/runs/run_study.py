@@ -471,7 +471,7 @@ def _cross_checked(
     with timed(seconds, "cross-check"), step(CHECKING, redone):
         check = cross_check(study, *map(list, zip(*checked, strict=True)))
     fields = {} if check is None else asdict(check)
-    return {f"cross_check_{name}": value for name, value in fields.items()}
+    return {f"cross_check_{name}": value for name, value in fields.items() if value != ""}
 
 
 def replace_runs(task: PartTask, folder: ResultFolder, origin: dict[str, Any]) -> int:

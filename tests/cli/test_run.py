@@ -269,8 +269,9 @@ def test_a_check_that_fails_ends_with_4(eqt, plugins):
     done = eqt("run", "c.yaml", *WRONG, *CHECKED)
     assert done.code == 4
     assert done.err == (
-        "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
-        "or look for kinks and discontinuities in the laws\n"
+        "eqt: the two integrators differ by more than the bound, most in 'gt'; tighten "
+        "solver.rtol, or look for kinks and discontinuities there; or, in code, for what it keeps "
+        "from call to call and `memory` does not name\n"
     )
     assert eqt("run", "c.yaml", *WRONG, *CHECKED).code == 4
 
