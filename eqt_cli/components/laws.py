@@ -464,7 +464,23 @@ class CodeCall(NamedTuple):
 
 
 class RunsCode(Controller):
-    """A law that is not a formula but runs code: a function of the user, or a network."""
+    """A law that is not a formula but runs code: a function of the user, or a network.
+
+    Attributes
+    ----------
+    in_order
+        Whether it answers in the order of time only, from the start of a run on.
+    metrics
+        The metrics that results hold of it by default, by name.
+    """
+
+    in_order: ClassVar[Any] = False
+    metrics: ClassVar[Any] = ()
+
+    @property
+    def unfailing(self) -> Self:
+        """The law without the memory of what it does where its code fails."""
+        return self
 
     by_processor: ClassVar[bool] = True  # it is compiled on this machine
     tasks: ClassVar[tuple[str, ...]] = ()

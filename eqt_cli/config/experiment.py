@@ -43,7 +43,7 @@ from eqt_cli.components.initial_states import (
     generator,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, Designed, OuterLoop, controllers
+from eqt_cli.components.laws import Controller, Designed, OuterLoop, RunsCode, controllers
 from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
@@ -779,6 +779,8 @@ def _metrics_of(
     """Return the metrics that are listed, or those of the plugins whose signals a loop has."""
     if config.metrics is None:
         names = metrics.defined_by(plugins.values())
+        code = (law for loop in loops if isinstance(law := loop.controller, RunsCode))
+        names += dict.fromkeys(name for law in code for name in law.metrics)
         listed = [Kind(metrics).read(name, problems.at("metrics")) for name in names]
         return [metric for metric in listed if metric and not metric.unknown(loops)]
     valid = list(filter(None, config.metrics))

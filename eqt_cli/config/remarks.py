@@ -16,6 +16,7 @@ from eqt_cli.base.stored import SmallErrors
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
+from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.vehicle import ACTUATORS
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem
@@ -373,11 +374,15 @@ def unstable_or_slow(experiment: Experiment, along: Along) -> Iterator[str]:
 
 
 def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
-    """Return the loops whose matrices at all times are small enough, by label."""
+    """Return the loops whose matrices at all times are small enough, by label.
+
+    Those of laws that answer in the order of time only are left out.
+    """
     return {
         label: loop
         for label, loop in experiment.loops.items()
         if len(along.times) * loop.state_length**2 <= MOST_ENTRIES
+        and not (isinstance(loop.controller, RunsCode) and loop.controller.in_order)
     }
 
 

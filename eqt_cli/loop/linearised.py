@@ -16,7 +16,14 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.accelerometer import Lever
-from eqt_cli.components.laws import CountsInstants, Designed, LinearPlant, OuterLoop, ReadsLimits
+from eqt_cli.components.laws import (
+    CountsInstants,
+    Designed,
+    LinearPlant,
+    OuterLoop,
+    ReadsLimits,
+    RunsCode,
+)
 from eqt_cli.components.matrix_groups import rigid
 from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
@@ -30,6 +37,7 @@ def off_limits(loop: ClosedLoop) -> ClosedLoop:
     """Return the loop where no limit is reached, without an estimator."""
     law = loop.controller
     law = with_fields(law, acting=()) if isinstance(law, ReadsLimits) else law
+    law = law.unfailing if isinstance(law, RunsCode) else law
     return dataclasses.replace(loop, controller=law, vehicle=loop.vehicle.linear_part)
 
 

@@ -6,6 +6,7 @@ from eqt_cli.base.extensions import COMPUTE, Extension
 def register(extension: Extension) -> None:
     """Name what the extension adds."""
     extension.add_component("controllers", "code", "controllers")
+    extension.add_component("metrics", "law_failures", "controllers")
     example = "configs/paper.yaml --controller eqt --out law"
     extension.add_command("export", "commands.export", COMPUTE, example, after="pack")
     extension.add_function("verify --code", "controllers.with_code")

@@ -193,6 +193,11 @@ def code_rows(
     flown
         Sample times and flat states ``(runs, samples, n)`` of good runs.
     """
+    law: Any = loop.controller
+    if law.object_:  # it answers in the order of time
+        words = "undecided: `object: per run` cannot be called at random states"
+        statement = f"{law.file}: {law.code.function}"
+        return [Row("torque", statement, "code", label, None, None, Verdict.UNDECIDED, words)]
     drawn = drawn_states(loop, horizon, random)
     along = None
     if flown is not None and len(flown[1]):

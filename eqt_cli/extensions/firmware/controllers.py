@@ -33,10 +33,13 @@ from eqt_cli.components.laws import (
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, trusted_text
+from eqt_cli.extensions.firmware.python_law import OBJECT
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
+from eqt_cli.loop.signals import Metric
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
+from eqt_cli.numbers.running import SampledRuns
 
 # What code reads and returns: the names, frames, orders and units of its own ----------------------
 
@@ -220,6 +223,9 @@ def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | Non
 TORQUE = "_torque"
 """Suffix of the function's name."""
 
+LAST, FAILED = "last_command", "failed_calls"
+"""Memory of a law that may fail: the command that is held, and how often it has failed."""
+
 
 class _Numbers(Controller):
     numbers: dict[str, Real | list[Real]]
@@ -266,6 +272,11 @@ class Code(_Numbers, RunsCode, Previews):
         All fields of ``X_memory``.
     real
         The type of its numbers.
+    object_
+        In Python, `per run`: each run has an object of its own, called in the order of time.
+    on_failure
+        What is commanded where it raises, returns None or, as ``int X_torque``, not 0: `hold` the
+        last command (default), `zero`, or `stop` the run. With `as`, it stops.
     preview_
         It is also given the reference at so many later `steps`, `every` so long, as `later_pose`,
         `later_velocity` and `later_torque` (τ_d), and where it names it, `later_position`.
@@ -282,15 +293,19 @@ class Code(_Numbers, RunsCode, Previews):
     real: Literal["double", "float"] = "double"
     adapter: Adapter | None = None
     preview_: Preview | None = field(default=None, metadata=STRUCTURE)
+    object_: Literal["per run"] | None = None
+    on_failure: Literal["hold", "zero", "stop"] | None = None
     values: Any = field(init=False, repr=False)
     claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
     forces: Any = field(init=False, default=(), repr=False, metadata=STRUCTURE)
     called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
+    holds: bool = field(init=False, default=False, repr=False, metadata=STRUCTURE)
 
     @property
     def structure(self) -> Hashable:
         """All but the numbers."""
-        return type(self), self.code, repr((self.claimed, self.adapter, self.preview)), self.called
+        options = self.claimed, self.adapter, self.preview, self.object_, self.on_failure
+        return type(self), self.code, repr(options), self.called
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid C names, and errors of the law that it claims to be."""
@@ -302,6 +317,7 @@ class Code(_Numbers, RunsCode, Previews):
             _check_name(name, problems.at("adapter", "inputs", name))
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
+        self._check_calls(problems)
         if self.function is not None and not self.code.is_python:
             at_function = problems.at("function")
             _check_name(self.function, at_function)
@@ -312,6 +328,15 @@ class Code(_Numbers, RunsCode, Previews):
                 f"{self.file} gives no name in C; name the function with the key `function`"
             )
         self.law_of(G, problems)
+
+    def _check_calls(self, problems: Problems) -> None:
+        """Note options of what it keeps, and of failures, that exclude each other."""
+        if self.object_ and self.memory_:
+            problems.at("memory").add("the object of a run keeps all that it has; leave this out")
+        if self.object_ and not self.code.is_python:
+            problems.at("object").add("is for Python; in C, name what it keeps in `memory`")
+        if self.on_failure and self.as_ is not None:
+            problems.at("on_failure").add("a law in `as` never fails; leave this or `as` out")
 
     def law_of(self, G: MatrixLieGroup, problems: Problems) -> Controller | None:
         """Return the law that it claims to be, after noting its errors."""
@@ -364,7 +389,11 @@ class Code(_Numbers, RunsCode, Previews):
             code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
             numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
-            how = {"call": self._adapted.call, "torque": self._adapted.output.torque}
+            how: dict[str, Any] = {
+                "call": self._adapted.call,
+                "torque": self._adapted.output.torque,
+            }
+            how |= {"per_run": self.object_ is not None}
             return law.calling(called(code, numbers, PERIOD, rows, how), G), {self.file: text}
         return None, {self.file: text}
 
@@ -409,7 +438,7 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def code_call(self) -> CodeCall | None:
         """The compiled function, with these numbers; None where it needs Python."""
-        if self.called.code.adapted:
+        if self.called.code.adapted or self.holds:
             return None
         reads, function = tuple(self.called.code.inputs), self.called.library.eqt_code
         return CodeCall(function, 2 * self.called.fills, reads, np.asarray(self.values))
@@ -418,7 +447,16 @@ class Code(_Numbers, RunsCode, Previews):
         """Call the function once per run; the function updates the memory."""
         inputs, numbers, memory = self._rows(s)
         torque, updated = self.called.call(0, numbers, float(period), memory, inputs)
-        return self._adapted.output.torque_of(s, torque), self._named(updated, s)
+        torque, later = self._adapted.output.torque_of(s, torque), self._named(updated, s)
+        if self.holds:
+            failed = ~np.isfinite(torque).all(axis=-1, keepdims=True)
+            before, count = (s.memory.get(name, np.zeros(1)) for name in (LAST, FAILED))
+            if failed.any() and self.code.is_python and self.on_failure != "stop":
+                self.called.library.tell()
+            if self.on_failure != "stop":
+                torque = np.where(failed, 0.0 if self.on_failure == "zero" else before, torque)
+            later |= {LAST: torque, FAILED: count + failed}
+        return torque, later
 
     @property
     def decisions(self) -> tuple[Any, ...] | None:
@@ -433,13 +471,23 @@ class Code(_Numbers, RunsCode, Previews):
 
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
+        if self.object_:
+            return {}
         inputs, numbers, memory = self._rows(s)
         return self._named(self.called.call(1, numbers, 0.0, np.zeros_like(memory), inputs)[1], s)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the memory of the law that it claims to be, or the fields by their names."""
-        lengths: Mapping[str, int] = self.claimed.memory(G) if self.claimed else {}
-        return lengths or dict(self.called.lengths)
+        more = {LAST: G.dimension, FAILED: 1} if self.holds else {}
+        return self._of_code(G) | more
+
+    def _of_code(self, G: MatrixLieGroup) -> dict[str, int]:
+        return dict((self.claimed.memory(G) if self.claimed else {}) or self.called.lengths)
+
+    def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """Return the memory but for the last command, and for which object a run has."""
+        hidden = [LAST, *([OBJECT] if self.object_ else [])]
+        return {name: n for name, n in self.memory(G).items() if name not in hidden}
 
     def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
         """Return inputs, numbers and memory, with a row for each run and sample."""
@@ -451,7 +499,7 @@ class Code(_Numbers, RunsCode, Previews):
                 Remedy("set control.period, or use engine solve_ivp"),
             )
         # There is no memory before a run begins.
-        memory = [s.memory.get(name, np.zeros(n)) for name, n in self.memory(s.G).items()]
+        memory = [s.memory.get(name, np.zeros(n)) for name, n in self._of_code(s.G).items()]
         numbers, values = (
             np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in group], axis=-1)
             for group in ([np.asarray(self.values)], [np.empty(0), *memory])
@@ -460,10 +508,25 @@ class Code(_Numbers, RunsCode, Previews):
 
     def _named(self, memory: Array, s: Tracking) -> dict[str, Array]:
         """Return the memory of all runs by the names of its parts."""
-        lengths = self.memory(s.G)
+        lengths = self._of_code(s.G)
         parts = np.split(memory, np.cumsum(list(lengths.values()))[:-1], axis=-1) if lengths else []
         batch = s.P.shape[:-1]
         return {name: part.reshape(*batch, -1) for name, part in zip(lengths, parts, strict=True)}
+
+    @property
+    def unfailing(self) -> Self:
+        """The law that holds no command."""
+        return with_fields(self, holds=False)
+
+    @property
+    def in_order(self) -> bool:
+        """Whether each run has an object, which answers in the order of time."""
+        return self.object_ is not None
+
+    @property
+    def metrics(self) -> tuple[str, ...]:
+        """Failures, where they are counted."""
+        return (LawFailures.name,) if self.holds else ()
 
     @property
     def preview(self) -> tuple[float, ...]:
@@ -507,11 +570,21 @@ class Code(_Numbers, RunsCode, Previews):
             )
         if self.preview_:
             check_foreseen(plant, problems.at("preview"))
+        for key in ("object", "on_failure") if plant.period is None else ():
+            if getattr(self, key + "_" * (key == "object")):
+                problems.at(key).add("applies at control instants; set control.period")
+        can_fail = self.called.code.fails
+        if self.on_failure and not can_fail:
+            problems.at("on_failure").add(
+                f"{self.code.function} is void and cannot say that it failed; let it return int, "
+                "0 where it succeeds"
+            )
         if problems:
             return self
         if law is not None:
             law = law.for_plant(G, plant, problems)
-        return with_fields(self, claimed=law, forces=plant.forces)
+        holds = can_fail and law is None and plant.period is not None
+        return with_fields(self, claimed=law, forces=plant.forces, holds=holds)
 
     def formula_of(self, loop: ClosedLoop, law: Controller) -> ClosedLoop:
         """Return a loop with this code as that of a formula, which counteracts known forces."""
@@ -523,7 +596,21 @@ class Code(_Numbers, RunsCode, Previews):
         """Compare the code with the law that it claims to be."""
         from eqt_cli.extensions.firmware.code_rows import code_rows  # which only `eqt verify` needs
 
-        yield from code_rows(label, loop, horizon, random, flown)
+        judged = with_fields(self, on_failure="stop")  # a command that is held would hide a failure
+        yield from code_rows(label, replace(loop, controller=judged), horizon, random, flown)
+
+
+class LawFailures(Metric):
+    """Number of calls in which code fails: it raises, returns None, or its int is not 0."""
+
+    name: ClassVar[str] = "law_failures"
+    signals: ClassVar[tuple[str, ...]] = (FAILED,)
+    units: ClassVar[str] = "1"
+    better: ClassVar[Any] = "lower"
+
+    def of(self, over: SampledRuns, *signals: Any) -> Any:
+        """Return the count at the end."""
+        return over.final(signals[0])
 
 
 def _of_claimed(name: str) -> property:

@@ -10,6 +10,7 @@ import json
 import os
 import struct
 import sys
+import time
 import traceback
 from copy import deepcopy
 from math import nan, prod
@@ -43,8 +44,22 @@ def lock() -> None:
             libc.syscall(446, libc.syscall(444, rules, size, 0), 0)
 
 
+TRIAL_SECONDS = 3.0
+"""Time after which no further state is tried, s."""
+
+OBJECT, FEWEST = "object", 16
+"""The memory of a law with an object for each run: its number, and its calls; and how many objects
+are kept at least."""
+
+TINY = 2.0**-1000
+"""Factor of these two, so that they weigh nothing where states are compared."""
+
+
 class Library:
     """A law in C, compiled: its first calls, which may crash or never end."""
+
+    seconds: list[float] = []  # noqa: RUF012  # calls of C are too short to time one by one
+    reason = ""
 
     def __init__(self, request: dict[str, Any]) -> None:
         self.call, self.memory = ctypes.CDLL(request["library"]).eqt_code, dict[str, Any]()
@@ -53,11 +68,12 @@ class Library:
         lock()
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
-        """Call it with a row of inputs."""
+        """Call it with a row of inputs; return torque and memory."""
+        self.arrays[1] *= 1 - how["starts"]  # the start sets it, from 0
         self.arrays[2] = np.array(row)
         at = [each.ctypes.data for each in self.arrays]
         self.call(1, how["starts"], how["period"], *at, None, None)
-        return []
+        return [*self.arrays[3].tolist(), *self.arrays[1].tolist()]
 
 
 class Law:
@@ -71,22 +87,51 @@ class Law:
         What goes on from call to call: shapes by name.
     error
         The last error of a call.
+    seconds
+        CPU time of each call since the last answer, s.
+    objects
+        With one for each run: by their numbers, the object, its calls, its last row and answer.
     """
 
     def __init__(self, request: dict[str, Any]) -> None:
-        module = sys.modules["eqt_law"] = ModuleType("eqt_law")
-        self.request, self.names, self.numbers = request, vars(module), [nan]
+        self.request, self.numbers, self.seconds = request, [nan], list[float]()
+        self.objects, self.started = dict[int, list[Any]](), 0
         self.error: Exception | None = None
         # Python's own way to start processes, of which no hook is told.
         sys.modules["_posixsubprocess"] = SimpleNamespace(fork_exec=None)  # type: ignore[assignment]
         lock()
         sys.addaudithook(refuse)
-        exec(compile(request["text"], request["file"], "exec"), self.names)
+        self.text = compile(request["text"], request["file"], "exec")
+        self.execute()
         self.make(request["values"])
         self.memory = {name: np.shape(value) for name, value in self.first.items()}
-        self.torque(request["trial"], request["period"])
-        if self.error:
-            raise self.error
+        self.try_out(request["trial"], {"starts": False, "period": request["period"], "keeps": 1})
+        if request["per_run"]:
+            self.memory = {OBJECT: (2,)}
+
+    def execute(self) -> None:
+        """Execute the text as a module of its own."""
+        module = sys.modules["eqt_law"] = ModuleType("eqt_law")
+        self.names = vars(module)
+        exec(self.text, self.names)
+
+    def try_out(self, trial: list[list[float]], how: dict[str, Any]) -> None:
+        """Call it at some inputs, and again in another order, which must change nothing."""
+        memory = [np.ravel(np.asarray(self.state[name], dtype=float)) for name in self.memory]
+        before = [*self.request["values"], *np.concatenate([[], *memory])]
+        rows, ends, errors = list[Any](), time.monotonic() + TRIAL_SECONDS, list[Exception]()
+        for inputs in trial:
+            if rows and time.monotonic() > ends:
+                break
+            self.error = None
+            rows.append(([*before, *inputs], self.after([*before, *inputs], how)))
+            errors += filter(None, [self.error])
+        if len(errors) == len(rows):
+            raise errors[0]
+        again = [self.after(row, how) for row, _ in reversed(rows) if not self.request["per_run"]]
+        apart = kept(again[::-1], [answer for _, answer in rows])
+        if apart:
+            raise ValueError(apart)
 
     def make(self, numbers: list[float]) -> None:
         """Make the object with these numbers, unless it is there."""
@@ -101,12 +146,15 @@ class Law:
         """Return the torque of one call; NaN after an error that is of this input."""
         request, values = self.request, self.parameters | named(self.request["adapted"], row)
         values |= {"period": period, "self": self.object, "function": self.function, "flat": flat}
+        begun = time.process_time()
         try:
             if request["call"]:
                 result = eval(request["call"], self.names | values)  # noqa: S307
             else:
                 takes = inspect.signature(self.function).parameters
                 result = self.function(**{name: values[name] for name in takes if name in values})
+            if result is None:
+                raise ValueError(f"{request['function']} returned None")
             torque = eval(request["torque"], self.names | values | {"result": result})  # noqa: S307
             return np.asarray(torque, dtype=float).reshape(request["axes"])
         except (PermissionError, MemoryError):
@@ -114,10 +162,19 @@ class Law:
         except Exception as error:
             self.error = error
             return np.full(request["axes"], nan)
+        finally:
+            self.seconds.append(time.process_time() - begun)
+
+    @property
+    def reason(self) -> str:
+        """The last error, with its line."""
+        return described(self.error, self.request["file"]) if self.error else ""
 
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
         """Return torque and memory after a call with numbers, memory and inputs."""
-        at, torque = len(self.numbers), np.zeros(self.request["axes"])
+        at, torque = len(self.request["values"]), np.zeros(self.request["axes"])
+        if OBJECT in self.memory and self.request["per_run"]:
+            return self.after_in_run(row, at, how)
         self.make(row[:at])
         self.state |= deepcopy(self.first)
         if not how["starts"]:
@@ -125,6 +182,52 @@ class Law:
             torque = self.torque(row[at + sum(map(prod, self.memory.values())) :], how["period"])
         memory = [np.ravel(np.asarray(self.state[name], dtype=float)) for name in self.memory]
         return list(np.concatenate([torque, *memory]))
+
+    def after_in_run(self, row: list[float], at: int, how: dict[str, Any]) -> list[float]:
+        """Return what the object of a run answers, which is made at the first call of the run."""
+        number, calls = (round(x / TINY) for x in row[at : at + 2])
+        if not number:
+            self.started += 1
+            number, self.numbers = self.started * how["processes"] + how["process"] + 1, [nan]
+            self.execute()
+            self.make(row[:at])
+            self.objects[number] = [self.function, self.object, self.parameters, self.names, 0]
+            self.objects[number] += None, None
+        *run, next_call, last, answer = self.objects.pop(number, [None] * 7)
+        if last is None or last != row[at + 1 :]:
+            if next_call != calls:
+                raise ValueError(OUT_OF_ORDER)
+            self.function, self.object, self.parameters, self.names = run
+            torque = self.torque(row[at + 2 :], how["period"])
+            answer = [*torque, number * TINY, (calls + 1) * TINY]
+            run += calls + 1, row[at + 1 :], answer
+        self.objects[number] = run if len(run) == 7 else [*run, next_call, last, answer]
+        for oldest in list(self.objects)[: -max(FEWEST, how["keeps"])]:
+            del self.objects[oldest]
+        return list(answer)
+
+
+OUT_OF_ORDER = "`object: per run` answers in the order of time, from the start of a run on"
+
+
+def kept(first: Any, second: Any) -> str:
+    """Return what it means that equal rows have other answers; "" if they have the same."""
+    pairs = (pair for pair in zip(first, second, strict=False))
+    apart = [np.abs(np.subtract(a, b)) for a, b in pairs if not np.array_equal(a, b, True)]
+    if not apart:
+        return ""
+    return (
+        "it keeps something from call to call that `memory` does not name (difference "
+        f"{np.nanmax(apart):.1g}); name it, or write `object: per run`"
+    )
+
+
+def described(error: Exception, file: str) -> str:
+    """Return an error in words, with its line in a file."""
+    tb = traceback.extract_tb(error.__traceback__)
+    lines = [f"line {frame.lineno}: " for frame in tb if frame.filename == file]
+    plain = isinstance(error, ValueError) and not lines  # of this program
+    return str(error) if plain else f"{''.join(lines[-1:])}{type(error).__name__}: {error}"
 
 
 def flat(value: Any, size: int) -> list[float]:
@@ -156,10 +259,10 @@ def main() -> None:
                 laws = [Library(how) if "library" in how else Law(how)]
             rows = [law.after(row, how) for law in laws for row in how["rows"]]
             said: dict[str, Any] = {"rows": rows, "memory": laws[0].memory}
+            said |= {"seconds": laws[0].seconds, "reason": laws[0].reason}
+            laws[0].seconds = []
         except Exception as error:
-            tb = traceback.extract_tb(error.__traceback__)
-            lines = [f"line {frame.lineno}: " for frame in tb if frame.filename == file]
-            said = {"error": f"{''.join(lines[-1:])}{type(error).__name__}: {error}"}
+            said = {"error": described(error, file)}
         print(json.dumps(said), file=out, flush=True)
 
 

@@ -10,10 +10,13 @@
      EQT_LIST_INPUT, EQT_LIST_NUMBERS, EQT_LIST_MEMORY   sizeof of each, with commas
      EQT_DEFAULT_NUMBERS           the numbers before they are set
      EQT_CODE_START, EQT_SET_PERIOD   defined where there is such a function, or such a number
+     EQT_RETURN                    what the function returns: void, or int, which is 0 if it succeeds
+     EQT_FAILED(call)              the call, and what follows where it fails
      EQT_DECISIONS                 defined behind decisions.h: the number of decisions */
 #ifndef EQT_USER_CODE_H
 #define EQT_USER_CODE_H
 
+#define EQT_NAN ((EQT_CODE_REAL)__builtin_nan(""))
 #define EQT_IN(to, from)                                                                   \
     for (eqt_k = 0; eqt_k < (long)(sizeof(to) / sizeof(EQT_CODE_REAL)); eqt_k++)           \
         ((EQT_CODE_REAL *)(void *)&(to))[eqt_k] = (EQT_CODE_REAL)(from)[eqt_k];            \
@@ -35,7 +38,7 @@ constexpr long eqt_is(...) { return 0; }
 #define EQT_C
 #define EQT_IS(function, type) __builtin_types_compatible_p(__typeof__(&(function)), type)
 #endif
-typedef void (*eqt_law)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *,
+typedef EQT_RETURN (*eqt_law)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *,
                         EQT_CODE_REAL *);
 EQT_C const long eqt_code_sizes[] = {
     EQT_LIST_INPUT
@@ -76,7 +79,7 @@ EQT_C void eqt_code(long runs, int begins, double period, const double *options,
             EQT_CODE_START(&numbers, &memory, &input);
 #endif
         } else {
-            EQT_TORQUE(&numbers, &memory, &input, torque);
+            EQT_FAILED(EQT_TORQUE(&numbers, &memory, &input, torque));
         }
         EQT_WRITE_MEMORY
         for (eqt_k = 0; eqt_k < EQT_CODE_AXES; eqt_k++)

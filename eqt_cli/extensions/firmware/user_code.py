@@ -11,8 +11,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
@@ -25,8 +27,9 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import InputError, Remedy, TraceError, printable, suggestion
+from eqt_cli.base.errors import EqtWarning, InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
+from eqt_cli.base.reporting import reporter
 from eqt_cli.components.laws import CodeFile
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import ORDER
@@ -305,6 +308,10 @@ REALS = {"double": 8, "float": 4}
 _COMMENT = re.compile(r"/\*.*?\*/|//[^\n]*|\"(?:\\.|[^\"\\\n])*\"", re.DOTALL)
 
 
+CAN_FAIL = "if (call) for (eqt_k = 0; eqt_k < EQT_CODE_AXES; eqt_k++) torque[eqt_k] = EQT_NAN"
+"""Text of a call that may fail; then the torque is not finite."""
+
+
 @dataclass(frozen=True)
 class UserCode(CodeFile):
     """A user's text in C and the names that it has to define.
@@ -389,6 +396,11 @@ class UserCode(CodeFile):
         """Whether the text has a function that sets the memory at the start of a run."""
         return self.defines(f"{self.prefix}_start")
 
+    @cached_property
+    def fails(self) -> bool:
+        """Whether it can say that it failed: in Python always, in C as an int that is not 0."""
+        return self.is_python or bool(re.search(rf"\bint\s+{self.function}\s*\(", self._plain))
+
     def check(self) -> None:
         """Raise an `InputError` where a name is not in the text."""
         if not self.defines(self.function):
@@ -426,6 +438,8 @@ class UserCode(CodeFile):
             "EQT_MEMORY_TYPE": f"{X}_memory",
             "EQT_INPUT_TYPE": f"{X}_input",
             "EQT_TORQUE": self.function,
+            "EQT_RETURN": "int" if self.fails else "void",
+            "EQT_FAILED(call)": CAN_FAIL if self.fails else "call",
             "EQT_CODE_REAL": self.real,
             "EQT_CODE_AXES": str(self.axes),
             "EQT_DEFAULT_NUMBERS": f"{X}_defaults" if has_defaults else "{0}",
@@ -619,6 +633,12 @@ def described(function: CodeFunction, row: Array) -> str:
 MOST_ROWS = 50
 """Most calls of a law in Python that are asked for together."""
 
+_starter = ThreadPoolExecutor(1)
+"""A thread that lasts: on Linux, a process ends with the thread that started it."""
+
+MOST_GUESTS = 64
+"""Most processes of one law in Python."""
+
 
 class Guest:
     """The process in which a law is called: the first calls of one in C, all of one in Python.
@@ -633,9 +653,10 @@ class Guest:
         self.lock, self.name = Lock(), f"{law['function']} in {law['file']}"
         words = ["env", "OPENBLAS_NUM_THREADS=1", sys.executable, "-IB", python_law.__file__]
         pipes = subprocess.PIPE, subprocess.PIPE, subprocess.DEVNULL
-        self.process = compiler.started(words, limits, pipes, None)
+        self.process = _starter.submit(compiler.started, words, limits, pipes, None).result()
         weakref.finalize(self, _finish, self.process)
-        self.memory = {n: math.prod(shape) for n, shape in self.request(law)["memory"].items()}
+        answer = self.request(law)
+        self.memory = {n: math.prod(shape) for n, shape in answer["memory"].items()}
 
     def request(self, what: Mapping[str, Any], at: str = "", name: str = "") -> Any:
         """Return an answer.
@@ -683,30 +704,109 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
     code, memory = function.code, [0.0] * sum(function.lengths.values())
     with compiler.as_file(compiler.content(code.source)) as library:
         law = {"function": code.function, "file": code.file, "library": str(library), "rows": []}
-        arrays = {"arrays": [numbers.tolist(), memory, [], [0.0] * code.axes]}
+        arrays: dict[str, Any] = {"arrays": [numbers.tolist(), memory, [], [0.0] * code.axes]}
         guest = Guest(Limits(TRIAL_SECONDS, file=MOST_WRITTEN), law | arrays)
-    for row in inputs:
+    answers = list[Any]()
+    for row in [*inputs, *inputs[::-1]]:
         at = f" at {described(function, row)}; call it with this input in a debugger"
         for name in (f"{code.prefix}_start", code.function):
             how = {"starts": name != code.function, "period": period, "rows": [row.tolist()]}
-            guest.request(how, at, f"{name} in {code.file}")
+            answer = guest.request(how, at, f"{name} in {code.file}")
+        answers += answer["rows"]
+    if words := python_law.kept(answers[: len(inputs)], answers[len(inputs) :][::-1]):
+        raise InputError(f"{guest.name}: {words.partition(', or write')[0]}")
+
+
+MOST_SECONDS = 2.0
+"""CPU time of calls that are asked for together, s."""
 
 
 class PythonFunction(CodeFunction):
-    """A function in Python of the user's; its library is a `Guest`, which counts no lines."""
+    """A function in Python of the user's; its library is a pool of guests, which count no lines.
+
+    A thread has a guest of its own, so that runs are spread over cores as the engine spreads them.
+    """
 
     watching, static_state = None, ([], [])
 
     def call(
         self, begins: int, numbers: Array, period: float, memory: Array, inputs: Array, *_: Array
     ) -> tuple[Array, Array]:
-        """Return torques and memory, as the process answers."""
-        rows, how = np.hstack([numbers, memory, inputs]).tolist(), {"starts": begins == 1}
-        starts = range(0, len(rows), MOST_ROWS)
-        requests = ({**how, "period": period, "rows": rows[k : k + MOST_ROWS]} for k in starts)
-        answers = [row for each in requests for row in self.library.request(each)["rows"]]
+        """Return torques and memory, as the processes answer."""
+        rows, pool = np.hstack([numbers, memory, inputs]).tolist(), self.library
+        how = {"starts": begins == 1, "period": period, "keeps": 2 * len(rows)}
+        answers, owners = list[Any](rows), pool.owners(memory)
+        for owner in np.unique(owners):
+            mine = np.flatnonzero(owners == owner)
+            for places in np.array_split(mine, -(-len(mine) // pool.most_rows)):
+                rows_there = [rows[place] for place in places]
+                answer = pool.request(int(owner), {**how, "rows": rows_there})
+                for place, row in zip(places, answer["rows"], strict=True):
+                    answers[place] = row
         torque, later = np.split(np.array(answers, dtype=float), [self.code.axes], axis=1)
         return torque, later
+
+
+class Pool:
+    """The processes of a law in Python.
+
+    Attributes
+    ----------
+    seconds
+        CPU times of the calls so far, s.
+    reason
+        The last error of a call, in words.
+    """
+
+    def __init__(self, law: Mapping[str, Any], limits: Limits) -> None:
+        self.law, self.limits, self.lock = law, limits, Lock()
+        self.guests, self.of_threads = [Guest(limits, law)], {0: 0}
+        self.seconds, self.reason, self.has_told = list[float](), "", False
+        self.name, self.memory = self.guests[0].name, self.guests[0].memory
+
+    @property
+    def most_rows(self) -> int:
+        """The most rows of a request."""
+        slowest = max(self.seconds[-MOST_ROWS:], default=0.0)
+        return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(slowest, 1e-9))))
+
+    def owners(self, memory: Array) -> Array:
+        """Return the guest of each row: that which has its object, else that of this thread."""
+        mine = np.full(len(memory), self._of_thread())
+        if not self.law["per_run"]:
+            return mine
+        numbers = np.rint(memory[:, 0] / python_law.TINY).astype(int)
+        return np.where(numbers > 0, (numbers - 1) % MOST_GUESTS, mine)
+
+    def request(self, place: int, what: Mapping[str, Any]) -> Any:
+        """Return the answer of a guest."""
+        mine = {"process": place, "processes": MOST_GUESTS}
+        answer = self.guests[place].request({**what, **mine})
+        with self.lock:
+            self.seconds += answer["seconds"]
+            self.reason = answer["reason"] or self.reason
+        return answer
+
+    def tell(self) -> None:
+        """Say once why a call in a run failed."""
+        with self.lock:
+            first, self.has_told = not self.has_told, True
+        if first and self.reason:
+            reporter().remark(EqtWarning(f"{self.name} failed at an instant: {self.reason}"))
+
+    def _of_thread(self) -> int:
+        """Return the guest of this thread: its last one, or that of a thread that has ended."""
+        here, alive = threading.get_ident(), {each.ident for each in threading.enumerate()}
+        alive.discard(threading.main_thread().ident)
+        with self.lock:
+            if here not in self.of_threads:
+                idle = [one for one in self.of_threads if one not in alive]
+                if not idle and len(self.guests) < MOST_GUESTS:
+                    self.guests.append(Guest(self.limits, self.law))
+                    idle = [-len(self.guests)]
+                    self.of_threads[idle[0]] = len(self.guests) - 1
+                self.of_threads[here] = self.of_threads.pop(idle[0]) if idle else 0
+            return self.of_threads[here]
 
 
 _tried: set[object] = set()
@@ -721,7 +821,7 @@ def called(
     Parameters
     ----------
     how
-        Of Python, `call` and `torque`, expressions.
+        Of Python, `call` and `torque`, expressions; and `per_run`, whether each run has an object.
 
     Raises
     ------
@@ -740,9 +840,11 @@ def called(
             f"{code.file} is Python: name its function or method, as {code.file}:FUNCTION or "
             f"{code.file}:CLASS(…).METHOD; it defines {', '.join(there) or 'none'}"
         )
-    first = {"values": numbers.tolist(), "trial": rows[0].tolist(), "rows": [], "period": period}
+    first = {"values": numbers.tolist(), "trial": rows.tolist(), "rows": [], "period": period}
     law = {**asdict(code), **how, **first}
     law["function"] = re.sub(rf"^({'|'.join(there)})\.(\w+)$", r"\1().\2", code.function)
     law["numbers"] = [(name, [length] if length > 1 else []) for name, length in code.numbers]
-    guest = Guest(Limits(seconds=36_000, memory=3 * 2**29, file=0), law)
-    return PythonFunction(code, guest.memory, guest)
+    # Each object may reserve much more memory than it uses: 37 MB that of CasADi with IPOPT.
+    memory = 3 * 2 ** (32 if how["per_run"] else 29)
+    pool = Pool(law, Limits(seconds=36_000, memory=memory, file=0))
+    return PythonFunction(code, pool.memory, pool)

@@ -14,6 +14,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import InNotebook, reporter, step
+from eqt_cli.components.laws import RunsCode
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.remarks import along_reference, remark_on
 from eqt_cli.config.study import Study
@@ -29,6 +30,7 @@ from eqt_cli.loop.linearised import (
     growth,
     left_out,
     linearised,
+    off_limits,
     size_of,
 )
 
@@ -494,13 +496,18 @@ def margins_of(experiment: Experiment) -> Margins:
 
 
 def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
+    if isinstance(law := loop.controller, RunsCode) and law.in_order:
+        raise InputError(
+            f"'{label}' answers in the order of time of a run only (`object: per run`), and "
+            "margins need its answers beside the reference; leave this law out"
+        )
     linear = linearised(loop, *along, with_estimator=True)
     if not np.isfinite(linear.closed).all():
         raise InputError(
             f"the loop of '{label}' has no derivative where all errors are 0, for example because "
             "its law jumps there; leave this law out"
         )
-    law, changes = loop.controller, linear.at_rest is None
+    law, changes = off_limits(loop).controller, linear.at_rest is None
     if changes and law.formula is None and law.memory(loop.group):
         raise InputError(
             f"the memory of '{label}' is not known where all errors are 0, because the reference "

@@ -91,7 +91,7 @@ def test_the_reference_ahead_is_that_of_its_formula(language, engine, flown):
     more = {"function": "Recorder().compute"} if language == "Python" else {}
     result = flown(*how, engine, **more)
     times = result["time"]
-    given = result["law_output"][0, 0]
+    given = result["law_output"][0, 0][:, :45]
     for k, t in enumerate([*times[:-1], times[-1] - PERIOD]):
         np.testing.assert_allclose(given[k], expected(t), rtol=0, atol=1e-12)
     assert result.attributes["cross_check_difference"] < result.attributes["cross_check_bound"]
@@ -119,7 +119,7 @@ def test_an_adapter_names_orders_and_turns_what_is_later(config):
     result = eqt_cli.run(config(over=over, **law))
     t = result["time"][1] + EVERY * np.arange(1, 3)
     p, v = (np.stack(x, axis=-1) for x in ((t**2, 0 * t, t), (2 * t, 0 * t, 1 + 0 * t)))
-    q, velocity, flat = np.split(result["law_output"][0, 0, 1], [8, 14])
+    q, velocity, flat, _ = np.split(result["law_output"][0, 0, 1], [8, 14, 44])
     np.testing.assert_allclose(velocity.reshape(2, 3), v, atol=1e-12)
     np.testing.assert_allclose(flat.reshape(2, 5, 3)[:, :2], 1e3 * np.stack([p, v], 1), atol=1e-9)
     # The thrust m (p̈_d − g) is along the body's third axis, and heading 0 is in the plane y = 0.

@@ -1,0 +1,100 @@
+"""Laws as solvers are: an object for each run, state that nobody named, and calls that fail."""
+
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli.base.errors import EqtWarning
+
+COUNTING = """
+class Counting:
+    def __init__(self):
+        self.calls = 0
+
+    def compute(self, t, velocity):
+        self.calls += 1
+        return -velocity - 1e-3 * self.calls
+"""
+FAILING = """
+def compute(t, velocity):
+    if 0.095 < t < 0.145:
+        raise RuntimeError("infeasible")
+    return -velocity if t < 0.195 else None
+"""
+INT = """
+typedef double real;
+typedef struct { real gain; } law_numbers;
+typedef struct { real unused; } law_memory;
+typedef struct {
+    real t, pose[9], velocity[3], desired_pose[9], desired_velocity[3], desired_acceleration[3];
+} law_input;
+int law_torque(const law_numbers *n, law_memory *m, const law_input *in, real *torque)
+{
+    int k;
+    (void)n, (void)m;
+    for (k = 0; k < 3; k++) torque[k] = -in->velocity[k];
+    return (in->t > 0.095 && in->t < 0.145) || in->t > 0.195;
+}
+"""
+
+
+@pytest.fixture
+def law(config):
+    def make(text, over=(), file="law.py", **options):
+        Path(file).write_text(text, encoding="utf-8")
+        named = {"function": "compute"} if file == "law.py" else {}
+        return config(over=over, **{"file": file, "as": None, "numbers": None, **named, **options})
+
+    return make
+
+
+def test_a_state_that_is_not_named_is_told(law, told):
+    """Random states are called forward and back: the last call is 23 before or after another."""
+    said = told(law(COUNTING, function="Counting().compute"))
+    assert said == (
+        "controllers[0]: "
+        "Counting().compute in law.py: it keeps something from call to call that `memory` does not "
+        "name (difference 0.02); name it, or write `object: per run`"
+    )
+
+
+def test_one_that_is_named_or_of_a_run_flies(law):
+    """Both are the same: the object of a run counts its own calls from 0."""
+    over = {"solver": {"engine": "native"}}
+    named = law(COUNTING, over, function="Counting().compute", memory=["calls"])
+    of_run = law(COUNTING, over, function="Counting().compute", object="per run")
+    torques = [eqt_cli.run(x, f"r{k}")["torque"] for k, x in enumerate((named, of_run))]
+    np.testing.assert_allclose(*torques, atol=1e-13)  # steps depend on the number of states
+    assert np.ptp(torques[0]) > 0
+
+
+@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
+@pytest.mark.parametrize("text", [FAILING, INT], ids=["Python", "C"])
+@pytest.mark.parametrize("what", ["hold", "zero"])
+def test_calls_that_fail_are_counted(text, what, engine, law):
+    """Of ticks of 0.02 s it fails at 0.1, 0.12 and 0.14 s, and at the 10 from 0.2 s on."""
+    file = "law.py" if text == FAILING else "law.c"
+    over = {
+        "solver": {"engine": engine, "cross_check": 1},
+        "time": {"duration": 0.4, "samples": 21},
+    }
+    said = r"compute in law\.py failed at an instant: line 4: RuntimeError: infeasible"
+    remark = pytest.warns(EqtWarning, match=said) if file == "law.py" else nullcontext()
+    with remark:
+        result = eqt_cli.run(law(text, over, file, on_failure=what))
+    assert (result["law_failures"] == 13).all()
+    command, velocity = result["command"][0, 0], result["velocity"][0, 0]
+    times = np.round(result["time"], 9)
+    for k in range(20):
+        t, last = times[k], (4 if times[k] < 0.145 else 9)
+        fails = 0.095 < t < 0.145 or t > 0.195
+        expected = -velocity[last] if what == "hold" else 0 * velocity[0]
+        np.testing.assert_allclose(command[k], expected if fails else -velocity[k], atol=1e-13)
+
+
+def test_one_that_stops_ends_its_runs(law):
+    result = eqt_cli.run(law(FAILING, on_failure="stop"))
+    assert list(result["message"][0]) == ["t = 0.1 s: the command is not finite"] * 2
