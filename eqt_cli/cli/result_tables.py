@@ -16,6 +16,7 @@ from eqt_cli.base.reporting import Block, TextTable, listed, significant
 from eqt_cli.cli import output
 from eqt_cli.cli.tables import csv_cell
 from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.timing import timing_lines
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -60,7 +61,7 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
         for table in sweep_tables(result):
             lines += [output.laid_out(table), ""]
     else:
-        lines += [_headline(result), "", *_shares(result)]
+        lines += [_headline(result), "", *_shares(result), *timing_lines(result)]
     checked = ", ".join(_accuracy(result))
     lines += [f"checked  {checked}"] * bool(checked)
     remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]

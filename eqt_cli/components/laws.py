@@ -219,9 +219,10 @@ class Controller(TimeVarying, Component):
     def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
         """Return the lengths of the numbers of the law that a result stores, by name: its memory.
 
-        A law may add others, such as a sliding variable, whose values `output` gives.
+        Memory whose name begins with a point is not stored. A law may add others, such as a sliding
+        variable, whose values `output` gives.
         """
-        return self.memory(G)
+        return {name: n for name, n in self.memory(G).items() if not name.startswith(".")}
 
     output_units: ClassVar[Mapping[str, str]] = {}
     """Units of these numbers by their name, where they have one."""
@@ -476,6 +477,10 @@ class RunsCode(Controller):
 
     in_order: ClassVar[Any] = False
     metrics: ClassVar[Any] = ()
+
+    def drained(self) -> list[float]:
+        """Return the CPU times of its calls since it was last asked, s; none if it has none."""
+        return []
 
     @property
     def unfailing(self) -> Self:

@@ -20,6 +20,7 @@ from eqt_cli.base.store_writer import Assembly, write_arrays
 from eqt_cli.base.stored import LAW_OUTPUT, Status
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import common_weight, distance_to_unstable
+from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
@@ -44,9 +45,9 @@ from eqt_cli.runs.folder import measured_of, outputs_of_laws, sizes_of, stored_q
 from eqt_cli.runs.part_files import FinishedPart, PartFiles
 from eqt_cli.runs.provenance import versions
 
-ENDED, CHECKED, STUDY = ".ended", ".states", ".study"
+ENDED, CHECKED, STUDY, SECONDS = ".ended", ".states", ".study", ".seconds"
 """Arrays in the file of a slab that are no quantities, whose names have no dots: whether each run
-has ended, the states of the runs to cross-check, and the digest of the study."""
+has ended, the states of the runs to cross-check, the digest of the study, CPU times of calls."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
@@ -130,7 +131,11 @@ def compute_part(
                     where = np.searchsorted(slab.points, block.points)
                     reference = {name: values[where] for name, values in desired.items()}
                 assert reference is not None
+                law = block.problem.loop.controller
+                code = law if isinstance(law, RunsCode) else None
+                _ = code and code.drained()  # of what was tried before
                 slab.add(block, _solve(block, reference, *slab.wanted(block), context))
+                slab.seconds = np.append(slab.seconds, code.drained() if code else [])
                 if not slab.ended[block.rows].all():
                     raise StoppedPart(slab)
     return slab
@@ -169,6 +174,8 @@ class Slab:
         Whether each run has ended.
     check_states
         States of the runs to cross-check, ``(runs, samples, n)``.
+    seconds
+        CPU times of the calls of code, s; not part of the result.
     """
 
     def __init__(self, study: Study, part: StudyPart, arrays: Arrays | None = None) -> None:
@@ -193,6 +200,7 @@ class Slab:
         self._starts, self._stored = _positions(starts, len(part)), _positions(stored, len(part))
         checked = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
         self._checked = _positions(checked, len(part))
+        self.seconds = np.empty(0) if arrays is None else arrays.get(SECONDS, np.empty(0))
         states = base.config.time.samples, base.loops[self.label].state_length
         shapes, sizes = {CHECKED: (len(checked), *states), ENDED: (len(part),)}, sizes_of(study)
         for entry in self.quantities:
@@ -234,6 +242,7 @@ class Slab:
             CHECKED: self.check_states,
             ENDED: self.ended,
             STUDY: np.array([_digest(self.study)]),
+            SECONDS: self.seconds,
         }
         write_arrays(path, self.data | texts | more)
 

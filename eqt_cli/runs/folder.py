@@ -48,6 +48,7 @@ from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, holds, output_nam
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, own_quantity
 from eqt_cli.results.origin import stored_part
 from eqt_cli.results.quantity import Measure, ValuePer
+from eqt_cli.results.timing import TIMING
 from eqt_cli.runs.description import description
 from eqt_cli.runs.law_names import law_names
 from eqt_cli.runs.lock import LOCK
@@ -75,6 +76,7 @@ _ENTRIES: dict[str, Entry] = {
     **{one.name: one for one in COPY_FOLDERS},
     files.REPORT: FilePattern(re.escape(files.REPORT), marked=True),
     CONFIG: FilePattern(re.escape(CONFIG)),
+    TIMING: FilePattern(re.escape(TIMING)),
     MANIFEST: FilePattern(re.escape(MANIFEST)),
 }
 """Entries that eqt writes in a result folder, in the order of their removal."""

@@ -25,6 +25,7 @@ from eqt_cli.base.version import OTHERS, differences, together
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.results.quantity import Measure
+from eqt_cli.results.timing import write_timing
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask
@@ -447,20 +448,22 @@ def pack(
     study, decimate = task.study, task.study.base.config.store.decimate
     pieces = list(zip(study.pieces, folder.files_of(study), strict=True))
     checked: list[tuple[States, Works]] = []
-    checks, parts = dict[str, Any](), _finished(task)
+    checks, parts, times = dict[str, Any](), _finished(task), dict[str, list[Array]]()
     with step(PACKING, len(task)):
         for index, (piece, path) in enumerate(pieces):
             path.parent.mkdir(exist_ok=True)
             with new_result_file(piece, path) as file:
                 for name, values in (task.shared(index) or {}).items():
                     file.put(name, values[::decimate])
-                checked.append(_put_parts(task, piece, parts[index], file))
+                checked.append(_put_parts(task, piece, parts[index], file, times))
                 if not study.is_ragged:
                     checks = _cross_checked(study, checked, seconds)
                 file.describe({**described(piece, origin), **checks})
     if study.is_ragged:
         checks = _cross_checked(study, checked, seconds)
         write_index(study, folder.results, {**described(study, origin), **checks})
+    if times:
+        write_timing(folder.path, {label: np.concatenate(rows) for label, rows in times.items()})
 
 
 def _cross_checked(
@@ -489,7 +492,7 @@ def replace_runs(task: PartTask, folder: ResultFolder, origin: dict[str, Any]) -
             piece = study.piece(index)
             with open_results(path) as old, new_result_file(piece, path) as file:
                 _copy(file, old, stored_quantities(piece))
-                _put_parts(task, piece, parts[index], file)
+                _put_parts(task, piece, parts[index], file, {})
                 file.describe({**old.attributes, **now})
     if study.is_ragged:
         with open_results(folder.results) as old:
@@ -530,9 +533,18 @@ def _finished(task: PartTask) -> dict[int, list[tuple[int, StudyPart, Path]]]:
 
 
 def _put_parts(
-    task: PartTask, study: Study, parts: Iterable[tuple[int, StudyPart, Path]], file: Assembly
+    task: PartTask,
+    study: Study,
+    parts: Iterable[tuple[int, StudyPart, Path]],
+    file: Assembly,
+    times: dict[str, list[Array]],
 ) -> tuple[States, Works]:
     """Write the content of the finished parts of a piece into its result file.
+
+    Parameters
+    ----------
+    times
+        Receives the CPU times of calls, by the label of the law, s.
 
     Returns
     -------
@@ -548,6 +560,8 @@ def _put_parts(
             slab.put_into(file)
         except ResultError as error:
             raise BrokenPart(path, str(error)) from error
+        if len(slab.seconds):
+            times.setdefault(label, []).append(slab.seconds)
         if len(slab.check_states):
             states[label].append(slab.check_states)
         if "steps" in slab.data:

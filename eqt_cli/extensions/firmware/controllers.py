@@ -33,7 +33,6 @@ from eqt_cli.components.laws import (
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
 from eqt_cli.config.document import Document, Place, changed_at, trusted_text
-from eqt_cli.extensions.firmware.python_law import OBJECT
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
@@ -223,7 +222,7 @@ def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | Non
 TORQUE = "_torque"
 """Suffix of the function's name."""
 
-LAST, FAILED = "last_command", "failed_calls"
+LAST, FAILED = ".last_command", "failed_calls"
 """Memory of a law that may fail: the command that is held, and how often it has failed."""
 
 
@@ -484,11 +483,6 @@ class Code(_Numbers, RunsCode, Previews):
     def _of_code(self, G: MatrixLieGroup) -> dict[str, int]:
         return dict((self.claimed.memory(G) if self.claimed else {}) or self.called.lengths)
 
-    def outputs(self, G: MatrixLieGroup) -> Mapping[str, int]:
-        """Return the memory but for the last command, and for which object a run has."""
-        hidden = [LAST, *([OBJECT] if self.object_ else [])]
-        return {name: n for name, n in self.memory(G).items() if name not in hidden}
-
     def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
         """Return inputs, numbers and memory, with a row for each run and sample."""
         batch = s.P.shape[:-1]
@@ -512,6 +506,10 @@ class Code(_Numbers, RunsCode, Previews):
         parts = np.split(memory, np.cumsum(list(lengths.values()))[:-1], axis=-1) if lengths else []
         batch = s.P.shape[:-1]
         return {name: part.reshape(*batch, -1) for name, part in zip(lengths, parts, strict=True)}
+
+    def drained(self) -> list[float]:
+        """Return the CPU times of the calls in Python since it was last asked, s."""
+        return self.called.library.drained() if self.code.is_python else []
 
     @property
     def unfailing(self) -> Self:

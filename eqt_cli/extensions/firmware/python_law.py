@@ -47,7 +47,7 @@ def lock() -> None:
 TRIAL_SECONDS = 3.0
 """Time after which no further state is tried, s."""
 
-OBJECT, FEWEST = "object", 16
+OBJECT, FEWEST = ".object", 16
 """The memory of a law with an object for each run: its number, and its calls; and how many objects
 are kept at least."""
 
@@ -173,7 +173,7 @@ class Law:
     def after(self, row: list[float], how: dict[str, Any]) -> list[float]:
         """Return torque and memory after a call with numbers, memory and inputs."""
         at, torque = len(self.request["values"]), np.zeros(self.request["axes"])
-        if OBJECT in self.memory and self.request["per_run"]:
+        if OBJECT in self.memory:
             return self.after_in_run(row, at, how)
         self.make(row[:at])
         self.state |= deepcopy(self.first)

@@ -752,8 +752,8 @@ class Pool:
 
     Attributes
     ----------
-    seconds
-        CPU times of the calls so far, s.
+    seconds, slowest
+        CPU times of the calls until they are `drained`, and the longest one of the last request, s.
     reason
         The last error of a call, in words.
     """
@@ -761,14 +761,14 @@ class Pool:
     def __init__(self, law: Mapping[str, Any], limits: Limits) -> None:
         self.law, self.limits, self.lock = law, limits, Lock()
         self.guests, self.of_threads = [Guest(limits, law)], {0: 0}
-        self.seconds, self.reason, self.has_told = list[float](), "", False
+        self.seconds, self.slowest = list[float](), 0.0
+        self.reason, self.has_told = "", False
         self.name, self.memory = self.guests[0].name, self.guests[0].memory
 
     @property
     def most_rows(self) -> int:
         """The most rows of a request."""
-        slowest = max(self.seconds[-MOST_ROWS:], default=0.0)
-        return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(slowest, 1e-9))))
+        return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(self.slowest, 1e-9))))
 
     def owners(self, memory: Array) -> Array:
         """Return the guest of each row: that which has its object, else that of this thread."""
@@ -784,8 +784,15 @@ class Pool:
         answer = self.guests[place].request({**what, **mine})
         with self.lock:
             self.seconds += answer["seconds"]
+            self.slowest = max(answer["seconds"], default=0.0)
             self.reason = answer["reason"] or self.reason
         return answer
+
+    def drained(self) -> list[float]:
+        """Return the CPU times of the calls since it was last asked, s."""
+        with self.lock:
+            seconds, self.seconds = self.seconds, []
+        return seconds
 
     def tell(self) -> None:
         """Say once why a call in a run failed."""

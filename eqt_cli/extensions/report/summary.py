@@ -26,6 +26,7 @@ from eqt_cli.figures.style import house_style, line_style
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import FLOAT, ValuePer
 from eqt_cli.results.result import Result, meaning_of
+from eqt_cli.results.timing import timing_lines
 
 MOST_ROWS = 8000
 """Maximum number of rows, controllers times runs; failed runs are kept before good ones."""
@@ -425,6 +426,7 @@ def accuracy(result: Result) -> Iterator[str]:
         )
     if result.cross_check is not None:
         yield f"C{result.cross_check.described[1:]}."
+    yield from (f"{line}." for line in timing_lines(result))
 
 
 def _energy(result: Result) -> Iterator[str]:

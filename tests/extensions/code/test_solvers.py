@@ -1,5 +1,7 @@
 """Laws as solvers are: an object for each run, state that nobody named, and calls that fail."""
 
+import json
+import re
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -8,6 +10,8 @@ import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import EqtWarning
+from eqt_cli.results.result import open_result
+from eqt_cli.results.timing import timing, timing_lines
 
 COUNTING = """
 class Counting:
@@ -98,3 +102,43 @@ def test_calls_that_fail_are_counted(text, what, engine, law):
 def test_one_that_stops_ends_its_runs(law):
     result = eqt_cli.run(law(FAILING, on_failure="stop"))
     assert list(result["message"][0]) == ["t = 0.1 s: the command is not finite"] * 2
+
+
+SLOW = """
+import time
+
+def compute(t, velocity):
+    ends = time.process_time() + 0.004
+    while time.process_time() < ends:
+        pass
+    return -velocity
+"""
+
+
+def test_times_of_calls_stand_beside_the_result(law):
+    """A call burns 4 ms of 20; the digest knows nothing of them, and threads change no bits."""
+    over = {
+        "solver": {"engine": "native", "cross_check": 0},
+        "time": {"duration": 0.1, "samples": 3},
+    }
+    data = law(SLOW, over)
+    results = [eqt_cli.run(data, f"r{n}", workers=n) for n in (1, 2)]
+    for result in results:
+        row = json.loads((result.path / "timing.json").read_text())["laws"]["ours"]
+        assert 0.004 < row["median"] <= row["99 %"] <= row["largest"]
+        # Two runs, solved twice for the estimate of their errors, at 5 instants.
+        assert row["calls"] == 20
+    np.testing.assert_array_equal(*(result["torque"] for result in results))
+    assert len({result.attributes["digest"] for result in results}) == 1
+    with open_result(results[0].file) as opened:
+        first, late = timing_lines(opened)
+    assert re.fullmatch(
+        r"CPU, ms \(this machine\), median, 99 % and largest of a call: ours .*", first
+    )
+    assert late == "ours flew as if it took none; `control: {delay: 1}` gives it a period"
+
+
+def test_a_damaged_file_of_times_is_no_harm(law, tmp_path):
+    for text in ("", "{", '{"laws": {"ours": 3}}', '{"laws": {"ours": {"median": "x"}}}'):
+        (tmp_path / "timing.json").write_text(text)
+        assert timing(tmp_path) == {}
