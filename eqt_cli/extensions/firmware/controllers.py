@@ -222,6 +222,9 @@ def adapter_of(file: str | os.PathLike[str], G: MatrixLieGroup) -> Adapter | Non
 TORQUE = "_torque"
 """Suffix of the function's name."""
 
+CASADI = "casadi:"
+"""Prefix of the name of a function that CasADi generated."""
+
 LAST, FAILED = ".last_command", "failed_calls"
 """Memory of a law that may fail: the command that is held, and how often it has failed."""
 
@@ -259,7 +262,8 @@ class Code(_Numbers, RunsCode, Previews):
         The file, relative to the configuration, with the files that it includes in quotes.
     function
         Its function, ``X_torque`` (default: X is the name of the file); in Python, ``compute`` or
-        ``Law(2.0).compute``.
+        ``Law(2.0).compute``; of C that CasADi generated, ``casadi:f``, whose inputs the adapter
+        names.
     adapter
         The code's conventions: `inputs` (each with `signal`, `as`, `frame`, `unit`, `scale`,
         `sign`), `output` and, in Python, `call`.
@@ -317,7 +321,14 @@ class Code(_Numbers, RunsCode, Previews):
         if len(set(self.memory_)) < len(self.memory_):
             problems.at("memory").add(f"expected different names, got {shown(self.memory_)}")
         self._check_calls(problems)
-        if self.function is not None and not self.code.is_python:
+        if self._casadi:
+            _check_name(self.prefix, problems.at("function"))
+            if not self.adapter or self.memory_:
+                key = "memory" if self.memory_ else "adapter"
+                problems.at(key).add(
+                    "a function of CasADi needs an adapter that names its inputs, and keeps nothing"
+                )
+        elif self.function is not None and not self.code.is_python:
             at_function = problems.at("function")
             _check_name(self.function, at_function)
             if not self.function.endswith(TORQUE):
@@ -352,9 +363,13 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def prefix(self) -> str:
         """X of ``X_torque``, or the function in Python."""
-        if self.file.endswith(".py"):
-            return self.function or ""
+        if self.file.endswith(".py") or self._casadi:
+            return (self.function or "").removeprefix(CASADI)
         return PurePath(self.file).stem if self.function is None else self.function[: -len(TORQUE)]
+
+    @property
+    def _casadi(self) -> bool:
+        return (self.function or "").startswith(CASADI)
 
     @property
     def code(self) -> CodeFile:
@@ -384,7 +399,7 @@ class Code(_Numbers, RunsCode, Previews):
             reads = self._adapted.inputs.items()
             shapes = tuple((name, each.values(G, first).shape[1:]) for name, each in reads)
             of_group: Any = {"entries": G.size**2, "axes": G.dimension, "space": space}
-            of_group["steps"] = steps
+            of_group |= {"steps": steps, "casadi": self._casadi}
             code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
             numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
@@ -413,7 +428,8 @@ class Code(_Numbers, RunsCode, Previews):
                 f"{', '.join(f'{name} ({n})' for name, n in claimed.memory(G).items())}"
             )
         # The function's name must not depend on the file's name, which a result changes.
-        return with_fields(self, function=self.code.function, called=function)
+        named = self.function if self._casadi else self.code.function
+        return with_fields(self, function=named, called=function)
 
     @property
     def formula(self) -> Controller | None:

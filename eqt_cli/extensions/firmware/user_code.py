@@ -15,7 +15,7 @@ import threading
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from itertools import islice
@@ -36,6 +36,7 @@ from eqt_cli.components.motions import ORDER
 from eqt_cli.engines import compiler
 from eqt_cli.engines.compiler import Limits, temporary_folder
 from eqt_cli.extensions.firmware import python_law
+from eqt_cli.extensions.firmware.casadi_code import casadi_call
 from eqt_cli.extensions.firmware.decisions import Decision, watched
 
 # A user's C file with the files beside it that its preprocessor reads, as one text ----------------
@@ -287,7 +288,9 @@ def _refuse(code: UserCode) -> None:
     cache, key = compiler.user_cache(), compiler.digest(f"{_REFUSED.pattern}\0{code.source}")
     if cache is not None and cache.find(key, ".txt"):
         return
-    text = compiler.assembly(code.source)
+    lines = code.source.count("\n")
+    with reporter().busy(f"compiling {code.file}: {lines:,} lines with its headers"):
+        text = compiler.assembly(code.source)
     defined = set(re.findall(r"(?m)^(?:\s+\.l?comm\s+)?_?(\w+)(?:[:,])", text))
     for directive, name in _REFUSED.findall(text):
         if (name or directive) not in defined:
@@ -328,6 +331,8 @@ class UserCode(CodeFile):
         The number of later times of the reference that it is given.
     adapted
         The inputs with their shapes, as an adapter names them; empty without one.
+    casadi
+        Whether X is a function that CasADi generated, and not X_torque.
     """
 
     text: str = field(repr=False)
@@ -336,6 +341,7 @@ class UserCode(CodeFile):
     space: int = 0
     steps: int = 0
     adapted: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    casadi: bool = False
 
     @cached_property
     def inputs(self) -> dict[str, int]:
@@ -373,7 +379,11 @@ class UserCode(CodeFile):
             text = _preprocessed(folder, next(iter(texts)), self.file)
             if missing := {*_included(text, folder, self.file)} - {*texts}:
                 raise InputError(f"{self.file} includes {min(missing)}, which eqt has not kept")
-        return text.replace(f'"{folder}{os.sep}', '"')
+        text = text.replace(f'"{folder}{os.sep}', '"')
+        if not self.casadi:
+            return text
+        numbers, inputs = dict(self.numbers), self.adapted
+        return text + casadi_call(text, self.file, self.prefix, inputs, numbers, self.axes)
 
     @cached_property
     def _plain(self) -> str:
@@ -473,6 +483,10 @@ class UserCode(CodeFile):
         return f"enum {{ eqt_decisions = {len(decisions)} }};\n{text}", decisions
 
 
+_casadi = Lock()
+"""Held in a call of a function of CasADi, whose memory is checked out by one thread at a time."""
+
+
 @dataclass(frozen=True)
 class CodeFunction:
     """A user's compiled function.
@@ -547,7 +561,8 @@ class CodeFunction:
         arrays = (np.ascontiguousarray(numbers, dtype=float), later, rows, torques, *more)
         addresses = [ctypes.c_void_p(a.ctypes.data) for a in arrays] + [None] * (6 - len(arrays))
         how = ctypes.c_int(begins + 2 * self.fills), ctypes.c_double(period)
-        self.library.eqt_code(ctypes.c_long(len(rows)), *how, *addresses)
+        with _casadi if self.code.casadi else nullcontext():
+            self.library.eqt_code(ctypes.c_long(len(rows)), *how, *addresses)
         return torques, later
 
 
