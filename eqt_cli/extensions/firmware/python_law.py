@@ -129,7 +129,7 @@ class Law:
         if len(errors) == len(rows):
             raise errors[0]
         again = [self.after(row, how) for row, _ in reversed(rows) if not self.request["per_run"]]
-        apart = kept(again[::-1], [answer for _, answer in rows])
+        apart = hidden_state(again[::-1], [answer for _, answer in rows])
         if apart:
             raise ValueError(apart)
 
@@ -210,7 +210,7 @@ class Law:
 OUT_OF_ORDER = "`object: per run` answers in the order of time, from the start of a run on"
 
 
-def kept(first: Any, second: Any) -> str:
+def hidden_state(first: Any, second: Any) -> str:
     """Return what it means that equal rows have other answers; "" if they have the same."""
     pairs = (pair for pair in zip(first, second, strict=False))
     apart = [np.abs(np.subtract(a, b)) for a, b in pairs if not np.array_equal(a, b, True)]

@@ -728,7 +728,7 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
             how = {"starts": name != code.function, "period": period, "rows": [row.tolist()]}
             answer = guest.request(how, at, f"{name} in {code.file}")
         answers += answer["rows"]
-    if words := python_law.kept(answers[: len(inputs)], answers[len(inputs) :][::-1]):
+    if words := python_law.hidden_state(answers[: len(inputs)], answers[len(inputs) :][::-1]):
         raise InputError(f"{guest.name}: {words.partition(', or write')[0]}")
 
 
