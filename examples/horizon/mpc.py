@@ -45,8 +45,8 @@ class Horizon:
         plan = np.clip(first, -self.limit, self.limit)
         start = pose, velocity, later_pose, later_velocity, later_torque
         # The plan, and one with a little more of each torque: the slopes by differences.
-        plans = plan + SMALL * np.vstack([np.zeros(3 * steps), np.eye(3 * steps)]).reshape(-1, steps, 3)
-        residuals = self.residuals(plans, *start)
+        changes = SMALL * np.vstack([np.zeros(3 * steps), np.eye(3 * steps)])
+        residuals = self.residuals(plan + changes.reshape(-1, steps, 3), *start)
         slope = (residuals[1:] - residuals[0]).T / SMALL
         low, high = -self.limit - plan.ravel(), self.limit - plan.ravel()
         step = lsq_linear(slope, -residuals[0], (low - 1e-9, high + 1e-9), method="bvls").x
@@ -55,7 +55,8 @@ class Horizon:
 
     def residuals(self, plans, Q, V, Qd, Vd, tau_d):
         """Weighted errors of plans ``(n, steps, 3)``: pose, velocity and torque at each step."""
-        Q, V, rows = np.broadcast_to(Q, (len(plans), 3, 3)), np.broadcast_to(V, plans[:, 0].shape), []
+        Q, V = np.broadcast_to(Q, (len(plans), 3, 3)), np.broadcast_to(V, plans[:, 0].shape)
+        rows = []
         for k in range(plans.shape[1]):
             for _ in range(SUBSTEPS):  # the midpoint rule, on the group
                 half = V + self.dt / SUBSTEPS / 2 * self.rate(V, plans[:, k])

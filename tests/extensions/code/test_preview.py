@@ -83,8 +83,11 @@ def expected(t):
     return np.concatenate([np.ravel(part) for part in zip(*rows, strict=True)])
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "native"])
-@pytest.mark.parametrize("language", ["Python", "C"])
+COMPILES = pytest.mark.ci("another engine is fast")
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", pytest.param("native", marks=COMPILES)])
+@pytest.mark.parametrize("language", [pytest.param("Python", marks=COMPILES), "C"])
 def test_the_reference_ahead_is_that_of_its_formula(language, engine, flown):
     """The law keeps what it was given; rounding only. No tick is at the end, t = 0.4 s."""
     how = {"Python": (PYTHON, "law.py"), "C": (C, "law.c")}[language]

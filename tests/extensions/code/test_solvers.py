@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.base.errors import EqtWarning
+from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.results.result import open_result
 from eqt_cli.results.timing import timing, timing_lines
 
@@ -45,6 +45,9 @@ int law_torque(const law_numbers *n, law_memory *m, const law_input *in, real *t
 """
 
 
+COMPILES = pytest.mark.ci("another case is fast")
+
+
 @pytest.fixture
 def law(config):
     def make(text, over=(), file="law.py", **options):
@@ -65,6 +68,7 @@ def test_a_state_that_is_not_named_is_told(law, told):
     )
 
 
+@pytest.mark.ci("the search for what is not named is fast")
 def test_one_that_is_named_or_of_a_run_flies(law):
     """Both are the same: the object of a run counts its own calls from 0."""
     over = {"solver": {"engine": "native"}}
@@ -75,9 +79,9 @@ def test_one_that_is_named_or_of_a_run_flies(law):
     assert np.ptp(torques[0]) > 0
 
 
-@pytest.mark.parametrize("engine", ["native", "solve_ivp"])
-@pytest.mark.parametrize("text", [FAILING, INT], ids=["Python", "C"])
-@pytest.mark.parametrize("what", ["hold", "zero"])
+@pytest.mark.parametrize("engine", [pytest.param("native", marks=COMPILES), "solve_ivp"])
+@pytest.mark.parametrize("text", [FAILING, pytest.param(INT, marks=COMPILES)], ids=["Python", "C"])
+@pytest.mark.parametrize("what", ["hold", pytest.param("zero", marks=COMPILES)])
 def test_calls_that_fail_are_counted(text, what, engine, law):
     """Of ticks of 0.02 s it fails at 0.1, 0.12 and 0.14 s, and at the 10 from 0.2 s on."""
     file = "law.py" if text == FAILING else "law.c"
@@ -99,6 +103,7 @@ def test_calls_that_fail_are_counted(text, what, engine, law):
         np.testing.assert_allclose(command[k], expected if fails else -velocity[k], atol=1e-13)
 
 
+@pytest.mark.ci("one whose command is held is fast")
 def test_one_that_stops_ends_its_runs(law):
     result = eqt_cli.run(law(FAILING, on_failure="stop"))
     assert list(result["message"][0]) == ["t = 0.1 s: the command is not finite"] * 2
@@ -108,13 +113,14 @@ SLOW = """
 import time
 
 def compute(t, velocity):
-    ends = time.process_time() + 0.004
-    while time.process_time() < ends:
+    ends = time.thread_time() + 0.004
+    while time.thread_time() < ends:
         pass
     return -velocity
 """
 
 
+@pytest.mark.ci("a damaged file is fast")
 def test_times_of_calls_stand_beside_the_result(law):
     """A call burns 4 ms of 20; the digest knows nothing of them, and threads change no bits."""
     over = {
@@ -142,3 +148,27 @@ def test_a_damaged_file_of_times_is_no_harm(law, tmp_path):
     for text in ("", "{", '{"laws": {"ours": 3}}', '{"laws": {"ours": {"median": "x"}}}'):
         (tmp_path / "timing.json").write_text(text)
         assert timing(tmp_path) == {}
+
+
+def test_what_excludes_each_other(law, told):
+    for options, said in (
+        ({"object": "per run", "memory": ["calls"]}, "memory: the object of a run keeps all"),
+        ({"on_failure": "hold", "as": "lee2010"}, "on_failure: a law in `as` never fails"),
+        ({"object": "per run", "over": {"control": None}}, "object: applies at control instants"),
+    ):
+        assert said in told(law(COUNTING, **{"function": "Counting().compute", **options}))
+    void = INT.replace("int law_torque", "void law_torque").partition("    return")[0] + "}"
+    options = {"function": None, "file": "law.c", "on_failure": "zero"}
+    assert "law_torque is void and cannot say that it failed" in told(law(void, **options))
+
+
+@pytest.mark.ci("what it is called with is fast")
+def test_margins_and_random_states_are_refused(law):
+    data = law(COUNTING, {"reference": {"kind": "constant"}}, function="Counting().compute")
+    data["controllers"][0]["object"] = "per run"
+    with pytest.raises(EqtError, match="'ours' answers in the order of time of a run only"):
+        eqt_cli.margins(data)
+    rows = [row for row in eqt_cli.verify(data).rows if row.kind == "code"]
+    assert [row.remark for row in rows] == [
+        "undecided: `object: per run` cannot be called at random states"
+    ]
