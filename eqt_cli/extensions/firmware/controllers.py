@@ -276,7 +276,7 @@ class Code(_Numbers, RunsCode, Previews):
     real
         The type of its numbers.
     object_
-        In Python, `per run`: each run has an object of its own, called in the order of time.
+        In Python, `per run`: each run makes its object, and calls it in the order of time.
     on_failure
         What is commanded where it raises, returns None or, as ``int X_torque``, not 0: `hold` the
         last command (default), `zero`, or `stop` the run. With `as`, it stops.

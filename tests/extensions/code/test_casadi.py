@@ -60,6 +60,6 @@ def test_what_is_said_of_other_names_and_sizes(config, told):
     assert told(config(**{**LEE, "adapter": None})).endswith(
         "a function of CasADi needs an adapter that names its inputs, and keeps nothing"
     )
+    text, shapes = Path("pd.c").read_text(), (("w", (3,)), ("late", (2, 3)))
     with pytest.raises(InputError, match=r"pd in pd\.c returns 3×1 numbers; expected 6"):
-        shapes = (("w", (3,)), ("late", (2, 3)))
-        casadi_call(Path("pd.c").read_text(), "pd.c", "pd", shapes, {"k": 9}, 6)
+        casadi_call(text, "pd.c", "pd", shapes, {"k": 9}, 6)
