@@ -247,14 +247,18 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
             output.print_text(*shown.premises)
         for number, each in enumerate(shown.tables):
             output.print_text(*([""] * (number > 0 or bool(shown.premises))), output.laid_out(each))
+        _print_timing(result if result.is_dir() else result.parent, result)
+    for remark in () if json else shown.remarks:
+        output.say(remark)
+
+
+def _print_timing(folder: Path, result: Path) -> None:
+    if (folder / "timing.json").exists():
         from eqt_cli.api.loading import open_at
         from eqt_cli.results.timing import timing_lines
 
         with open_at(result) as results:
-            if lines := list(timing_lines(results)):
-                output.print_text("", *lines)
-    for remark in () if json else shown.remarks:
-        output.say(remark)
+            output.print_text("", *timing_lines(results))
 
 
 class _Findings(NamedTuple):
