@@ -302,14 +302,16 @@ class ReferenceAhead(TimeVarying):
         """Return what the law reads, ``(..., k, …)`` each; its inertia gives the torque τ_d."""
         pieces, rows = self.pieces or [self.reference] * len(self.after), dict[str, list[Array]]()
         for piece, s in zip(pieces, self.after, strict=True):
-            now = piece.desired(G, inertia.at(t + s), t + s, None, None)
+            state = piece.desired(G, inertia.at(t + s), t + s, None, None)
             flat = piece.flat_output(G, t + s) if LATER[3] in self.names else None
-            known = dict(zip(LATER, (now.Q, now.V, now.tau, flat and flat.position), strict=True))
+            values = dict(
+                zip(LATER, (state.Q, state.V, state.tau, flat and flat.position), strict=True)
+            )
             for name in self.names:
-                value, axes = known[name], AXES[name] - 1
+                value, axes = values[name], AXES[name] - 1
                 whole = (*batch, *value.shape[value.ndim - axes :])
                 rows.setdefault(name, []).append(np.broadcast_to(value, whole))
-        return {name: np.stack(each, axis=-AXES[name]) for name, each in rows.items()}
+        return {name: np.stack(parts, axis=-AXES[name]) for name, parts in rows.items()}
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which the reference changes at one of the later times."""

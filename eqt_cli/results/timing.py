@@ -29,9 +29,9 @@ _LAWS = TypeAdapter(dict[str, dict[str, float]])
 def write_timing(folder: Path, seconds: Mapping[str, Array]) -> None:
     """Write the statistics of the calls of each law, with the machine and its load."""
     laws = {
-        label: dict(zip(STATISTICS, np.quantile(each, [0.5, 0.99, 1.0]).tolist(), strict=True))
-        | {"calls": len(each)}
-        for label, each in seconds.items()
+        label: dict(zip(STATISTICS, np.quantile(times, [0.5, 0.99, 1.0]).tolist(), strict=True))
+        | {"calls": len(times)}
+        for label, times in seconds.items()
     }
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     machine = {"machine": platform.machine(), "cpu_count": os.cpu_count(), "load": load}
@@ -44,16 +44,16 @@ def timing(folder: Path) -> dict[str, dict[str, float]]:
         laws = _LAWS.validate_python((read_record(folder / TIMING, "laws") or {}).get("laws", {}))
     except (OSError, ValidationError):
         return {}
-    return {label: each for label, each in laws.items() if {*STATISTICS} <= {*each}}
+    return {label: row for label, row in laws.items() if {*STATISTICS} <= {*row}}
 
 
 def timing_lines(result: Result) -> Iterator[str]:
     """Yield the times in ms, and which law would answer too late."""
     control: Any = result.config.get("control") or {}
     period, late = control.get("period"), list[str]()
-    known = {n: each for n, each in timing(result.path.parent).items() if n in result.title_of}
-    for label, each in known.items():
-        slow, title = each[STATISTICS[1]], result.title_of[label]
+    rows = {n: row for n, row in timing(result.path.parent).items() if n in result.title_of}
+    for label, row in rows.items():
+        slow, title = row[STATISTICS[1]], result.title_of[label]
         if isinstance(period, float) and slow > period:
             late.append(f"{title} cannot keep its period of {period:g} s")
         elif isinstance(period, float) and slow > LATE * period and not control.get("delay"):
@@ -61,10 +61,10 @@ def timing_lines(result: Result) -> Iterator[str]:
                 f"{title} flew as if it took none; `control: {{delay: 1}}` gives it a period"
             )
     listed = (
-        f"{result.title_of[label]} " + ", ".join(f"{1e3 * each[name]:.3g}" for name in STATISTICS)
-        for label, each in known.items()
+        f"{result.title_of[label]} " + ", ".join(f"{1e3 * row[name]:.3g}" for name in STATISTICS)
+        for label, row in rows.items()
     )
-    if known:
+    if rows:
         yield f"CPU, ms (this machine), median, 99 % and largest of a call: {'; '.join(listed)}"
     yield from late
 

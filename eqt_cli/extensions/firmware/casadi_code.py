@@ -46,27 +46,27 @@ def casadi_call(
         assert numbers_of is not None
         return int(numbers_of[1]), int(numbers_of[2])
 
-    shapes, reads, at = dict(inputs), list[str](), 0
+    shapes, reads, offset = dict(inputs), list[str](), 0
     shapes |= {n: (length,) for n, length in numbers.items()}
     arguments = zip(cases("name_in"), cases("sparsity_in"), strict=True)
-    for k, (each, sparsity) in enumerate(arguments):
+    for k, (argument, sparsity) in enumerate(arguments):
         rows, columns = size(sparsity)
-        if each not in shapes:
-            hint = suggestion(each, shapes) or "; name it in adapter.inputs or in numbers"
-            raise InputError(f"{name} in {file} has an input {each}{hint}")
-        shape, total = shapes[each], prod(shapes[each])
+        if argument not in shapes:
+            hint = suggestion(argument, shapes) or "; name it in adapter.inputs or in numbers"
+            raise InputError(f"{name} in {file} has an input {argument}{hint}")
+        shape, total = shapes[argument], prod(shapes[argument])
         if rows * columns != total:
             raise InputError(
-                f"{name} in {file} has {rows}×{columns} numbers in {each}; expected {total}"
+                f"{name} in {file} has {rows}×{columns} numbers in {argument}; expected {total}"
             )
         row, column = (columns, 1) if shape == (rows, columns) else (1, rows)
-        source = "n" if each in numbers else "in"
-        reads.append(f"arg[{k}] = given + {at};")
+        source = "n" if argument in numbers else "in"
+        reads.append(f"arg[{k}] = given + {offset};")
         reads.append(
-            f"eqt_nonzeros({sparsity}, {row}, {column}, given + {at}, "
-            f"(double *)(void *)&{source}->{each}, 0);"
+            f"eqt_nonzeros({sparsity}, {row}, {column}, given + {offset}, "
+            f"(double *)(void *)&{source}->{argument}, 0);"
         )
-        at += total
+        offset += total
     torque = cases("sparsity_out")[0]
     back = size(torque)
     if back not in ((axes, 1), (1, axes)):
@@ -77,7 +77,7 @@ def casadi_call(
         name=name,
         axes=axes,
         torque=torque,
-        most=max(1, at),
+        most=max(1, offset),
         reads="\n    ".join(reads),
         numbers=" ".join(f"double {n}[{length}];" for n, length in fields.items()),
         inputs=" ".join(

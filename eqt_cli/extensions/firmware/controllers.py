@@ -465,11 +465,11 @@ class Code(_Numbers, RunsCode, Previews):
         torque, later = self._adapted.output.torque_of(s, torque), self._named(updated, s)
         if self.holds:
             failed = ~np.isfinite(torque).all(axis=-1, keepdims=True)
-            before, count = (s.memory.get(name, np.zeros(1)) for name in (LAST, FAILED))
+            latest, count = (s.memory.get(name, np.zeros(1)) for name in (LAST, FAILED))
             if failed.any() and self.code.is_python and self.on_failure != "stop":
                 self.called.library.tell()
             if self.on_failure != "stop":
-                torque = np.where(failed, 0.0 if self.on_failure == "zero" else before, torque)
+                torque = np.where(failed, 0.0 if self.on_failure == "zero" else latest, torque)
             later |= {LAST: torque, FAILED: count + failed}
         return torque, later
 

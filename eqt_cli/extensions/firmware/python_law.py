@@ -193,15 +193,15 @@ class Law:
             self.make(row[:at])
             self.objects[number] = [self.function, self.object, self.parameters, self.names, 0]
             self.objects[number] += None, None
-        *run, next_call, last, answer = self.objects.pop(number, [None] * 7)
-        if last is None or last != row[at + 1 :]:
+        *run, next_call, latest, answer = self.objects.pop(number, [None] * 7)
+        if latest is None or latest != row[at + 1 :]:
             if next_call != calls:
                 raise ValueError(OUT_OF_ORDER)
             self.function, self.object, self.parameters, self.names = run
             torque = self.torque(row[at + 2 :], how["period"])
             answer = [*torque, number * TINY, (calls + 1) * TINY]
             run += calls + 1, row[at + 1 :], answer
-        self.objects[number] = run if len(run) == 7 else [*run, next_call, last, answer]
+        self.objects[number] = run if len(run) == 7 else [*run, next_call, latest, answer]
         for oldest in list(self.objects)[: -max(FEWEST, how["keeps"])]:
             del self.objects[oldest]
         return list(answer)

@@ -812,23 +812,23 @@ class Pool:
     def tell(self) -> None:
         """Say once why a call in a run failed."""
         with self.lock:
-            first, self.has_told = not self.has_told, True
-        if first and self.reason:
+            is_news, self.has_told = not self.has_told, True
+        if is_news and self.reason:
             reporter().remark(EqtWarning(f"{self.name} failed at an instant: {self.reason}"))
 
     def _of_thread(self) -> int:
         """Return the guest of this thread: its last one, or that of a thread that has ended."""
-        here, alive = threading.get_ident(), {each.ident for each in threading.enumerate()}
+        thread, alive = threading.get_ident(), {each.ident for each in threading.enumerate()}
         alive.discard(threading.main_thread().ident)
         with self.lock:
-            if here not in self.of_threads:
-                idle = [one for one in self.of_threads if one not in alive]
+            if thread not in self.of_threads:
+                idle = [ident for ident in self.of_threads if ident not in alive]
                 if not idle and len(self.guests) < MOST_GUESTS:
                     self.guests.append(Guest(self.limits, self.law))
                     idle = [-len(self.guests)]
                     self.of_threads[idle[0]] = len(self.guests) - 1
-                self.of_threads[here] = self.of_threads.pop(idle[0]) if idle else 0
-            return self.of_threads[here]
+                self.of_threads[thread] = self.of_threads.pop(idle[0]) if idle else 0
+            return self.of_threads[thread]
 
 
 _tried: set[object] = set()

@@ -172,3 +172,13 @@ def test_margins_and_random_states_are_refused(law):
     assert [row.remark for row in rows] == [
         "undecided: `object: per run` cannot be called at random states"
     ]
+
+
+def test_a_static_variable_is_told_too(law, told):
+    """At the four states at t = 0, of which one is the first and the eighth call; others fail."""
+    counting = INT.replace("int k;", "int k; static int calls;").replace("(void)n", "(void)calls++")
+    text = counting.replace("-in->velocity[k]", "1e-3 * calls")
+    assert told(law(text, file="law.c")) == (
+        "controllers[0]: law_torque in law.c: it keeps something from call to call that `memory` "
+        "does not name (difference 0.007); name it"
+    )
