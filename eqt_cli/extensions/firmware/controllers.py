@@ -443,7 +443,16 @@ class Code(_Numbers, RunsCode, Previews):
         return self.adapter or Adapter({name: Signal(name) for name in named})
 
     def reading(self, G: MatrixLieGroup, x: LawInput, code: UserCode) -> Array:
-        """Return what the code reads, with a row for each run and sample."""
+        """Return what the code reads, with a row for each run and sample.
+
+        At states without a reference, as random ones, it goes on at its velocity: Q_d exp(s V_d).
+        """
+        if self.preview_ and x.later_pose is None and x.velocity.dtype != object:
+            V, k = x.desired_velocity[..., None, :], len(self.preview)
+            ahead = x.desired_pose[..., None, :, :] @ G.exp(np.array(self.preview)[:, None] * V)
+            V, p = np.repeat(V, k, axis=-2), x.position
+            p = None if p is None else np.repeat(p[..., None, :, :], k, axis=-3)
+            x = x._replace(later_pose=ahead, later_velocity=V, later_torque=0 * V, later_position=p)
         if not code.adapted or x.velocity.dtype == object:
             return x.velocity if code.adapted else x.rows(code.inputs)
         x = x._replace(t=np.broadcast_to(x.t, x.velocity.shape[:-1]))
@@ -610,8 +619,11 @@ class Code(_Numbers, RunsCode, Previews):
         """Compare the code with the law that it claims to be."""
         from eqt_cli.extensions.firmware.code_rows import code_rows  # which only `eqt verify` needs
 
-        judged = with_fields(self, on_failure="stop")  # a command that is held would hide a failure
-        yield from code_rows(label, replace(loop, controller=judged), horizon, random, flown)
+        bare = replace(loop, controller=self.unfailing)  # a held command would hide a failure
+        if flown is not None:
+            like = np.empty((*flown[1].shape[:-1], bare.state_length))
+            flown = flown[0], bare.layout.join(loop.layout.split(flown[1]), like)
+        yield from code_rows(label, bare, horizon, random, flown)
 
 
 class LawFailures(Metric):

@@ -128,3 +128,17 @@ def test_an_adapter_names_orders_and_turns_what_is_later(config):
     # The thrust m (p̈_d − g) is along the body's third axis, and heading 0 is in the plane y = 0.
     turn = np.arctan2(2.0, 9.81) / 2
     np.testing.assert_allclose(q.reshape(2, 4), [[np.cos(turn), 0, np.sin(turn), 0]] * 2, atol=1e-9)
+
+
+@pytest.mark.ci("one without a preview is fast")
+def test_it_is_judged_where_there_is_no_reference(config):
+    """There it goes on at its velocity; what eqt keeps for failures is no memory of the law."""
+    text = PYTHON.replace("return -velocity", "return later_torque[0] - velocity")
+    Path("law.py").write_text(text, encoding="utf-8")
+    law = {"file": "law.py", "as": None, "numbers": None, "function": "Recorder().compute"}
+    law |= {"memory": ["given"], "preview": {"steps": STEPS, "every": EVERY}}
+    rows = eqt_cli.verify(config(over={"reference": PATH}, **law)).rows
+    [words] = [row.remark for row in rows if row.kind == "code" and "nearest" in row.name]
+    assert "damping" in words
+    assert "last_command" not in words
+    assert "failed_calls" not in words
