@@ -12,6 +12,7 @@ import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning
 from eqt_cli.results.result import open_result
 from eqt_cli.results.timing import timing, timing_lines
+from eqt_cli.runs.run_study import Shard
 
 COUNTING = """
 class Counting:
@@ -182,3 +183,17 @@ def test_a_static_variable_is_told_too(law, told):
         "controllers[0]: law_torque in law.c: it keeps something from call to call that `memory` "
         "does not name (difference 0.007); name it"
     )
+
+
+@pytest.mark.ci("a run of one session is fast")
+def test_what_is_continued_has_the_same_bits(law):
+    """The first session computes one law of two, as if it was killed then."""
+    data = law(COUNTING, function="Counting().compute", object="per run")
+    [entry] = data["controllers"]
+    data["controllers"] = [entry, {**entry, "label": "again"}]
+    whole = eqt_cli.run(data, "whole")
+    eqt_cli.run(data, "continued", shard=Shard(1, 2))
+    continued = eqt_cli.run(data, "continued")
+    assert continued.outcome.resumed == 2
+    np.testing.assert_array_equal(continued["torque"], whole["torque"])
+    np.testing.assert_array_equal(whole["torque"][0], whole["torque"][1])
