@@ -230,7 +230,7 @@ class Thrusters(Actuator):
     allocation
         `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits, which changes the torque
         in every direction. `bounded`: thrusts within the limits whose torque is nearest to the
-        command in least squares; N m and N count alike, so a light body loses torque. `{kind:
+        command in least squares, N m and N weighted equally: a light body loses torque. `{kind:
         priority, order: [[torque x, torque y], force, torque z]}`: meets each group of directions
         as far as the groups before it allow, and scales a group of several by one factor up to 1.
         The last two act at control instants.

@@ -131,7 +131,7 @@ class InertiaBounds(Hypothesis):
 
 
 class RigidBody(Hypothesis):
-    """The inertia can be that of a rigid body, which no theorem needs. A row appears if not."""
+    """The inertia can be a rigid body's. No theorem needs this; a row appears if not."""
 
     name: ClassVar[str] = "𝕀 is a rigid body's"
     statement: ClassVar[str] = "triangle inequality"
