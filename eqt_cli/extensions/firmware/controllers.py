@@ -407,7 +407,7 @@ class Code(_Numbers, RunsCode, Previews):
                 "call": self._adapted.call,
                 "torque": self._adapted.output.torque,
             }
-            how |= {"per_run": self.object_ is not None}
+            how |= {"per_run": self.object_ is not None, "repeats": self.object_ is None}
             return law.calling(called(code, numbers, PERIOD, rows, how), G), {self.file: text}
         return None, {self.file: text}
 

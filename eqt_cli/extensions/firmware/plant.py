@@ -390,7 +390,8 @@ class Plant:
         n = self.flat(single).size
         result = f"[result[name] for name in {names}] if isinstance(result, dict) else result"
         # With the state, which the call must leave as it is.
-        how = {"call": call, "torque": f"[*flat({result}, {n}), *flat([{state}], {n})]"}
+        parts = f"[*flat({result}, {n}), *flat([{state}], {n})]"
+        how = {"call": call, "torque": parts, "per_run": False, "repeats": False}
         adapted = tuple((name, value.shape[1:]) for name, value in arguments.items())
         fields: Any = {"file": self.file.name, "prefix": self.function, "numbers": (), "memory": ()}
         text = text_of(self.file, "it is a plant", EqtError)

@@ -128,7 +128,8 @@ class Law:
             errors += filter(None, [self.error])
         if len(errors) == len(rows):
             raise errors[0]
-        again = [self.after(row, how) for row, _ in reversed(rows) if not self.request["per_run"]]
+        repeated = rows[::-1] if self.request["repeats"] else []
+        again = [self.after(row, how) for row, _ in repeated]
         apart = hidden_state(again[::-1], [answer for _, answer in rows])
         if apart:
             raise ValueError(apart)

@@ -843,7 +843,8 @@ def called(
     Parameters
     ----------
     how
-        Of Python, `call` and `torque`, expressions; and `per_run`, whether each run has an object.
+        Of Python, `call` and `torque`, expressions; `per_run`, whether each run has an object; and
+            `repeats`, whether equal calls must have equal answers.
 
     Raises
     ------
