@@ -449,7 +449,8 @@ def pack(
     pieces = list(zip(study.pieces, folder.files_of(study), strict=True))
     checked: list[tuple[States, Works]] = []
     checks, parts, times = dict[str, Any](), _finished(task), dict[str, list[Array]]()
-    with step(PACKING, len(task)):
+    with ExitStack() as packing:
+        packing.enter_context(step(PACKING, len(task)))
         for index, (piece, path) in enumerate(pieces):
             path.parent.mkdir(exist_ok=True)
             with new_result_file(piece, path) as file:
@@ -457,6 +458,7 @@ def pack(
                     file.put(name, values[::decimate])
                 checked.append(_put_parts(task, piece, parts[index], file, times))
                 if not study.is_ragged:
+                    packing.close()  # the cross-check is another step
                     checks = _cross_checked(study, checked, seconds)
                 file.describe({**described(piece, origin), **checks})
     if study.is_ragged:

@@ -6,7 +6,7 @@ import os
 import runpy
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,25 @@ MOST_JOBS = 10
 AHEAD = 1000
 """Largest number of items that wait for workers in an engine."""
 
+LAUNCH_SECONDS = 5.0
+"""Longest wait for Parsl to send what it has begun to send, s; it sends within milliseconds, unless
+its interchange has ended."""
+
 _HERE = ("127.0.0.1", "::1", "localhost")
+
+
+def _close(pool: Any, heads: Sequence[Any]) -> None:
+    """Close Parsl, also after its interchange has ended with tasks that nobody receives."""
+    # Else Parsl closes a socket in which it sends, and ZeroMQ aborts the process.
+    if pool._dfk is not None:
+        launches = pool._dfk._task_launch_pool
+        launches.shutdown(wait=False, cancel_futures=True)
+        for thread in launches._threads:
+            thread.join(LAUNCH_SECONDS)
+    for head in heads:  # else closing waits for ever for these tasks
+        if hasattr(head, "outgoing_q"):
+            head.outgoing_q.zmq_socket.linger = 0
+    pool.shutdown(wait=False)
 
 
 @dataclass(frozen=True)
@@ -75,10 +93,7 @@ class Parsl(Pooled):
             try:
                 yield Pool(pool, lost, AHEAD, check, notice=notice)
             finally:
-                for head in heads:  # else closing waits for ever for tasks that nobody receives
-                    if hasattr(head, "outgoing_q"):
-                        head.outgoing_q.zmq_socket.linger = 0
-                pool.shutdown(wait=False)
+                _close(pool, heads)
 
     def _config(self, kind: type) -> Any:
         """Return what the file defines."""
