@@ -58,7 +58,10 @@ EQT_C void eqt_code(long runs, int begins, double period, const double *options,
         EQT_INPUT_TYPE input;
         EQT_CODE_REAL torque[EQT_CODE_AXES] = {0};
         const double *before = states;
-        unsigned char *bytes = (unsigned char *)&memory;
+        unsigned char *bytes = (unsigned char *)&input; /* of a field that is not ours, too */
+        for (eqt_k = 0; eqt_k < (long)sizeof input; eqt_k++)
+            bytes[eqt_k] = 0;
+        bytes = (unsigned char *)&memory;
         for (eqt_k = 0; eqt_k < (long)sizeof memory; eqt_k++)
             bytes[eqt_k] = begins & 2 ? 0x3f : 0; /* 4.8e-4 in double, 0.75 in float */
         (void)before;
