@@ -185,15 +185,21 @@ def test_numbers_of_the_first_pages(many):
         row = pairs[measured]
         names = "relative", "relative_low", "relative_high"
         mean, *ends = (abs(100 * row[name]) for name in names)
-        low, high = sorted(ends)
-        return f"{mean:.1f} % [{low:.1f}, {high:.1f}]"
+        return f"{mean:.1f}", *(f"{end:.1f}" for end in sorted(ends))
 
-    torque = percent("mean_torque", 5, "eqt", "gt")
-    errors = percent("mean_pose_error", 20, "eqt", "gt")
+    torque, *less = percent("mean_torque", 5, "eqt", "gt")
+    errors, *more = percent("mean_pose_error", 20, "eqt", "gt")
+    rows = (
+        f"| {torque} % less | {' to '.join(less)} |",
+        f"| {errors} % more | {' to '.join(more)} |",
+    )
+    assert all(row in home for row in rows)
+    torque, errors = f"{torque} % [{', '.join(less)}]", f"{errors} % [{', '.join(more)}]"
     assert f"EqT needs {torque} less torque than GT in the first 5 s" in readme
-    assert f"EqT needs {torque} less torque than GT in the first 5 s, with {errors} more" in home
-    asym = percent("mean_attitude_error", 20, "asym", "eqt")
-    assert f"the attitude error of asym is {asym} below that of EqT" in readme
+    asym = re.search(r"asym +−(\S+) % \[−(\S+), −(\S+)\]", printed)
+    assert asym is not None
+    median = f"{asym[1]} % [{asym[3]}, {asym[2]}] less attitude error than EqT in the median"
+    assert f"asym, one of these two, has {median}" in readme
     assert f"less by {torque}" in findings and f"more by {errors}" in findings
 
 

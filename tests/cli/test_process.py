@@ -160,7 +160,7 @@ def test_show_on_an_unfinished_folder_does_without_numpy(folder):
     plan = {"points": 1, "runs": 100, "controllers": 2, "size": 50}
     manifest = {"plan": plan, "name": "c", "begun": "2026-01-01T00:00:00+00:00"}
     (folder / "out/manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
-    (folder / "out/parts/000001.h5").touch()
+    (folder / "out/parts/000001.npy").touch()
     assert not {"numpy", "scipy", "h5py", "yaml"} & loaded_by("show", "out")
 
 

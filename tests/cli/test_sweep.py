@@ -195,7 +195,7 @@ def test_shards_with_every_kind_of_stored_file_are_packed(eqt, refused):
     run = ("run", "c.yaml", "-q", "--out")
     for shard in ("1/2", "2/2"):
         assert eqt(*run, "out", "--shard", shard).code == 0
-    killed = Path("out/parts/000001.h5")
+    killed = Path("out/parts/000001.npy")
     killed.unlink()
     pack = ("pack", "out", "--trust-plugins")
     assert refused(*pack) == (
