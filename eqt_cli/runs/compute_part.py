@@ -711,7 +711,8 @@ class PartTask:
     def _keep(self, item: int, slab: Slab) -> int:
         path = self.files.part(item, slab.failed)
         self._slabs.pop(item, None)
-        size = slab.nbytes + sum(other.nbytes for other in self._slabs.values())
+        kept = [slab, *self._slabs.values()]  # at once, since other threads keep theirs
+        size = sum(other.nbytes for other in kept)
         if self.keeps and size <= MEMORY_BYTES:
             self._slabs[item], self._unsaved[item] = slab, FinishedPart(path, slab.failed)
         else:
