@@ -34,7 +34,7 @@ STAGES = {
     "eqt_cli.engines.library:integration": COMPILING,
     "eqt_cli.engines.library:_evaluate": COMPILING,
     "eqt_cli.runs.compute_part:measured": "signals and metrics",
-    "eqt_cli.runs.compute_part:write": "writing the parts",
+    "eqt_cli.runs.compute_part:write_arrays": "writing the parts",
 }
 """What is watched, beside the engines and what eqt times itself."""
 
