@@ -87,7 +87,7 @@ FOUND_FIRST = {
     "docker": "install.html",
     "list of laws": "reference/laws.html",
     "quaternion": "reference/recordings.html",
-    "current": "howto/vehicle.html",
+    "current": "howto/marine.html",
     "PX4": "howto/autopilots.html",
 }
 
