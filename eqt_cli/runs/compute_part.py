@@ -711,8 +711,8 @@ class PartTask:
     def _keep(self, item: int, slab: Slab) -> int:
         path = self.files.part(item, slab.failed)
         self._slabs.pop(item, None)
-        kept = [slab, *self._slabs.values()]  # at once, since other threads keep theirs
-        size = sum(other.nbytes for other in kept)
+        slabs = [slab, *self._slabs.values()]  # at once, since other threads keep theirs
+        size = sum(other.nbytes for other in slabs)
         if self.keeps and size <= MEMORY_BYTES:
             self._slabs[item], self._unsaved[item] = slab, FinishedPart(path, slab.failed)
         else:
