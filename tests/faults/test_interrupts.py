@@ -51,8 +51,9 @@ def kept(session, total):
     """How many runs it says it has kept, in the one message that it leaves."""
     stdout, stderr = session.process.communicate(timeout=TIMEOUT)
     done = stderr.split("interrupted; ")[1].split(" of ")[0]
+    whole = " (whole parts of 50 are)" if done == "0" else ""
     assert stderr == (
-        f"eqt: interrupted; {done} of {total} runs are kept in {session.out}: "
+        f"eqt: interrupted; {done} of {total} runs are kept in {session.out}{whole}: "
         "run the same command again to continue\n"
     )
     document = json.loads(stdout)
@@ -81,16 +82,21 @@ def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, 
 
 @pytest.mark.parametrize("executor", EXECUTORS)
 def test_ctrl_c_ends_a_long_call_of_c_and_keeps_its_finished_runs(tmp_path, executor):
-    """A call of C takes 3 s, for eight runs at a time; it need not be the first."""
+    """A call of C takes 3 s of a core, for eight runs at a time; it need not be the first."""
     text = RUN.replace("rtol: 1.0e-6, block: 10", "engine: native")
     text = text.replace("duration: 1.0", "duration: 20000")
-    session = started(tmp_path, "run", text, EXECUTORS[executor], least=0)
-    time.sleep(4)
-    begun = time.monotonic()
-    os.killpg(session.process.pid, signal.SIGINT)
-    assert kept(session, 400) > 0
-    assert time.monotonic() < begun + 2
-    assert not parts(session.out)
+    for seconds in (4, 30):  # a busy machine needs longer for the first eight
+        (folder := tmp_path / str(seconds)).mkdir()
+        session = started(folder, "run", text, EXECUTORS[executor], least=0)
+        time.sleep(seconds)
+        begun = time.monotonic()
+        os.killpg(session.process.pid, signal.SIGINT)
+        runs = kept(session, 400)
+        assert time.monotonic() < begun + 2
+        assert not parts(session.out)
+        if runs:
+            return
+    pytest.fail(f"no run ended in {seconds} s")
 
 
 def test_a_second_ctrl_c_changes_nothing(tmp_path):
