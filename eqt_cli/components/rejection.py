@@ -121,7 +121,9 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
                 )
         return with_fields(
             self,
-            inner=self.inner.for_plant(G, plant, problems.at("law")),
+            inner=self.inner.for_plant(
+                G, plant.inside("inner", self.inner, G, self.law), problems.at("law")
+            ),
             acting=tuple(part for part in plant.actuators if part.limits),
             known=plant.forces,
             believed=self._lag(G, plant, problems.at("lag")),
