@@ -279,8 +279,12 @@ class Cascade(OuterLoop, ReadsLimits):
             return self
         mass = float(plant.inertia.at(0.0).matrix[rigid(G).rotations, rigid(G).rotations])
         kinds: dict[str, AntiWindup] = {"position": self.position.anti_windup}
-        if isinstance(self.inner, ReadsLimits):
-            kinds["attitude"] = self.inner.anti_windup
+        inner, turns = self.inner, self.gains_group(G)
+        if isinstance(inner, ReadsLimits):
+            kinds["attitude"] = inner.anti_windup
+            inside = plant.inside("inner", inner, turns, self.attitude)
+            inside = inside._replace(inertia=self.inner_inertia(G, plant.inertia), actuators=())
+            inner = inner.for_plant(turns, inside, Problems())  # its limits are those of `acting`
         unwinding = [at for at, kind in kinds.items() if kind != "none"]
         acting = [limited_parts(G, plant, problems.at(at)) for at in unwinding]
         b, even = unit_vector(along), plant.flat is not None and plant.flat.heading is None
@@ -293,7 +297,8 @@ class Cascade(OuterLoop, ReadsLimits):
         of_force = {name: getattr(self.position, key) for name, key in OF_FORCE.items()}
         per_mass = {name: gain / mass for name, gain in of_force.items() if gain is not None}
         position = with_fields(self.position, k_x=None, k_v=None, **per_mass)
-        return with_fields(self, position=position, **forces, direction=b, exact=plant.exact)
+        apart = {"inner": inner, "position": position, "direction": b, "exact": plant.exact}
+        return with_fields(self, **apart, **forces)
 
     def cycle(self, period: float) -> Sequence[Mapping[str, float]]:
         """Return no time that is left at the first instant, and some at the others."""

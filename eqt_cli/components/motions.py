@@ -369,6 +369,17 @@ class PlantModel(NamedTuple):
     vehicle: Any = None
     follows: Any = None
 
+    def inside(self, option: str, law: Any, G: MatrixLieGroup, configured: Any) -> PlantModel:
+        """Return it for a law inside another: the value of an option, as it was configured.
+
+        What of that law follows the gains is not written in its own mapping.
+        """
+        if (gains := (self.follows or {}).get(option)) is None:
+            return self
+        written = configured if isinstance(configured, dict) else {}
+        free = [name for name in law.defaults(G, gains) if name not in written]
+        return self._replace(follows=dict.fromkeys(free, gains))
+
 
 @dataclass(frozen=True)
 class RigidMotion:

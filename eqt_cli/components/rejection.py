@@ -78,7 +78,11 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note an inner law without a torque of its own, and a lag that is none."""
-        law = Kind(laws.controllers).checked(self.law, problems.at("law"), G)
+        inner = {**self.law} if isinstance(self.law, dict) else self.law
+        for key in ("gains", "label", "known_forces"):
+            if isinstance(inner, dict) and inner.pop(key, None) is not None:
+                problems.at("law", key).add(f"is of {self.name}; write it beside `law`, not in it")
+        law = Kind(laws.controllers).checked(inner, problems.at("law"), G)
         without = (laws.Designed, laws.OuterLoop, laws.Previews, laws.RunsCode, Rejecting)
         if law is not None and (isinstance(law, without) or law.commands != "torque"):
             said = f"expected a law of {G.name} that computes a torque, such as lee2010"
@@ -121,7 +125,9 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
                 )
         return with_fields(
             self,
-            inner=self.inner.for_plant(G, plant, problems.at("law")),
+            inner=self.inner.for_plant(
+                G, plant.inside("inner", self.inner, G, self.law), problems.at("law")
+            ),
             acting=tuple(part for part in plant.actuators if part.limits),
             known=plant.forces,
             believed=self._lag(G, plant, problems.at("lag")),
@@ -229,7 +235,7 @@ class Indi(Rejecting):
     Attributes
     ----------
     cutoff
-        f of H, Hz; less than half the control rate.
+        f, the cutoff of H, Hz; less than half the control rate.
     gyro
         `differences` of the measured velocity; `estimate`: of that of an estimator, too, which is
         a second filter that û does not pass.
@@ -334,7 +340,7 @@ class MomentumObserver(Rejecting):
     Attributes
     ----------
     rate
-        k, rad/s; less than 1/T. A Butterworth filter with the cutoff ω has the delay of k = ω/√2.
+        k, how fast δ̂ follows, rad/s; less than 1/T. A Butterworth filter with the cutoff ω has the delay of k = ω/√2.
     """
 
     name: ClassVar[str] = "observer"

@@ -500,6 +500,14 @@ def test_a_sampled_filter_follows_what_is_held_over_a_period():
         np.testing.assert_allclose(later[name], value, rtol=1e-11)
 
 
+def test_c2_of_the_geometric_pid_follows_the_rotations_and_the_gains_of_the_cascade():
+    """k_I c₂/(k_I + k_R) = ¼ min(k_R/k_Ω, k_Ω/J), with k_I = k_R/10."""
+    law = loop_of(law={"attitude": "goodarzi2013"}).controller.inner
+    assert law.c2 == pytest.approx(11 / 4 * min(KR / KW, KW / J.max()))
+    told = loop_of(law={"attitude": {"kind": "goodarzi2013", "c2": 0.5}}).controller.inner
+    assert told.c2 == 0.5
+
+
 SAMPLED = {"control": {"period": 0.01, "delay": 1}, "time": {"duration": 0.1, "samples": 6}}
 
 

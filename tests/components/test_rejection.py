@@ -213,6 +213,7 @@ def changed(base, **changes):
 
 
 LAW = {"kind": "indi", "law": "lee2010", "cutoff": CUTOFF}
+OBSERVER = {"kind": "observer", "law": "lee2010", "rate": RATE}
 QUICK = {"solver": {"engine": "solve_ivp", "rtol": 1e-10, "atol": 1e-12}}
 
 
@@ -360,3 +361,15 @@ def test_c2_of_the_geometric_pid_follows_the_body(experiment_of):
         assert -roots.real.max() > 1.0
     assert -np.roots([0.05, 0.8, 4.4, 0.4 * told.c2]).real.max() == pytest.approx(0.0458, abs=1e-3)
     assert "c2" not in experiment.laws["goodarzi2013"].resolved
+
+
+def test_inside_another_law_c2_of_the_geometric_pid_follows_the_body_too(experiment_of):
+    inside = LAW | {"law": "goodarzi2013"}
+    told = LAW | {"law": {"kind": "goodarzi2013", "c2": 0.5}, "label": "told"}
+    laws = ["goodarzi2013", inside, OBSERVER | {"law": "goodarzi2013"}, told]
+    loops = experiment_of(changed(ATTITUDE, controllers=laws)).loops
+    alone = loops["goodarzi2013"].controller
+    for name in ("indi", "observer"):
+        law = loops[name].controller.inner
+        assert (law.ki, law.c2) == (alone.ki, alone.c2) == (pytest.approx(0.4), 13.75)
+    assert loops["told"].controller.inner.c2 == 0.5

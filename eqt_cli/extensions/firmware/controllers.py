@@ -605,17 +605,9 @@ class Code(_Numbers, RunsCode, Previews):
         if problems:
             return self
         if law is not None:
-            law = law.for_plant(G, self._claimed_plant(law, G, plant), problems)
+            law = law.for_plant(G, plant.inside("claimed", law, G, self.as_), problems)
         holds = can_fail and law is None and plant.period is not None
         return with_fields(self, claimed=law, forces=plant.forces, holds=holds)
-
-    def _claimed_plant(self, law: Controller, G: MatrixLieGroup, plant: PlantModel) -> PlantModel:
-        """Return the plant with the gains that free options of the claimed law follow."""
-        if (gains := (plant.follows or {}).get("claimed")) is None:
-            return plant
-        written = self.as_ if isinstance(self.as_, dict) else {}
-        free = [name for name in law.defaults(G, gains) if name not in written]
-        return plant._replace(follows=dict.fromkeys(free, gains))
 
     def formula_of(self, loop: ClosedLoop, law: Controller) -> ClosedLoop:
         """Return a loop with this code as that of a formula, which counteracts known forces."""

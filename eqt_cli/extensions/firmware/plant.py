@@ -18,6 +18,7 @@ from eqt_cli.base.yaml_source import load
 from eqt_cli.components.forces import Restoring
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.matrix_groups import rigid_motions
 from eqt_cli.components.mechanics import LawInput, lie_poisson
 from eqt_cli.components.thrusters import Thrusters
 from eqt_cli.extensions.firmware.controllers import Signal
@@ -258,7 +259,7 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
         data, state = {**data, "names": [*state]}, [*state.values()]
     parts = [{"signal": part} if isinstance(part, str) else part for part in state]
     adapter: Any = validated(PlantAdapter, {**data, "state": parts}, problems)
-    needed = [*KINDS] if G.name == "SE3" else [*TURNS.values()]
+    needed = [*KINDS] if rigid_motions(G) else [*TURNS.values()]
     signals = [TURNS.get(part.signal, part.signal) for part in adapter.state] if adapter else needed
     for index, signal in enumerate(signals):
         if signal not in (*needed, *FILLED) and not (adapter and adapter.state[index].skip):
@@ -266,7 +267,7 @@ def adapter_in(file: Path, G: MatrixLieGroup) -> PlantAdapter:
             problems.at("state", index, "signal").add(words)
         if adapter and signal == "pose.translation" and adapter.state[index].frame == "body":
             problems.at("state", index, "frame").add("expected space, got 'body'")
-    for signal in needed[G.name == "SE3" :]:
+    for signal in needed[rigid_motions(G) :]:
         if signal not in signals:
             problems.at("state").add(f"lacks {signal}, which eqt compares")
     problems.raise_if_any()
@@ -345,7 +346,7 @@ class Plant:
     def _signal(self, part: StatePart) -> StatePart:
         """Return a part with the signal that it has on the group."""
         name = part.signal.partition(".")[0]
-        return part if self.model.group.name == "SE3" else with_fields(part, signal=name)
+        return part if rigid_motions(self.model.group) else with_fields(part, signal=name)
 
     def flat(self, states: States) -> Array:
         """Return the user's state as a vector."""

@@ -298,16 +298,15 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     """Say what the columns mean, and what is left out."""
     from eqt_cli.extensions.proofs.margins import LARGEST_FACTOR
 
-    titles, lagging = result.experiment.titles, "lag" in _gains(result)
+    titles, shown = result.experiment.titles, _gains(result)
     yield "delay margin: further delay of the command with which the loop is still stable"
-    rejects = (
-        ", of the torque for each command (effectiveness), of the lag that the law believes in"
-    )
+    rejects = ", of the torque for each command (effectiveness)" * ("effectiveness" in shown)
+    rejects += ", of the lag that the law believes in" * ("lag" in shown)
     yield (
-        f"multiples: the loop is stable for these multiples of kp, kd, or both{rejects * lagging}; "
+        f"multiples: the loop is stable for these multiples of kp, kd, or both{rejects}; "
         f"any: at least from 1/{LARGEST_FACTOR:g} to {LARGEST_FACTOR:g}"
     )
-    if "position" in _gains(result):
+    if "position" in shown:
         yield "of a cascade, kp and kd are those of its attitude law, and position is kx, kv and ki"
     for law in laws:
         if beside := _beside(result, law):
@@ -337,11 +336,14 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
 
 def _gains(result: Margins) -> list[str]:
     """Return the names of the gain margins: that of the position where a law has it."""
+    from eqt_cli.components.rejection import Rejecting
     from eqt_cli.extensions.proofs.margins import GAINS
 
-    cascades = any(loop.controller.reads_flat_output for loop in result.experiment.loops.values())
-    rejects = any("lag" in law.gains for law in result.laws)
-    shown = {"position": cascades, "lag": rejects, "effectiveness": rejects}
+    controllers = [loop.controller for loop in result.experiment.loops.values()]
+    cascades = any(law.reads_flat_output for law in controllers)
+    rejects = any(isinstance(law, Rejecting) for law in controllers)
+    lagging = any("lag" in law.gains for law in result.laws)
+    shown = {"position": cascades, "effectiveness": rejects, "lag": lagging}
     return [name for name in GAINS if shown.get(name, True)]
 
 

@@ -138,6 +138,20 @@ def test_the_table_has_what_only_these_laws_have(eqt, tmp_path):
     assert law["gain_margins"]["lag"]["upper"] is None
 
 
+@pytest.mark.ci("margins of two laws")
+def test_without_a_lag_the_table_has_the_effectiveness_only(eqt, tmp_path):
+    path = tmp_path / "rest.yaml"
+    bare = {"controllers": ["lee2010", LAW], "actuators": []}
+    path.write_text(json.dumps(REST | bare), encoding="utf-8")
+    header, _, _, indi, *notes = eqt("margins", str(path)).out.splitlines()
+    assert " ".join(header.split()).endswith("of both of effectiveness verdict")
+    [law] = eqt_cli.margins(REST | bare | {"controllers": [LAW]}).laws
+    effect = law.gains["effectiveness"]
+    assert f"{effect.lower:.3g} to {effect.upper:.3g} stable" in " ".join(indi.split())
+    text = " ".join(notes)
+    assert "torque for each command (effectiveness); any" in text and "believes" not in text
+
+
 BODY = REST | {
     "group": "SE3",
     "inertia": [*J, 1.3, 1.3, 1.3],
