@@ -3,6 +3,7 @@
 from eqt_cli.api import StoredResult as StoredResult
 from eqt_cli.api import Study as Study
 from eqt_cli.api import animate as animate
+from eqt_cli.api import call_times as call_times
 from eqt_cli.api import check_log as check_log
 from eqt_cli.api import choose_executor as choose_executor
 from eqt_cli.api import cite as cite

@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -580,8 +580,13 @@ def _processor() -> list[str]:
 # Libraries ----------------------------------------------------------------------------------------
 
 
-def library(source: str) -> ctypes.CDLL:
+def library(source: str, check: Callable[[str], object] | None = None) -> ctypes.CDLL:
     """Return the library of a C source, compiled or from the cache.
+
+    Parameters
+    ----------
+    check
+        Is called with its assembly language before a library is made of that, once for a source.
 
     Raises
     ------
@@ -590,24 +595,30 @@ def library(source: str) -> ctypes.CDLL:
     """
     by = compiler()
     with _lock:  # a thread waits while another one compiles the same source
-        return _library(source, by)[0]
+        return _library(source, by, check)[0]
 
 
-def content(source: str) -> bytes:
+def content(source: str, check: Callable[[str], object] | None = None) -> bytes:
     """Return the file of the same library; raises as `library` does."""
     by = compiler()
     with _lock:
-        return _library(source, by)[1]
+        return _library(source, by, check)[1]
 
 
 @lru_cache(maxsize=64)
-def _library(source: str, by: Compiler) -> tuple[ctypes.CDLL, bytes]:
+def _library(
+    source: str, by: Compiler, check: Callable[[str], object] | None
+) -> tuple[ctypes.CDLL, bytes]:
     cache, key = user_cache(), digest("\0".join([source, by.words, by.identity]))
     if cache is not None and (cached := cache.find(key, ENDING)):
         with suppress(OSError):
             return _loaded(cached), cached
     with reporter().busy(f"compiling {subject()}"):
-        made = _compiled(source, by, "-shared")
+        if check is None:
+            made = _compiled(source, by, "-shared")
+        else:
+            check(assembly(source, by))
+            made = _compiled(source, by, "-shared", assembly(source, by))
     try:
         loaded = _loaded(made)
     except OSError as error:
@@ -646,16 +657,21 @@ def as_file(made: bytes) -> Iterator[Path]:
             yield path
 
 
-def _compiled(source: str, by: Compiler, kind: str) -> bytes:
-    """Return the library (``-shared``), object file (``-c``) or assembly (``-S``) of a source."""
+def _compiled(source: str, by: Compiler, kind: str, written: str = "") -> bytes:
+    """Return the library (``-shared``), object file (``-c``) or assembly (``-S``) of a source.
+
+    It is made of the source's assembly language where that is `written`, which takes little time.
+    """
     language = _language(source)
     flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
     if "c++" not in language:  # eqt says it with its remedy; gcc 14 and clang 16 end with an error
         flags.append("-Wno-incompatible-pointer-types")
     linked = [*MATHEMATICS, *["-lstdc++"] * ("c++" in language)] if kind == "-shared" else []
+    form = ("-x", "assembler") if written else language
     with temporary_folder() as folder:
         made = folder / f"law{ENDING}"
-        answer = run([*by.command, *flags, "-o", str(made), *language, "-", *linked], source)
+        words = [*by.command, *flags, "-o", str(made), *form, "-", *linked]
+        answer = run(words, written or source)
         if answer.returncode or not made.exists():
             raise TraceError(
                 f"the C compiler {shlex.join(by.command)} cannot compile a law",
@@ -669,9 +685,10 @@ def _language(source: str) -> tuple[str, ...]:
     return ("-x", "c++", "-std=c++17") if CPLUSPLUS in source else ("-x", "c", "-std=c99")
 
 
-def assembly(source: str) -> str:
+@lru_cache(maxsize=2)
+def assembly(source: str, by: Compiler) -> str:
     """Return the assembly language of a C source; raises as `object_file` does."""
-    return _compiled(source, compiler(), "-S").decode("utf-8", "replace")
+    return _compiled(source, by, "-S").decode("utf-8", "replace")
 
 
 def object_file(source: str) -> bytes:
@@ -682,7 +699,8 @@ def object_file(source: str) -> bytes:
     TraceError
         If there is no compiler, or it fails.
     """
-    return _compiled(source, compiler(), "-c")
+    by = compiler()
+    return _compiled(source, by, "-c", assembly(source, by))
 
 
 def preprocessed(source: str = "", file: Path | None = None) -> str:

@@ -305,9 +305,9 @@ def _sources(inputs: Sequence[Rows]) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _evaluate(program: Program, stretches: tuple[int, ...]) -> Any:
+def _evaluate(program: Program, stretches: tuple[int, ...], lanes: int = 0) -> Any:
     """Return ``eqt_evaluate`` of a program."""
-    text = evaluation_source(program, stretches, compiler.compiler().lanes)
+    text = evaluation_source(program, stretches, lanes or compiler.compiler().lanes)
     return compiler.library(text).eqt_evaluate
 
 
@@ -321,7 +321,7 @@ def _evaluations(
 
 
 def evaluated(
-    program: Program, runs: int, samples: int, inputs: Sequence[Rows]
+    program: Program, runs: int, samples: int, inputs: Sequence[Rows], lanes: int = 0
 ) -> dict[str, Array]:
     """Return the arrays of a program, ``(runs, samples, …)`` each, by name.
 
@@ -329,9 +329,11 @@ def evaluated(
     ----------
     inputs
         Its inputs, one stretch after the other.
+    lanes
+        The number of runs side by side; by default as many as fill a vector.
     """
     batch, outputs = _evaluations(program, runs, samples, inputs)
-    _evaluate(program, tuple(rows.length for rows in inputs))(ctypes.byref(batch))
+    _evaluate(program, tuple(rows.length for rows in inputs), lanes)(ctypes.byref(batch))
     return outputs
 
 

@@ -30,18 +30,20 @@ its interchange has ended."""
 _HERE = ("127.0.0.1", "::1", "localhost")
 
 
-def _close(pool: Any, heads: Sequence[Any]) -> None:
+def _close(kernel: Any, heads: Sequence[Any]) -> None:
     """Close Parsl, also after its interchange has ended with tasks that nobody receives."""
-    # Else Parsl closes a socket in which it sends, and ZeroMQ aborts the process.
-    if pool._dfk is not None:
-        launches = pool._dfk._task_launch_pool
-        launches.shutdown(wait=False, cancel_futures=True)
-        for thread in launches._threads:
-            thread.join(LAUNCH_SECONDS)
+    # Else `cleanup` closes a socket in which the thread that launches tasks still sends, and ZeroMQ
+    # aborts the process. Parsl ends this thread only after its sockets, and cancels and waits for
+    # launches by nothing public.
+    launches = kernel._task_launch_pool
+    launches.shutdown(wait=False, cancel_futures=True)
+    for thread in launches._threads:
+        thread.join(LAUNCH_SECONDS)
     for head in heads:  # else closing waits for ever for these tasks
         if hasattr(head, "outgoing_q"):
             head.outgoing_q.zmq_socket.linger = 0
-    pool.shutdown(wait=False)
+    if not kernel.cleanup_called:
+        kernel.cleanup()
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,11 @@ class Parsl(Pooled):
         # Keys and logs, for this user alone; workers may still write there as it is removed.
         with TemporaryDirectory(dir=folder, prefix="parsl-", ignore_cleanup_errors=True) as place:
             config.run_dir, config.initialize_logging, config.retries = place, False, 0
-            pool = ParslPoolExecutor(config)
+            kernel = parsl.load(config)
             try:
-                yield Pool(pool, lost, AHEAD, check, notice=notice)
+                yield Pool(ParslPoolExecutor(dfk=kernel), lost, AHEAD, check, notice=notice)
             finally:
-                _close(pool, heads)
+                _close(kernel, heads)
 
     def _config(self, kind: type) -> Any:
         """Return what the file defines."""

@@ -469,7 +469,7 @@ class Code(_Numbers, RunsCode, Previews):
 
     def answer(self, s: Tracking, period: Any) -> tuple[Array, Arrays]:
         """Call the function once per run; the function updates the memory."""
-        inputs, numbers, memory = self._rows(s)
+        inputs, numbers, memory = self.rows(s)
         torque, updated = self.called.call(0, numbers, float(period), memory, inputs)
         torque, later = self._adapted.output.torque_of(s, torque), self._named(updated, s)
         if self.holds:
@@ -489,7 +489,7 @@ class Code(_Numbers, RunsCode, Previews):
 
     def watched(self, s: Tracking, period: float) -> tuple[Array, Array, Array]:
         """Return the torque, and of each decision its outcome and how far that was away."""
-        inputs, numbers, memory = self._rows(s)
+        inputs, numbers, memory = self.rows(s)
         torque, *outcomes = self.called.watching.outcomes(numbers, float(period), memory, inputs)
         return self._adapted.output.torque_of(s, torque), *outcomes
 
@@ -497,7 +497,7 @@ class Code(_Numbers, RunsCode, Previews):
         """Return the memory that ``X_start`` sets, if there is one, otherwise 0."""
         if self.object_:
             return {}
-        inputs, numbers, memory = self._rows(s)
+        inputs, numbers, memory = self.rows(s)
         return self._named(self.called.call(1, numbers, 0.0, np.zeros_like(memory), inputs)[1], s)
 
     def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
@@ -508,7 +508,7 @@ class Code(_Numbers, RunsCode, Previews):
     def _of_code(self, G: MatrixLieGroup) -> dict[str, int]:
         return dict((self.claimed.memory(G) if self.claimed else {}) or self.called.lengths)
 
-    def _rows(self, s: Tracking) -> tuple[Array, Array, Array]:
+    def rows(self, s: Tracking) -> tuple[Array, Array, Array]:
         """Return inputs, numbers and memory, with a row for each run and sample."""
         batch = s.P.shape[:-1]
         inputs = self.reading(s.G, LawInput.of(s), self.called.code)

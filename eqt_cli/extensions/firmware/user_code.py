@@ -29,7 +29,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtWarning, InputError, Remedy, TraceError, printable, suggestion
 from eqt_cli.base.files import TEXT_BYTES, text_of
-from eqt_cli.base.reporting import reporter
+from eqt_cli.base.reporting import reporter, working_for
 from eqt_cli.components.laws import CodeFile
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, LawInput
 from eqt_cli.components.motions import ORDER
@@ -283,26 +283,6 @@ _REFUSED = re.compile(
 """Assembly that changes the process, and so the bits of other laws, or ends it."""
 
 
-def _refuse(code: UserCode) -> None:
-    """Raise an `InputError` for code that changes the process, once for a source."""
-    cache, key = compiler.user_cache(), compiler.digest(f"{_REFUSED.pattern}\0{code.source}")
-    if cache is not None and cache.find(key, ".txt"):
-        return
-    lines = code.source.count("\n")
-    with reporter().busy(f"compiling {code.file}: {lines:,} lines with its headers"):
-        text = compiler.assembly(code.source)
-    defined = set(re.findall(r"(?m)^(?:\s+\.l?comm\s+)?_?(\w+)(?:[:,])", text))
-    for directive, name in _REFUSED.findall(text):
-        if (name or directive) not in defined:
-            raise InputError(
-                f"{code.file} uses {directive or name}, which would change eqt's process for all "
-                "laws or reads a file that a result does not keep; leave it out of the law"
-            )
-    if cache is not None:
-        with suppress(OSError):
-            cache.keep(key, ".txt", b"passed")
-
-
 SHIM = Path(__file__).parent / "user_code.h"
 
 REALS = {"double": 8, "float": 4}
@@ -433,7 +413,18 @@ class UserCode(CodeFile):
     @property
     def source(self) -> str:
         """The source to compile: the preprocessed text, and eqt's calls of it."""
-        return f"{self.preprocessed}\n{self._calls}"
+        # Another pattern is another source, whose library is not in the cache.
+        return f"{self.preprocessed}\n/* {compiler.digest(_REFUSED.pattern)} */\n{self._calls}"
+
+    def refuse(self, assembly: str) -> None:
+        """Raise an `InputError` for assembly language that changes the process."""
+        defined = set(re.findall(r"(?m)^(?:\s+\.l?comm\s+)?_?(\w+)(?:[:,])", assembly))
+        for directive, name in _REFUSED.findall(assembly):
+            if (name or directive) not in defined:
+                raise InputError(
+                    f"{self.file} uses {directive or name}, which would change eqt's process for "
+                    "all laws or reads a file that a result does not keep; leave it out of the law"
+                )
 
     @property
     def _calls(self) -> str:
@@ -576,9 +567,10 @@ def compiled(code: UserCode) -> CodeFunction:
         If its names, types or sizes are not the expected ones, or it cannot be compiled.
     """
     code.check()
+    lines = code.source.count("\n")
     try:
-        _refuse(code)
-        library = compiler.library(code.source)
+        with working_for(f"{code.file}: {lines:,} lines with its headers"):
+            library = compiler.library(code.source, code.refuse)
     except TraceError as error:
         raise _not_compiled(code.file, error) from error
     count = 2 + len(code.inputs) + len(code.numbers) + len(code.memory)
@@ -717,7 +709,7 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
         If it crashes, or does not end; it names the function and the input.
     """
     code, memory = function.code, [0.0] * sum(function.lengths.values())
-    with compiler.as_file(compiler.content(code.source)) as library:
+    with compiler.as_file(compiler.content(code.source, code.refuse)) as library:
         law = {"function": code.function, "file": code.file, "library": str(library), "rows": []}
         arrays: dict[str, Any] = {"arrays": [numbers.tolist(), memory, [], [0.0] * code.axes]}
         guest = Guest(Limits(TRIAL_SECONDS, file=MOST_WRITTEN), law | arrays)

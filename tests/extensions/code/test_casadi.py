@@ -7,6 +7,7 @@ import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import InputError
+from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware.casadi_code import casadi_call
 
 HERE = Path(__file__).parent / "casadi"
@@ -24,6 +25,26 @@ def _files():
 def test_lee_of_casadi_is_lee(config, judged):
     """Its null tests of pointers count as constant, and no row fails or is undecided."""
     assert judged(config(**LEE)) == {}
+
+
+def test_a_file_is_compiled_once(config, monkeypatch):
+    """To assembly language, of which the library is made: a generated file takes a minute."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(Path.cwd()))
+    commands, run = [], compiler.run
+
+    def noted(command, text="", *limits):
+        if "lee_name_in" in text:
+            commands.append(command)
+        return run(command, text, *limits)
+
+    monkeypatch.setattr(compiler, "run", noted)
+    Path("lee.c").write_text(Path("lee.c").read_text() + "int lee_own;")
+    eqt_cli.load_experiment(config(**LEE))
+    compiles = [x for x in commands if "-E" not in x]
+    assert [("-S" in x, x[x.index("-x") + 1]) for x in compiles] == [
+        (True, "c"),
+        (False, "assembler"),
+    ]
 
 
 @pytest.mark.ci("a run of another one is fast")

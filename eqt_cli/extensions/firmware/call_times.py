@@ -1,0 +1,181 @@
+"""CPU times of calls of laws, repeated at the inputs that a result has recorded."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.api.loading import ResultPath, open_at
+from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.base.errors import EqtError, EqtWarning, TraceError
+from eqt_cli.base.files import text_of
+from eqt_cli.base.reporting import reporter, step
+from eqt_cli.components.laws import RunsCode
+from eqt_cli.components.mechanics import LawInput
+from eqt_cli.config.document import document_of
+from eqt_cli.config.preflight import build
+from eqt_cli.engines import library
+from eqt_cli.engines.native import law_of
+from eqt_cli.extensions.firmware.controllers import Code
+from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.law_program import INPUT, MEMORY, NUMBER
+from eqt_cli.results.result import Result
+from eqt_cli.results.timing import late_lines, machine, statistics
+
+CALLS = 500
+"""Number of inputs at which a law is called, in whole runs."""
+
+SHORTEST = 5e-4
+"""CPU time below which calls are repeated in a loop, s; Python takes 1e-5 to begin it."""
+
+NEAR = 1e-6
+"""Part of a control period by which a sample may miss an instant."""
+
+SINGLY, IN_LOOPS, BY_NUMPY = "Python, one by one", "C, in loops", "NumPy, in loops"
+
+
+def call_times(
+    path: ResultPath,
+    controllers: str | Sequence[str] = (),
+    point: int | None = None,
+    trust_plugins: bool = False,
+) -> dict[str, Any]:
+    """Call the laws of a result again, at the inputs that it has recorded, and time the calls.
+
+    A law in Python is called one by one, and timed in its process. A law in C, and one of eqt as
+    `native` compiles it, takes less than clocks resolve: each input is repeated until the calls
+    take half a millisecond, whose mean counts. The memory of a law goes on from sample to sample.
+
+    Parameters
+    ----------
+    path
+        The result.
+    controllers
+        Labels of laws. Default: all.
+    point
+        Point of a sweep.
+    trust_plugins
+        Whether to execute the code of the laws that is stored in the result.
+
+    Returns
+    -------
+    dict
+        ``machine``, ``cpu_count`` and ``load``; ``laws``, of each label ``title``, the CPU times
+        ``median``, ``99 %`` and ``largest`` of a call, s, the number of ``calls``, and ``how`` they
+        were made; ``late``, which law would answer too late.
+
+    Raises
+    ------
+    EqtError
+        If there is no such law, its code cannot be executed, or no trajectories are stored.
+
+    Examples
+    --------
+    >>> sorted(eqt_cli.call_times("results/paper", "eqt")["laws"]["eqt"])
+    ['99 %', 'calls', 'how', 'largest', 'median', 'title']
+    """
+    with open_at(path, point) as opened:
+        result = opened.single("the laws of one experiment are timed")
+        result.check_stored("pose", "velocity", who="timing a law at its inputs needs")
+        names = [controllers] if isinstance(controllers, str) else controllers
+        labels = [result.labels[result.position_of(name)] for name in names or result.labels]
+        loops = build(document_of(result, trust_plugins)).loops
+        laws = dict[str, dict[str, Any]]()
+        with step("laws timed", len(labels)):
+            for label in labels:
+                seconds, how = _timed(result, label, loops[label])
+                laws[label] = {"title": result.title_of[label], **statistics(seconds), "how": how}
+                reporter().advance(1)
+        return machine() | {"laws": laws, "late": [*late_lines(result, laws)]}
+
+
+def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], str]:
+    """Return the CPU time of a call at each input, s, and how it was called."""
+    law, repeats, seconds = loop.controller, 1, list[float]()
+    times, states = _states(result, label, loop)
+    drained = law.drained if isinstance(law, RunsCode) else list
+    prepare, how = _caller(loop)
+    drained()  # of what was tried before
+    for run in states:
+        memory: Arrays = {name: z[None] for name, z in loop.memory(run[0]).items()}
+        for t, state in zip(times, run, strict=True):
+            here = loop.holding(t)
+            inputs = here.law_input(t, state[None])
+            _, later = here.answer(inputs, memory, loop.period)
+            if singly := drained():
+                seconds, how = seconds + singly, SINGLY
+            else:
+                prepare(inputs, memory, 1)()  # compiles it, and fills caches
+                while (spent := _spent(prepare(inputs, memory, repeats))) < SHORTEST:
+                    repeats *= 2
+                seconds.append(spent / repeats)
+            memory = later
+    return seconds, how
+
+
+def _states(result: Result, label: str, loop: ClosedLoop) -> tuple[Array, Array]:
+    """Return the times of samples, s, and the states of good runs there, ``(runs, times, n)``.
+
+    A law in code that keeps something is called at control instants.
+    """
+    law, times, place = loop.controller, result.times, result.position_of(label)
+    if isinstance(law, RunsCode) and (law.memory(loop.group) or law.in_order) and loop.period:
+        ticks = result.times / loop.period
+        times = times[np.abs(ticks - np.rint(ticks)) < NEAR]
+        if (np.diff(times) > 1.5 * loop.period).any():
+            sparse = "starts from what it kept at the last sample, not a period before"
+            reporter().remark(EqtWarning(f"{label} {sparse}; store a sample per control.period"))
+    at, runs = np.searchsorted(result.times, times), -(-CALLS // len(times))
+    Q, V = (result.trajectories(name, place, runs)[:, at] for name in ("pose", "velocity"))
+    Qd, Vd = (result[name][at] for name in ("desired_pose", "desired_velocity"))
+    states = loop.initial_state(Q, V, Qd, Vd, times)
+    if not len(states):
+        raise result.error(f"stores no run of '{label}' that did not fail")
+    return times, states
+
+
+def _spent(calls: Callable[[], object]) -> float:
+    begun = time.thread_time()
+    calls()
+    return time.thread_time() - begun
+
+
+def _caller(
+    loop: ClosedLoop,
+) -> tuple[Callable[[LawInput, Arrays, int], Callable[[], object]], str]:
+    """Return what prepares so many calls of a law at one input, and how these are made."""
+    period, law = loop.period, loop.controller
+    of_user: Any = law
+
+    def code(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
+        s = inputs.tracking(loop.group, loop.inertia, loop.gains, memory)
+        rows, numbers, states = (np.repeat(x, n, axis=0) for x in of_user.rows(s))
+        return lambda: of_user.called.call(0, numbers, period, states, rows)
+
+    def formula(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
+        here = loop.holding(inputs.t)
+        return lambda: [here.answer(inputs, memory, period) for _ in range(n)]
+
+    if isinstance(law, Code):
+        file = Path(law.file)
+        if file.is_file() and text_of(file, "it is a law", EqtError) not in law.called.code.text:
+            changed = "has changed since the run, whose law is timed; run it again for the new one"
+            reporter().remark(EqtWarning(f"{file} {changed}"))
+        return code, IN_LOOPS
+    try:
+        program = law_of(loop)
+    except TraceError:  # a network, or a formula that does what programs cannot
+        return formula, BY_NUMPY
+
+    def compiled(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
+        here = replace(loop, held_law=law.held(loop.group, inputs.t))
+        values = {NUMBER + name: x for name, x in program.values(here).items()}
+        values |= {INPUT + each.name: getattr(inputs, each.source) for each in program.inputs}
+        values |= {MEMORY + each.name: memory[each.source] for each in program.memory}
+        groups = [library.Rows(np.ravel(values[name])) for name, _ in program.step.inputs]
+        return lambda: library.evaluated(program.step, n, 1, groups, lanes=1)
+
+    return compiled, IN_LOOPS
