@@ -683,10 +683,11 @@ def exported_laws() -> Iterator[str]:
 @part
 def extend() -> Iterator[str]:
     """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
+    import eqt_cli.extend
     from eqt_cli.base.stubs import places
 
     names: dict[str, list[str]] = {}
-    for name, module in sorted(places("eqt_cli.extend").items()):
+    for name, module in sorted(places(eqt_cli.extend.__name__).items()):
         names.setdefault(module, []).append(name)
     rows = [
         [" ".join(map(code, found)), escaped(_first_sentence(import_module(module)))]
