@@ -16,7 +16,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper wheel figures figures-check sheets test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
+.PHONY: help paper wheel figures figures-check notebooks sheets test test-core test-all test-lowest tiers faults fuzz mutants oracles bench check lock hooks format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -38,6 +38,10 @@ figures: $(VENV)/.stamp-base ## draw every figure of the documentation anew, in 
 
 figures-check: $(VENV)/.stamp-base ## compare the numbers behind the figures with those in docs/figures
 	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh check
+
+notebooks: $(VENV)/.stamp-base ## execute the notebooks of examples, and store their output
+	$(BIN)/$(PIP) install --group notebook --editable '.[xarray]'
+	$(BIN)/python tests/shared/notebooks.py
 
 sheets: $(VENV)/.stamp-base ## draw sheets of every figure in build/sheets: colour, grey, two colour blindnesses
 	$(BIN)/python docs/figures/sheets.py build/sheets $(ARGS)
@@ -105,6 +109,7 @@ lock: $(VENV)/.stamp-base ## write the versions and hashes that continuous integ
 	$(BIN)/$(PIP) install uv
 	$(COMPILE) --extra all --group test --group lint --group docs --group release --group ci --output-file .ci/lock.txt
 	$(COMPILE) --group oracles --constraint .ci/lock.txt --output-file .ci/lock-oracles.txt
+	$(COMPILE) --group notebook --constraint .ci/lock.txt --output-file .ci/lock-notebook.txt
 	$(subst pyproject.toml,,$(COMPILE)) --no-deps --group basilisk --output-file .ci/lock-basilisk.txt
 	$(COMPILE) --extra all --extra native --group test --constraint tests/lowest.txt --output-file .ci/lock-lowest.txt
 

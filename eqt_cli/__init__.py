@@ -10,54 +10,54 @@ In notebooks and scripts::
     data = result.to_xarray()
     eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:5"])
     eqt_cli.plot(result, "summary", options={"log": True})
-    eqt_cli.write_report(result)
+    eqt_cli.report(result)
+
+The names in `STABLE` stay, with their arguments and what they return. Before one of them changes,
+two minor releases warn (`DeprecationWarning`) and name what replaces it. All other names, also
+those of `eqt_cli.api`, are provisional: any release may change them, and its changelog says so.
 """
 
-import ast
 import sys
-from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
 from typing import Any
+from warnings import warn
 
-# Names are imported when they are used; a stub lists them, which type checkers read, too.
+STABLE = {
+    "load_experiment": "eqt_cli.api.loading",
+    "run": "eqt_cli.api.running",
+    "sweep": "eqt_cli.api.running",
+    "tune": "eqt_cli.extensions.search.api",
+    "worst": "eqt_cli.extensions.search.api",
+    "open_result": "eqt_cli.api.loading",
+    "compare": "eqt_cli.api.comparing",
+    "plot": "eqt_cli.api.drawing",
+    "report": "eqt_cli.extensions.report.api",
+    "verify": "eqt_cli.extensions.proofs.verification",
+    "margins": "eqt_cli.extensions.proofs.margins",
+    "export": "eqt_cli.extensions.firmware.export",
+    "__version__": "eqt_cli.base.version",
+}
+"""The public names, and the modules that define them."""
 
+RENAMED = {"write_report": "report"}
+"""Earlier names, and those that replace them."""
 
-def places(module: str) -> dict[str, str]:
-    """Return the module of each name that the stub beside a module imports.
-
-    ``*`` stands for the names in a stub of an extension, if it is there.
-    """
-    return _listed(Path(str(sys.modules[module].__file__)).with_suffix(".pyi"))
-
-
-def _listed(stub: Path) -> dict[str, str]:
-    modules: dict[str, str] = {}
-    for statement in ast.parse(stub.read_text("utf-8")).body:
-        if isinstance(statement, ast.ImportFrom):
-            module = str(statement.module)
-            if statement.names[0].name == "*":
-                place = Path(__file__).parents[1].joinpath(*module.split("."))
-                extension = place / "__init__.pyi" if place.is_dir() else place.with_suffix(".pyi")
-                modules |= _listed(extension) if extension.exists() else {}
-            else:
-                modules |= dict.fromkeys((alias.name for alias in statement.names), module)
-    return modules
-
-
-def lazily(module: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
-    """Return ``__all__``, ``__getattr__`` and ``__dir__`` of a module by the stub beside it."""
-    itself, modules = sys.modules[module], places(module)
-
-    def imported(name: str) -> Any:
-        """Return the object of a name, and import its module, for example Matplotlib, only now."""
-        if name not in modules:
-            raise AttributeError(f"module {module!r} has no attribute {name!r}")
-        value = getattr(import_module(modules[name]), name)
-        setattr(itself, name, value)
-        return value
-
-    return sorted(modules), imported, lambda: sorted({*vars(itself), *modules})
+__all__ = [*STABLE]
 
 
-__all__, __getattr__, __dir__ = lazily(__name__)
+def __dir__() -> list[str]:
+    return __all__
+
+
+def __getattr__(name: str) -> Any:
+    """Return the object of a name, and import its module, for example Matplotlib, only now."""
+    if name in RENAMED:
+        new = RENAMED[name]
+        warn(f"eqt_cli.{name} is now eqt_cli.{new}", DeprecationWarning, stacklevel=2)
+        return __getattr__(new)
+    module = import_module(STABLE.get(name, "eqt_cli.api"))
+    if name not in STABLE and name not in module.__all__:
+        message = f"module 'eqt_cli' has no attribute {name!r}"
+        raise AttributeError(message, name=name, obj=sys.modules[__name__])
+    value = globals()[name] = getattr(module, name)
+    return value

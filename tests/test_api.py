@@ -2,6 +2,7 @@
 
 import doctest
 import inspect
+import re
 import shutil
 import subprocess
 import sys
@@ -55,15 +56,40 @@ def test_functions_load_what_they_call_and_no_scipy_until_they_compute():
     assert done.stdout == "False\nFalse\n"
 
 
+def test_a_stranger_sees_the_names_that_stay():
+    functions = "load_experiment run sweep tune worst open_result compare plot report verify"
+    names = [*functions.split(), "margins", "export", "__version__"]
+    assert dir(eqt_cli) == sorted(names)
+    assert eqt_cli.__all__ == names
+
+
+def test_the_stub_has_the_modules_of_the_table():
+    stub = Path(eqt_cli.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    stable = re.findall(r"^from (\S+) import (\w+) as \2$", stub, re.MULTILINE)
+    assert dict(eqt_cli.STABLE) == {name: module for module, name in stable}
+
+
 def test_everything_promised_is_there():
-    assert set(eqt_cli.__all__) <= set(dir(eqt_cli))
-    assert all(hasattr(eqt_cli, name) for name in eqt_cli.__all__)
+    assert all(hasattr(eqt_cli, name) for name in {*eqt_cli.__all__, *eqt_cli.api.__all__})
+    assert {*eqt_cli.__all__} - {"__version__"} <= {*eqt_cli.api.__all__}
+
+
+def test_importing_eqt_loads_no_module_of_its_own():
+    code = "import sys, eqt_cli; print(*(name for name in sys.modules if 'eqt_cli' in name))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "eqt_cli\n"
+
+
+def test_an_earlier_name_warns_and_works():
+    with pytest.warns(DeprecationWarning, match=r"^eqt_cli.write_report is now eqt_cli.report$"):
+        assert eqt_cli.write_report is eqt_cli.report
 
 
 def test_no_package_takes_the_name_of_a_function():
     """Importing one would put it in the place of the function."""
+    names = {*eqt_cli.api.__all__, *eqt_cli.STABLE, *eqt_cli.RENAMED}
     for package in (eqt_cli, eqt_cli.api):
-        assert not {module.name for module in iter_modules(package.__path__)} & set(package.__all__)
+        assert not {module.name for module in iter_modules(package.__path__)} & names
 
 
 def test_unknown_attribute():
@@ -76,6 +102,34 @@ def test_overrides_may_be_arrays():
     loaded = eqt_cli.load_experiment(PAPER, {"inertia": inertia, "gains.kd": np.float64(2)})
     assert loaded.resolved["inertia"] == inertia.tolist()
     assert loaded.resolved["gains"]["kd"] == 2.0
+
+
+def test_a_sweep_from_python_is_that_of_the_configuration(tmp_path):
+    grid = {"gains.kp": np.array([1.0, 2.0]), "gains.kd": {"low": 0.5, "high": 1, "points": 2}}
+    result = eqt_cli.sweep(eqt_cli.load_experiment(PAPER, FEW), grid, tmp_path / "result")
+    section = [{"grid": {"gains.kp": [1.0, 2.0]}}, {"grid": {"gains.kd": [0.5, 1.0]}}]
+    same = eqt_cli.load_experiment(PAPER, {**FEW, "sweep": section})
+    again = eqt_cli.sweep(same, out=tmp_path / "again")
+    assert result.metric("effort").shape == (4, 4, 3)
+    np.testing.assert_array_equal(result.metric("effort"), again.metric("effort"))
+    assert error_of(eqt_cli.sweep, same, grid) == (
+        "grid: the configuration has a section sweep; add these keys there"
+    )
+
+
+@pytest.mark.parametrize(
+    ("grid", "said"),
+    [
+        (None, "grid: missing; give values by key, as {'gains.kp': [1, 2]}, or use run"),
+        ([1], "grid: expected values by key, as {'gains.kp': [1, 2]}, got [1]"),
+        (
+            {"gains.kq": [1]},
+            "grid['gains.kq']: gains.kq: unknown key; expected one of kp, kd, k_R, k_Omega",
+        ),
+    ],
+)
+def test_a_sweep_needs_a_grid(grid, said):
+    assert error_of(eqt_cli.sweep, PAPER, grid) == said
 
 
 def test_a_mapping_is_the_same_experiment_as_its_file():
@@ -121,7 +175,7 @@ def test_run_keeps_a_finished_result(result):
     [
         (partial(eqt_cli.plot, formats=["svg"]), {"figures drawn": 1}),
         pytest.param(
-            partial(eqt_cli.write_report, figures=["paper"]),
+            partial(eqt_cli.report, figures=["paper"]),
             {"runs integrated again": 12, "certificates checked": 31, "figures drawn": 1},
             marks=pytest.mark.ci("writes a whole report"),
         ),
@@ -399,7 +453,7 @@ def test_a_page_that_cannot_be_written_is_refused_before_the_work(result, monkey
     monkeypatch.setattr(verification, "verify_stored", work)
     target = Path(result) / "results.h5"
     with pytest.raises(EqtError, match=r"results\.h5: "):
-        eqt_cli.write_report(result, out=target)
+        eqt_cli.report(result, out=target)
 
 
 @pytest.fixture(scope="module")
@@ -419,8 +473,8 @@ def examples(tmp_path_factory):
     return folder
 
 
-DEMANDING = "animate diff export fit plot replay run tune verify worst write_report".split()
-PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
+DEMANDING = "animate diff export fit plot replay report run sweep tune verify worst".split()
+PUBLIC = [name for name in eqt_cli.api.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
 
 
 @pytest.mark.parametrize(

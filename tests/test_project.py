@@ -130,6 +130,7 @@ def test_lower_bounds_are_the_versions_that_test_lowest_installs():
 LOCKS = {
     "lock": "test lint docs release ci",
     "lock-oracles": "oracles",
+    "lock-notebook": "notebook",
     "lock-basilisk": "basilisk",
 }
 

@@ -684,15 +684,31 @@ def exported_laws() -> Iterator[str]:
 def extend() -> Iterator[str]:
     """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
     import eqt_cli.extend
+    from eqt_cli.base.stubs import places
 
     names: dict[str, list[str]] = {}
-    for name, module in sorted(eqt_cli.places("eqt_cli.extend").items()):
+    for name, module in sorted(places(eqt_cli.extend.__name__).items()):
         names.setdefault(module, []).append(name)
     rows = [
         [" ".join(map(code, found)), escaped(_first_sentence(import_module(module)))]
         for module, found in sorted(names.items())
     ]
     yield from table(["names", "what they are about"], rows)
+
+
+@part
+def stable() -> Iterator[str]:
+    """The functions of `eqt_cli` that stay, with the page that describes each."""
+    import eqt_cli
+
+    rows, folder = [], DOCS / "reference" / "api"
+    for name, module in eqt_cli.STABLE.items():
+        value = getattr(eqt_cli, name)
+        if inspect.isfunction(value):
+            of = re.compile(rf"{module}\.{name}$|{module}\n   :members:.*\b{name}\b", re.M)
+            (page,) = [path for path in folder.glob("*.md") if of.search(path.read_text("utf-8"))]
+            rows.append([f"[{code(name)}]({page.name})", _summary(value)])
+    yield from table(["function", "what it does"], rows)
 
 
 @part

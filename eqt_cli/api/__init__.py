@@ -1,9 +1,10 @@
 """The Python API, which the commands use too: a module for each purpose.
 
-Its functions are also attributes of `eqt_cli` itself. Each name is imported when it is first used,
-so that running an experiment does not load the code that verifies or compares results.
+All its names are also attributes of `eqt_cli` itself, whose table `STABLE` has those that stay;
+the others are provisional. Each name is imported when it is first used, so that running an
+experiment does not load the code that verifies or compares results.
 """
 
-from eqt_cli import lazily
+from eqt_cli.base.stubs import lazily
 
 __all__, __getattr__, __dir__ = lazily(__name__)

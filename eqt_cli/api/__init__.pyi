@@ -15,6 +15,9 @@ from eqt_cli.api.loading import open_result as open_result
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
+from eqt_cli.api.running import sweep as sweep
+from eqt_cli.base.reporting import Reporter as Reporter
+from eqt_cli.base.reporting import reporting as reporting
 from eqt_cli.config.study import Study as Study
 from eqt_cli.extensions.firmware import *
 from eqt_cli.extensions.proofs import *

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.api.loading import Configuration, ResultPath, StoredResult, load_experiment
-from eqt_cli.base.errors import Problems
+from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.option_types import Kind
+from eqt_cli.base.yaml_source import flow, parse_value
 from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remark_on
-from eqt_cli.config.study import Study, study
+from eqt_cli.config.study import Study, study, with_grid
 from eqt_cli.runs.executors import Executor, executors
 from eqt_cli.runs.folder import CONFIG, ResultFolder
 from eqt_cli.runs.run_study import Shard, execute, pack_folder
@@ -82,6 +83,60 @@ def run(
         shard=shard,
     )
     return StoredResult(done.folder.path, outcome=done)
+
+
+def sweep(
+    experiment: Study | Configuration,
+    grid: Mapping[str, Any] | None = None,
+    out: str | os.PathLike[str] | None = None,
+    **options: Any,
+) -> StoredResult:
+    """Run an experiment at every point of a sweep and store the result in a folder.
+
+    Parameters
+    ----------
+    experiment
+        As for `run`.
+    grid
+        Values by key, as ``{"gains.kd": [0.5, 1]}``, or a range, ``{"low": 0.5, "high": 2,
+        "points": 4}``; every combination is one point. Default: the sweep of the configuration.
+    out
+        Result folder. Default: ``results/<name>``.
+    **options
+        Further arguments of `run`.
+
+    Returns
+    -------
+    StoredResult
+        The result; ``open_result(result, point=0)`` opens one point.
+
+    Raises
+    ------
+    EqtError
+        As `run`, and if there is nothing to vary, or a sweep in both places.
+
+    Examples
+    --------
+    >>> few = {"ensemble.runs": 2, "time.duration": 1, "name": "gains"}
+    >>> experiment = eqt_cli.load_experiment("configs/paper.yaml", few)
+    >>> result = eqt_cli.sweep(experiment, {"gains.kp": [1, 2], "gains.kd": [0.5, 1]})
+    >>> result.metric("effort").shape
+    (4, 4, 2)
+    """
+    loaded = experiment if isinstance(experiment, Study) else load_experiment(experiment)
+    if not isinstance(grid, Mapping | None):
+        raise EqtError(f"grid: expected values by key, as {{'gains.kp': [1, 2]}}, got {grid!r}")
+    if not grid:
+        if loaded.sweep is None:
+            raise EqtError("grid: missing; give values by key, as {'gains.kp': [1, 2]}, or use run")
+        return run(loaded, out, **options)
+    if loaded.sweep is not None:
+        raise EqtError("grid: the configuration has a section sweep; add these keys there")
+    document = loaded.document
+    for key, values in grid.items():
+        place = f"grid[{key!r}]"
+        document = with_grid(document, key, parse_value(flow(values), place), place)
+    return run(study(document), out, **options)
 
 
 def choose_executor(

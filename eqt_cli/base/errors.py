@@ -197,6 +197,12 @@ def alike(name: str, names: Iterable[str]) -> str | None:
     return next((each for each in names if each.casefold() == name.casefold()), None)
 
 
+def bare(name: str) -> str:
+    """Return the letters and digits of a name, small: ``so3`` of SO(3), SO₃ and so3."""
+    plain = unicodedata.normalize("NFKC", name).casefold()
+    return "".join(character for character in plain if character.isalnum())
+
+
 def suggestion(word: str, known: Iterable[str]) -> str:
     """Return `; did you mean 'x'?` for the known word closest to `word`, or an empty text."""
     nearest = closest(word, known)

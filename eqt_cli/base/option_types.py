@@ -673,7 +673,7 @@ class Kind:
             at_kind.add(f"missing; {said}" if kind is None else f"{said}, got {shown(kind)}")
             return None
         with at_kind.catching():
-            of, known = self.registry.get(kind), ("kind", *common)
+            of, known = self.registry.get(self.registry.written(kind)), ("kind", *common)
             made = validated(of, options, problems, known, group, measured=self.measured)
             for name, value in (
                 as_section(made).items() if made and is_foreign(of.__module__) else ()

@@ -21,7 +21,7 @@ from types import FunctionType, ModuleType
 from typing import Any, ClassVar, Generic, TypeVar
 
 from eqt_cli.base import extensions
-from eqt_cli.base.errors import ComponentError, EqtError, alike, suggestion
+from eqt_cli.base.errors import ComponentError, EqtError, alike, bare, suggestion
 from eqt_cli.base.files import refusals, text_in
 
 
@@ -167,6 +167,13 @@ class Registry(Generic[T]):
             hint = suggestion(name, names) or f"; known: {', '.join(names)}"
             raise ComponentError(f"unknown {self.kind} '{name}'{hint}")
         return component
+
+    def written(self, name: str) -> str:
+        """Return the name of the component that a person calls `name`: gt of GT, else `name`."""
+        names = self.names()
+        return next(
+            (same for same in names if bare(same) == bare(name) and name not in names), name
+        )
 
     def core(self) -> list[type[T]]:
         """Return the components of eqt itself, without extensions and other distributions."""

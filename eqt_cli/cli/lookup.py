@@ -86,6 +86,7 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
         names = [*kinds, *(each for kind in all_kinds() for each in registry(kind).names())]
         hint = suggestion(name, names) or f"; kinds: {', '.join(kinds)}"
         raise EqtError(f"unknown kind or component '{name}'{hint}")
+    name = min(component.name for component in components.values())
     config, part = shipped.using(name)
     records = []
     texts: list[str | Text] = []
@@ -105,9 +106,8 @@ def _explain(name: str, kinds: list[str], json: bool) -> None:
 
 def _of_name(name: str) -> dict[str, Any]:
     """Return the components of this name by their kind."""
-    return {
-        kind: registry(kind).get(name) for kind in all_kinds() if name in registry(kind).names()
-    }
+    named = {kind: (registry(kind), registry(kind).written(name)) for kind in all_kinds()}
+    return {kind: of.get(same) for kind, (of, same) in named.items() if same in of.names()}
 
 
 def _described(kind: str) -> list[dict[str, Any]]:

@@ -13,8 +13,8 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positive, Real, Unit
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.laws import Controller, ReadsLimits, published
-from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
+from eqt_cli.components.laws import BODY_ENERGY, Controller, ReadsLimits, published
+from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity, potential
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import with_fields
 
@@ -56,6 +56,50 @@ class CancellingLaw(Controller):
     @abstractmethod
     def potential(self, r: Tracking) -> Array:
         """Return the energy U of the pose error."""
+
+
+# Feedback alone: what the laws with a feedforward are compared with -----------------------------
+
+
+@dataclass(frozen=True)
+class Pd(CancellingLaw):
+    """Proportional-derivative control without feedforward, after Koditschek (1989), on every group.
+
+    τ = −K_d e − L*_{Q_L}dΥ(Q_L) with e = V − Ad_{Q_L⁻¹}V_d and Q_L = Q_d⁻¹Q: the potential Υ of the
+    pose error and damping, here of any reference. It reads no inertia. At rest, V_d = 0, the total
+    energy L = ½⟨𝕀e, e⟩ + Υ(Q_L) falls at the rate ⟨K_d e, e⟩ if the inertia is constant; a moving
+    reference leaves an error, and nothing is claimed. Contemporary Mathematics 97, 131-157, of
+    which only the abstract was read.
+    """
+
+    name: ClassVar[str] = "pd"
+    title: ClassVar[str] = "PD"
+    energy: ClassVar[str] = BODY_ENERGY
+    theorem: ClassVar[str] = ""
+    bibtex: ClassVar[str] = published("koditschek1989application")
+    matched: ClassVar[bool | None] = True
+    weight = "body"
+
+    def torque(self, s: Tracking) -> Array:
+        """τ, body frame."""
+        return -s.relative.body_damping - self.force(s.relative)
+
+    def feedforward_torque(self, s: Tracking) -> Array:
+        """Return none."""
+        return 0 * s.V
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """⟨K_d e, e⟩, and the power of the feedforward that it lacks."""
+        r = s.relative
+        return dot(r.body_damping + r.cancelling_feedforward, r.V_tilde)
+
+    def force(self, r: Tracking) -> Array:
+        """L*_{Q_L}dΥ(Q_L)."""
+        return r.gradient
+
+    def potential(self, r: Tracking) -> Array:
+        """Υ(Q_L)."""
+        return potential(r.G, r.gains.K, r.Q)
 
 
 # Proportional action on the logarithm of the body error; the feedforward cancels the rest ---------

@@ -11,7 +11,7 @@ from unicodedata import normalize
 import numpy as np
 
 from eqt_cli.base.arrays import Array, apply_matrix, inverse_spd, maximum, transpose
-from eqt_cli.base.errors import ComponentError, TraceError, suggestion
+from eqt_cli.base.errors import ComponentError, TraceError, bare, suggestion
 from eqt_cli.base.registry import Registry
 
 # The abstract matrix Lie group: everything that follows from the basis of its Lie algebra ---------
@@ -141,7 +141,7 @@ class MatrixLieGroup(ABC):
     @classmethod
     def named(cls, name: str) -> Self | None:
         """Return the group that a configuration calls `name`, if it is of this class."""
-        return cls() if name == cls.name else None
+        return cls() if bare(name) == bare(cls.name) else None
 
     @classmethod
     def examples(cls) -> tuple[str, ...]:
@@ -382,7 +382,7 @@ def group_named(name: str) -> MatrixLieGroup:
     simple = [example for example in known if "*" not in example]
     products = [example for example in known if example not in simple]
     listed = ", ".join(simple) + f" and products such as {products[0]}" * bool(products)
-    hint = suggestion(name, known) or f"; known: {listed}"
+    hint = suggestion(bare(name), known) or f"; known: {listed}"
     raise ComponentError(f"unknown group '{name}'{hint}")
 
 
@@ -425,7 +425,7 @@ class ProductGroup(MatrixLieGroup):
     @classmethod
     def named(cls, name: str) -> Self | None:
         """Return the product of SO3 and R3 for SO3*R3."""
-        factors = [factor.strip() for factor in name.split("*")]
+        factors = [factor.strip() for factor in name.replace("×", "*").split("*")]
         if len(factors) == 1:
             return None
         if "" in factors:

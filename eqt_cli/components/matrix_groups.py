@@ -26,7 +26,7 @@ from eqt_cli.base.arrays import (
     transpose,
     where,
 )
-from eqt_cli.base.errors import Problems
+from eqt_cli.base.errors import Problems, bare
 from eqt_cli.components.groups import MatrixLieGroup, Part
 
 # Rotations: functions of their angle that are smooth at 0, and matrices of other forms ------------
@@ -612,7 +612,7 @@ class VectorGroup(WithPosition):
     @classmethod
     def named(cls, name: str) -> Self | None:
         """Return R^3 for R3."""
-        match = re.fullmatch(r"R([1-9])", name)
+        match = re.fullmatch(r"r([1-9])", bare(name))
         return cls(int(match.group(1))) if match else None
 
     @classmethod

@@ -511,6 +511,8 @@ def _validated(
         }
         config = config.model_copy(update=changed)
     problems.raise_if_any()
+    if config.group != G.name:  # SO(3), so3
+        config = config.model_copy(update={"group": G.name})
     last.data, last.config = data, config
     return G, config
 

@@ -248,7 +248,7 @@ class ReferenceKind(Kind):
             return None
         name, kind = value.get("kind", "torque"), None
         with suppress(InputError):
-            kind = self.registry.get(name) if isinstance(name, str) else None
+            kind = self.registry.get(self.registry.written(name)) if isinstance(name, str) else None
         takes = tuple(DEFAULTS) if kind is None else kind.starts_from
         has = (*takes, *(option_names(kind) if kind else ()))
         for key in (key for key in DEFAULTS if key in value and key not in has):

@@ -401,11 +401,16 @@ def add_grids(document: Document, grids: Mapping[str, str]) -> Document:
         if re.fullmatch(r"[^:,\[\]{}]+(:[^:,\[\]{}]+){2}(:log)?", text.strip()):
             ends = [parse_value(part, place) for part in text.split(":")]
             values = dict(zip(("low", "high", "points", "scale"), ends, strict=False))
-        blocks = document.data.get("sweep") or []
-        changes = document.changes | {("sweep", len(blocks)): place}
-        data = document.data | {"sweep": [*blocks, {"grid": {key.strip(): values}}]}
-        document = replace(document, data=data, changes=changes)
+        document = with_grid(document, key.strip(), values, place)
     return document
+
+
+def with_grid(document: Document, key: str, values: Any, place: str) -> Document:
+    """Return the configuration whose sweep has one more key, whose errors are at a place."""
+    blocks = document.data.get("sweep") or []
+    changes = document.changes | {("sweep", len(blocks)): place}
+    data = document.data | {"sweep": [*blocks, {"grid": {key: values}}]}
+    return replace(document, data=data, changes=changes)
 
 
 def study(document: Document, *, most_checked: int | None = None) -> Study:

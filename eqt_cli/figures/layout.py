@@ -4,6 +4,7 @@ import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from io import BytesIO
 from itertools import zip_longest
 from string import ascii_lowercase
 from typing import Any
@@ -127,6 +128,15 @@ def sheet(
     return drawing, panels
 
 
+class Sheet(Figure):
+    """A figure that a notebook shows, without pyplot, too."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=100)
+        return file.getvalue()
+
+
 def blank_sheet(width: Width, mosaic: Mosaic, height: float, **options: Any) -> Page:
     """Return a figure of independent panels, and its panels by name.
 
@@ -142,7 +152,7 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float, **options: Any) -> 
     if own_axes is None:
         rows = len(mosaic)
         height = max(_LOWEST_PANEL, min(height, LONGEST[width] / rows))
-        drawing = Figure(figsize=(WIDTHS[width], height * rows))
+        drawing = Sheet(figsize=(WIDTHS[width], height * rows))
         FigureCanvasAgg(drawing)  # without one, Matplotlib makes one for every text it measures
         layout: Any = mosaic
         return drawing, drawing.subplot_mosaic(layout, empty_sentinel=EMPTY, **options)

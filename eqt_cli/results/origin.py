@@ -25,7 +25,7 @@ from pydantic import (
 )
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import EqtError, printable, suggestion
+from eqt_cli.base.errors import EqtError, bare, printable, suggestion
 from eqt_cli.base.registry import registry
 from eqt_cli.base.store_reader import ResultFile
 from eqt_cli.base.stored import SmallErrors, Words, distinct_titles
@@ -370,9 +370,16 @@ class KnownResult(ResultFile):
 
 
 def label_named(name: str, titled: Mapping[str, str]) -> str:
-    """Return the label for a label or a unique display name; any other name is returned."""
-    labels = [label for label, title in titled.items() if title == name]
-    return labels[0] if name not in titled and len(labels) == 1 else name
+    """Return the label for a label or a unique display name; any other name is returned.
+
+    ``GT`` and ``gt`` are the same name, unless both exist.
+    """
+    for form in (str, bare):
+        labels = [label for label, title in titled.items() if form(title) == form(name)]
+        labels = [label for label in titled if form(label) == form(name)] or labels
+        if labels:
+            return labels[0] if len(labels) == 1 else name
+    return name
 
 
 def law_title(name: str) -> str:

@@ -31,8 +31,8 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 # Torques of about ten, by a hundred operations each; measured 4e-14.
 LITERAL = 1e-12
 
-NINE = "lee2010 lee2012 bullo_murray goodarzi2013 maithripala2006 slotine_li sliding".split()
-NINE += ["logarithmic", "quaternion"]
+TEN = "lee2010 lee2012 bullo_murray goodarzi2013 maithripala2006 slotine_li sliding".split()
+TEN += ["logarithmic", "quaternion", "pd"]
 
 
 def law(name, **options):
@@ -145,6 +145,10 @@ def quaternion(b, options, memory):
     return forward - b.kW @ b.eW - 2 * b.H @ q[:3]
 
 
+def pd(b, options, memory):
+    return -b.kR_eR - b.kW @ b.eW
+
+
 def attitude(s, k):
     tau_d = np.broadcast_to(s.tau_d, s.P.shape)[k]
     return Attitude(
@@ -152,7 +156,7 @@ def attitude(s, k):
     )
 
 
-@pytest.mark.parametrize("name", NINE)
+@pytest.mark.parametrize("name", TEN)
 def test_literal_form_on_SO3(name):
     loop = closed_loop(group_named("SO3"), law(name))
     states = any_states(loop, 12)
@@ -218,7 +222,7 @@ def test_quaternions_are_for_rotations_of_space(name):
     assert law("quaternion").fits(group_named("SO3"))
 
 
-@pytest.mark.parametrize("name", [name for name in NINE if name != "quaternion"])
+@pytest.mark.parametrize("name", [name for name in TEN if name != "quaternion"])
 def test_laws_are_for_every_group(G, name):
     assert law(name).fits(G)
 

@@ -42,6 +42,7 @@ from eqt_cli.loop.law_program import (
 )
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 from eqt_cli.numbers.program import Program, distinct, traced
+from eqt_cli.results.origin import label_named
 from eqt_cli.runs.batches import batches
 from eqt_cli.runs.preflight import rehearse
 
@@ -577,6 +578,8 @@ def exported(
         If there is no such law, one cannot be traced or has memory without a period, the reference
         is integrated, or measurements for an estimator arrive late.
     """
+    titles = {label: law.controller.title for label, law in experiment.loops.items()}
+    labels = [label_named(label, titles) for label in labels]
     for label in labels:
         if label not in experiment.loops:
             raise EqtError(

@@ -1,2 +1,2 @@
 from eqt_cli.extensions.report.api import animate as animate
-from eqt_cli.extensions.report.api import write_report as write_report
+from eqt_cli.extensions.report.api import report as report

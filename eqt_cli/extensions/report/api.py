@@ -93,7 +93,7 @@ QUICK = "The certificates were left out (--quick); `eqt verify` computes them."
 """What a quick page says in place of certificates."""
 
 
-def write_report(
+def report(
     result: ResultPath,
     out: str | os.PathLike[str] | None = None,
     *,
@@ -150,10 +150,10 @@ def write_report(
 
     Examples
     --------
-    >>> eqt_cli.write_report("results/paper", author="Ada Lovelace").name
+    >>> eqt_cli.report("results/paper", author="Ada Lovelace").name
     'report.html'
     """
-    from eqt_cli.extensions.report.document import named, report
+    from eqt_cli.extensions.report import document
 
     with open_at(Path(result), point) as opened:
         within = Path() if point is None else point_folder(point)
@@ -163,7 +163,7 @@ def write_report(
         if trust_plugins:
             load_plugins(opened)
         shown = opened.in_units(units)
-        wanted = named(figures) if figures else None
+        wanted = document.named(figures) if figures else None
         certificates: dict[str, Any] = {}
         reason = QUICK if quick and not opened.is_sweep else ""
         if not (quick or opened.is_sweep):
@@ -178,6 +178,8 @@ def write_report(
         if against and opened.is_sweep:
             raise EqtError("--against: applies to one experiment; choose a point with --point")
         base = shown.labels[shown.position_of(against)] if against else ""
-        page = report(shown, wanted, certificates, reason, author, notes, title, date, base)
+        page = document.report(
+            shown, wanted, certificates, reason, author, notes, title, date, base
+        )
     write_all({path: page.encode()}, home)
     return path

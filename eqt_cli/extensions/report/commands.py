@@ -97,7 +97,7 @@ def report(
         )
 
     text = text_of(notes, "write the notes there first") if notes else ""
-    path = api.write_report(
+    path = api.report(
         result,
         out,
         figures=figure or (),

@@ -288,7 +288,7 @@ def test_a_quick_report_integrates_nothing(monkeypatch, paper_result, tmp_path):
     monkeypatch.setattr(
         "eqt_cli.extensions.report.document.report", lambda *of: pages.append(of) or "page"
     )
-    eqt_cli.write_report(paper_result, tmp_path / "page.html", quick=True)
+    eqt_cli.report(paper_result, tmp_path / "page.html", quick=True)
     _, _, tables, reason, *_ = pages[0]
     assert (tables, reason) == (
         {},

@@ -111,4 +111,4 @@ def test_three_keys_leave_out_the_maps(invoke, tmp_path):
 
 def test_a_page_of_a_sweep_is_against_no_law(swept_result):
     with pytest.raises(EqtError, match="--against: applies to one experiment; choose a point"):
-        eqt_cli.write_report(swept_result, against="gt", quick=True)
+        eqt_cli.report(swept_result, against="gt", quick=True)
