@@ -100,7 +100,7 @@ def rules_of(texts: Sequence[str]) -> list[Rule]:
 
 @dataclass(frozen=True)
 class Finding:
-    """A rule with what is known of it, by which it holds or not.
+    """A rule and its evidence: the bounds by which it holds or not.
 
     Attributes
     ----------

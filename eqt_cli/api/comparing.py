@@ -194,7 +194,7 @@ def _require_same(first: Result, second: Result, sections: Sequence[str]) -> Non
         changed = [key for key in changes if key.partition(".")[0] == section]
         if changed or not _agree(first, second, _STORED.get(section, ())):
             what = ", ".join(changed) or "its values"
-            raise second.error(f"'{section}' is not that of {first.path}: {what} differ")
+            raise second.error(f"'{section}' differs from {first.path} in {what}")
 
 
 def _agree(first: Result, second: Result, names: Sequence[str]) -> bool:

@@ -681,7 +681,7 @@ class Kind:
                 try:
                     json.dumps(value)
                 except (TypeError, ValueError):
-                    problems.at(name).add(f"is {value!r}, which no configuration can hold")
+                    problems.at(name).add(f"is {value!r}; no configuration can hold that")
             return made
 
     def checked(self, value: Any, problems: Problems, group: Any = None) -> Any:

@@ -37,7 +37,7 @@ def show(
     unit: options.Units = None,
     json: options.Json = False,
 ) -> None:
-    """Summarise a result: what was run, with which versions, and the main numbers.
+    """Summarise a result: the experiment, its versions, and the main numbers.
 
     Options
     -------

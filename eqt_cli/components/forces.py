@@ -421,7 +421,7 @@ class GravityGradient(Force):
             and np.abs(body - self.inertia).max() > UNLIKE * np.abs(body).max()
         ):
             diagonal = ", ".join(f"{x:.4g}" for x in np.diagonal(body))
-            yield "inertia", f"is not that of the body, [{diagonal}]; correct one of the two"
+            yield "inertia", f"differs from the body's, [{diagonal}]; correct one of the two"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups other than SO3 and SE3, invalid numbers, and a frame other than body."""
@@ -625,7 +625,7 @@ class Restoring(Force):
         if W and abs(W / (mass * GRAVITY) - 1) > UNLIKE:
             yield (
                 "weight",
-                f"is that of {W / GRAVITY:.4g} kg, and the inertia has {mass:.4g} kg, which weigh "
+                f"belongs to {W / GRAVITY:.4g} kg, but the inertia has {mass:.4g} kg, which weigh "
                 f"{mass * GRAVITY:.5g} N; correct one of the two",
             )
         r = np.zeros(G.space) if self.centre_of_mass is None else np.asarray(self.centre_of_mass)
@@ -635,7 +635,7 @@ class Restoring(Force):
             there, right = ((x.round(4) + 0.0).tolist() for x in (coupling, wanted))
             yield (
                 "centre_of_mass",
-                f"is not that of the inertia, whose block of torque and force is {there} where "
+                f"does not fit the inertia, whose block of torque and force is {there} where "
                 f"m r× is {right}; correct one of the two, or put the origin at the centre of mass",
             )
 
@@ -653,8 +653,8 @@ class Restoring(Force):
             vehicle_parts.check_numbers(value, here)
             if not here and vehicle_parts.lowest(value) < 0:
                 here.add(
-                    f"expected at least 0 N, got {vehicle_parts.lowest(value):g}; the direction is "
-                    "that of `up`, for the weight against it"
+                    f"expected at least 0 N, got {vehicle_parts.lowest(value):g}; `up` gives the "
+                    "direction, and the weight acts against it"
                 )
         for name in ("centre_of_mass", "centre_of_buoyancy", "up"):
             value = getattr(self, name)

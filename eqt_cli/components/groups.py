@@ -429,7 +429,7 @@ class ProductGroup(MatrixLieGroup):
         if len(factors) == 1:
             return None
         if "" in factors:
-            raise ComponentError(f"group '{name}': a factor is missing beside '*'")
+            raise ComponentError(f"group '{name}': a factor is missing next to '*'")
         # Each factor has at least one axis, so more factors need not be read to refuse the product.
         groups = [group_named(factor) for factor in factors[: MAX_AXES + 1]]
         if sum(group.dimension for group in groups) > MAX_AXES:

@@ -595,7 +595,7 @@ class Family(_FromOptions):
     connection
         n, the weight of 𝕀 ad_V V_d.
     damping
-        The frame in which the Rayleigh tensor K_d is given. Default: that of the error.
+        The frame in which the Rayleigh tensor K_d is given. Default: the frame of the error.
     error
         The frame of the errors: Q Q_d⁻¹ (spatial) or Q_d⁻¹Q (body).
     quadratic

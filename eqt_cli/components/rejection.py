@@ -237,8 +237,8 @@ class Indi(Rejecting):
     cutoff
         f, the cutoff of H, Hz; less than half the control rate.
     gyro
-        `differences` of the measured velocity; `estimate`: of that of an estimator, too, which is
-        a second filter that û does not pass.
+        `differences` of the measured velocity; `estimate`: also of an estimator's velocity, which
+        is a second filter that û does not pass.
     linear
         Where the acceleration of the origin comes from: `differences`, or `accelerometer`.
     """

@@ -356,7 +356,7 @@ class PointSection(Section):
     at
         Where it is to point, in space, and to come to rest; then there is no reference.
     along
-        `reference`: instead of `at`, it is to point where that of the reference does, R_d a.
+        `reference`: instead of `at`, it is to point along the reference's axis R_d a.
     """
 
     kind: Literal["point"]
@@ -545,7 +545,7 @@ class AddedInertiaSection(Section):
     Attributes
     ----------
     rigid
-        That of the body alone, symmetric positive definite.
+        Inertia of the body alone, symmetric positive definite.
     added
         The added mass, symmetric positive semidefinite; it moves with a `current`.
     """
@@ -646,7 +646,7 @@ class ModelSection(Section):
 
 
 class PlantSection(Section):
-    """What is there, of which the laws know nothing.
+    """The plant, where it differs from what the laws know.
 
     Attributes
     ----------
@@ -835,11 +835,11 @@ class TuneSection(SearchSection):
     Attributes
     ----------
     over
-        What is tuned, in `gains` and `controllers`, and between which values: `[low, high]`, `{log:
-        [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are that law's
-        own; keys of `gains` are tuned for every law.
+        Keys to tune, in `gains` and `controllers`, and their ranges: `[low, high]`,
+        `{log: [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are
+        that law's own; keys of `gains` are tuned for every law.
     objective
-        The metric to be made best, in the mean over runs; or what is proved, without runs:
+        The metric to be made best, in the mean over runs; or a bound that is proved without runs:
         `certified_rate`, `push_bound`.
     objectives
         Instead of it two metrics, of which the Pareto front is found.
@@ -890,8 +890,8 @@ class WorstSection(SearchSection):
     Attributes
     ----------
     over
-        What is varied, and between which values: `[low, high]`, `{log: [low, high]}`, or a range as
-        of designs. Any key that holds a number and that a sweep may vary; keys of an entry of
+        Keys to vary, and their ranges: `[low, high]`, `{log: [low, high]}`, or a range as of
+        designs. Any key that holds a number and that a sweep may vary; keys of an entry of
         `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole.
     objective
         The metric whose worst value over all runs is looked for; a failed run is worse than any.

@@ -286,7 +286,7 @@ def user_cache() -> Cache | None:
 def _tell(folder: Path) -> None:
     reporter().remark(
         EqtWarning(
-            f"compiled laws are not kept: other users can replace what is in {folder}",
+            f"compiled laws are not kept: other users can replace the files in {folder}",
             Remedy("remove their permission to write to it, or set XDG_CACHE_HOME to another one"),
         )
     )

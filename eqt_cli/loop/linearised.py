@@ -90,7 +90,7 @@ def _differs(about: "_About", **matrices: Array) -> str:
             first, last = (f"{values[place][entry]:.6g}" for place in (0, -1))
             place = ", ".join(str(k) for k in entry)
             return (
-                f"{name}[{place}] is {first} at the begin of the horizon and {last} at its end, "
+                f"{name}[{place}] is {first} at the start of the horizon and {last} at its end, "
                 f"{about.times[-1]:g} s, a difference of {change[entry]:.3g}"
             )
     return ""
@@ -873,7 +873,7 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
     elif linear and not linear.about.is_settled:
         yield LeftOut(f"{ESTIMATOR} (its covariance has not settled)")
     if vehicle.varies:
-        yield LeftOut("what is drawn for each run (means are used)")
+        yield LeftOut("numbers drawn for each run (means are used)")
 
 
 def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:

@@ -573,7 +573,7 @@ class Metric(Component):
         for name in self.signals:
             if name not in known:
                 hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
-                return f"metric {self.name} reads '{name}', which no loop has{hint}"
+                return f"metric {self.name} reads '{name}', but no loop has it{hint}"
         return ""
 
     def wrong(self, loops: Collection[ClosedLoop]) -> Iterator[str]:

@@ -113,7 +113,7 @@ def _require_alone(problem: Problem, rates: Array, law: str) -> None:
     if (change > ALONE * (1 + norm(rates)) + norm(_rates(near) - rates)).any():
         raise InputError(
             f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
-            "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
+            "with others; sum over the last axis only, as the functions of eqt_cli.extend do"
         )
 
 

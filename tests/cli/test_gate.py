@@ -288,5 +288,5 @@ def test_the_steps_of_the_examples_judge_a_change(repository):
     assert (code, said.partition(":")[0]) == (4, "gate fails")
     repository("sed -i 's/seed: 1/seed: 2/' law.yaml")
     code, _, error = repository(hook["entry"])
-    assert code == 2 and "'initial' is not that of " in error
+    assert code == 2 and "'initial' differs from " in error
     assert repository("sh gate.sh v1.0")[0] != 0  # no such commit

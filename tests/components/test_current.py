@@ -416,8 +416,8 @@ def test_a_weight_or_buoyancy_below_0_is_refused(name):
     with pytest.raises(ConfigError) as refused:
         eqt_cli.load_experiment(VEHICLE | {"plant": {"forces": [force]}})
     assert str(refused.value).partition(": ")[2] == (
-        f"plant.forces[0].{name}: expected at least 0 N, got -9.81; the direction is that of `up`, "
-        "for the weight against it"
+        f"plant.forces[0].{name}: expected at least 0 N, got -9.81; `up` gives the direction, and "
+        "the weight acts against it"
     )
 
 

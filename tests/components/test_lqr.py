@@ -347,13 +347,13 @@ def test_weights_that_give_no_regulator_are_refused(options, message):
     ("reference", "duration", "differs", "difference"),
     [
         (MOTIONS["slew"], 5.0,
-         "Q_d[1, 1] is 1 at the begin of the horizon and -0.416147 at its end, 5 s", "1.42"),
+         "Q_d[1, 1] is 1 at the start of the horizon and -0.416147 at its end, 5 s", "1.42"),
         ({"kind": "path", "factors": [{"axis": "wz", "by": "sin(t)"}]}, np.pi,
-         "V_d[2] is 1 at the begin of the horizon and -1 at its end, 3.14159 s", "2"),
+         "V_d[2] is 1 at the start of the horizon and -1 at its end, 3.14159 s", "2"),
         ({"kind": "path", "factors": [{"axis": "wz", "by": "t*(t-1)**3"}]}, 1.0,
-         "V_d[2] is -1 at the begin of the horizon and 0 at its end, 1 s", "1"),
+         "V_d[2] is -1 at the start of the horizon and 0 at its end, 1 s", "1"),
         ({"kind": "path", "factors": [{"axis": "wz", "by": "t**2*(t-1)**3"}]}, 1.0,
-         "τ_d[2] is -6 at the begin of the horizon and 0 at its end, 1 s", "6"),
+         "τ_d[2] is -6 at the start of the horizon and 0 at its end, 1 s", "6"),
     ],
 )  # fmt: skip
 def test_a_motion_that_does_not_repeat_is_not_periodic(reference, duration, differs, difference):

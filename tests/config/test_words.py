@@ -88,7 +88,7 @@ def weight(rng):
     """Right: 19.6133 N are the weight of 2 kg."""
     other = float(rng.choice([2.0, 2 * 32.2, 2 * 9.80665 * rng.uniform(1.05, 3)]))
     forces = [{"kind": "restoring", "weight": other}]
-    return FLYING | {"model": {"forces": forces}}, "model.forces[0].weight: is that of"
+    return FLYING | {"model": {"forces": forces}}, "model.forces[0].weight: belongs to"
 
 
 def known_weight(rng):
@@ -111,7 +111,7 @@ def centre_of_mass(rng):
     """Right: an origin off the centre of mass couples torque and force by m r×."""
     r = rng.normal(size=3).round(3).tolist()
     forces = [{"kind": "restoring", "weight": 19.6133, "centre_of_mass": r}]
-    return AFLOAT | {"plant": {"forces": forces}}, "plant.forces[0].centre_of_mass: is not that of"
+    return AFLOAT | {"plant": {"forces": forces}}, "plant.forces[0].centre_of_mass: does not fit"
 
 
 def coupled_the_other_way(rng):
@@ -123,7 +123,7 @@ def coupled_the_other_way(rng):
     inertia[:3, :3] += 2 * (np.dot(r, r) * np.eye(3) - np.outer(r, r))
     forces = [{"kind": "restoring", "weight": 19.6133, "centre_of_mass": r}]
     changes = {"inertia": inertia.tolist(), "plant": {"forces": forces}}
-    return AFLOAT | changes, "plant.forces[0].centre_of_mass: is not that of"
+    return AFLOAT | changes, "plant.forces[0].centre_of_mass: does not fit"
 
 
 def weight_at_the_origin(rng):
@@ -137,7 +137,7 @@ def gradient(rng):
     """Right: the torque of gravity is of the body's own tensor."""
     tensor = (np.array([2, 1, 2.5]) * rng.choice([0.1, 1.1, 10, 1000])).tolist()
     force = {"kind": "gravity_gradient", "rate": 0.001, "inertia": tensor}
-    return BODY | {"plant": {"forces": [force]}}, "plant.forces[0].inertia: is not that of"
+    return BODY | {"plant": {"forces": [force]}}, "plant.forces[0].inertia: differs from"
 
 
 def angle(rng):

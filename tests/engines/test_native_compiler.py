@@ -485,7 +485,7 @@ def test_a_folder_that_is_not_the_users_alone_is_not_used(cc, put, tmp_path, tol
     assert works() and cc() == (1, 1)
     assert not folder.is_dir() or not list(folder.iterdir())
     remark = (
-        f"compiled laws are not kept: other users can replace what is in {tmp_path / 'cache'}; "
+        f"compiled laws are not kept: other users can replace the files in {tmp_path / 'cache'}; "
         "remove their permission to write to it, or set XDG_CACHE_HOME to another one"
     )
     assert [str(each) for each in told.remarks] == [remark] * (put is in_a_folder_of_all)

@@ -279,11 +279,13 @@ def test_what_is_wrong_with_it_is_said(result_of, kind):
 
 def test_a_metric_without_its_signals_is_left_out_with_a_remark(result_of, read):
     text = HEAD + metric("odd", "over.final(a)", "pose_eror")
-    with pytest.warns(EqtWarning, match="pose_eror', which no loop has; did you mean 'pose_error'"):
+    with pytest.warns(
+        EqtWarning, match="pose_eror', but no loop has it; did you mean 'pose_error'"
+    ):
         result = result_of(text)
     assert read(result).own_metrics == []
     said = error_of(result_of, text, metrics=["odd"])
-    assert said.endswith("reads 'pose_eror', which no loop has; did you mean 'pose_error'?")
+    assert said.endswith("reads 'pose_eror', but no loop has it; did you mean 'pose_error'?")
 
 
 def test_a_wrong_entry_of_metrics_is_said_at_its_place(result_of):

@@ -299,7 +299,7 @@ def _repeatable(judged: Judged) -> Iterator[Row]:
             "const"
         )
     elif not same:
-        words = "it reads what is neither input nor named memory, as a variable without a value"
+        words = "it reads something that is neither input nor memory, as a variable without a value"
     elif state is None:
         words = "undecided: eqt cannot read the symbols that this compiler writes; install nm"
         verdict = Verdict.UNDECIDED
@@ -578,7 +578,7 @@ def _of_memory(judged: Judged, states: States, question: Question, real: str) ->
         names = zip(("pose error", "velocity error"), sums, strict=True)
         of = " and ".join(each for each, x in names if (np.abs(x) > near).any())
         is_sum = of and np.abs(sum(sums) - advance).max() <= near
-        words.append(f"has an integral of {of}" if is_sum else f"has a memory of its own, {name}")
+        words.append(f"has an integral of {of}" if is_sum else f"has its own memory, {name}")
     return words
 
 

@@ -278,8 +278,8 @@ class Code(_Numbers, RunsCode, Previews):
     object_
         In Python, `per run`: each run makes its object, and calls it in the order of time.
     on_failure
-        What is commanded where it raises, returns None or, as ``int X_torque``, not 0: `hold` the
-        last command (default), `zero`, or `stop` the run. With `as`, it stops.
+        The command of a failed call (it raises, returns None or, as ``int X_torque``, not 0):
+        `hold` the last command (default), `zero`, or `stop` the run. With `as`, it stops.
     preview_
         It is also given the reference at so many later `steps`, `every` so long, as `later_pose`,
         `later_velocity` and `later_torque` (τ_d), and where it names it, `later_position`.

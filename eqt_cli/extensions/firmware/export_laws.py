@@ -135,8 +135,8 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
     if vehicle.clocks:
         reporter().remark(
             EqtWarning(
-                f"{label}: the filter acts every {vehicle.tick:g} s, other parts at instants of "
-                "their own; only the law is written as C, which reads pose and velocity"
+                f"{label}: the filter acts every {vehicle.tick:g} s, other parts at other "
+                "instants; only the law is written as C, which reads pose and velocity"
             )
         )
         return None

@@ -413,8 +413,8 @@ class Plant:
         bad = ~np.isfinite(values).all(axis=1)
         if bad.any():
             raise InputError(
-                f"{self.name} returns what is not finite at {bad.sum()} of {len(bad)} states, "
-                f"first at {described(self.called, rows[bad.argmax()])}; call it there"
+                f"{self.name} returns numbers that are not finite at {bad.sum()} of {len(bad)} "
+                f"states, first at {described(self.called, rows[bad.argmax()])}; call it there"
             )
         if np.any(state != self.flat(states)):
             raise InputError(f"{self.name} changes its state in place; copy it first: x = x.copy()")

@@ -498,7 +498,7 @@ class Judge:
                 return
         if not is_turn:
             raise InputError(
-                f"{self.plant.name}: the rate of the attitude is that of no rotation; check `as` "
+                f"{self.plant.name}: the rate of the attitude belongs to no rotation; check `as` "
                 "and the order of the state in the adapter"
             )
         self._explained(title, "attitude", terms, *pair)
@@ -669,7 +669,7 @@ class Judge:
                 x, y = XYZ[a], XYZ[b]
                 unseen.append(f"J{x} = J{y} hides ω{x} ω{y} in ω̇{XYZ[c]}, and J{x} for J{y}")
         if near(M[-1], 1.0) and len(M) > 3:
-            unseen.append("1 kg hides what is multiplied or divided by the mass")
+            unseen.append("1 kg hides factors of the mass")
         moved = [B[:, order] for order in self._orders()]
         if any(not np.allclose(x, B) and np.allclose(np.abs(x), np.abs(B)) for x in moved):
             unseen.append("thrusters in another order can equal wrong signs of torques")

@@ -33,7 +33,7 @@ def judged(
         raise EqtError(f"--plant: expected FILE.py:FUNCTION of a file in Python, got {plant}")
     beside = file.with_suffix(".adapter.yaml")
     if adapter is None and not beside.is_file():
-        raise EqtError(f"{plant}: needs an adapter; write {beside.name} beside it, or --adapter")
+        raise EqtError(f"{plant}: needs an adapter; write {beside.name} next to it, or --adapter")
     how = adapter_in(adapter or beside, loop.group)
     if simulator and not (how.step and loop.period):
         raise EqtError(

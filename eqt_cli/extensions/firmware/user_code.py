@@ -159,7 +159,7 @@ def _included(text: str, folder: Path, file: str) -> Iterator[str]:
         elif _OF_SYSTEM not in flags:
             raise InputError(
                 f"{file} includes {printable(path)}, which is not in its folder; a result keeps "
-                "what is in this folder and below; copy the file there"
+                "only files in this folder and below; copy the file there"
             )
 
 

@@ -459,7 +459,7 @@ class _OfGraph:
         inline = f"onnx.save(onnx.load('{self.name}'), 'whole.onnx') writes one file"
         if not place or Path(place).name != place or self.path.with_name(place).is_symlink():
             raise InputError(
-                f"{self.name}: the weights {tensor.name} are in {place!r}; expected a file beside "
+                f"{self.name}: the weights {tensor.name} are in {place!r}; expected a file next to "
                 f"the network: {inline}"
             )
         try:
@@ -468,7 +468,7 @@ class _OfGraph:
             )
         except InputError as error:
             raise InputError(
-                f"{self.name}: the weights {tensor.name} are in {place}, which must stand beside "
+                f"{self.name}: the weights {tensor.name} are in {place}, which must be next to "
                 f"it ({error.args[0]}); or {inline}"
             ) from error
         end = int(where.get("length", len(content)))

@@ -52,7 +52,7 @@ def affine(loop: ClosedLoop) -> Array:
         raise InputError("is sampled, acts through actuators that lag, or is a cascade")
     varies = not isinstance(loop.inertia, Inertia) or law.held(G, 0.0) is not None
     if vehicle.forces or vehicle.inertia is not None or varies:
-        raise InputError("has forces or an inertia unknown to it, or numbers that change in time")
+        raise InputError("has forces or an inertia unknown to it, or time-varying numbers")
     # The decimal numbers of a configuration, and not the floats next to them.
     numbers = {p: entrywise(lambda x: _exact(repr(float(x))), v) for p, v in leaves(loop).items()}
     numbers[INVERSE] = exact.inverse(numbers[MATRIX])

@@ -310,7 +310,7 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
         yield "of a cascade, kp and kd are those of its attitude law, and position is kx, kv and ki"
     for law in laws:
         if beside := _beside(result, law):
-            yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
+            yield f"{titles[law.label]} stays {beside} away from its reference; linearised there"
     for cycle in sorted({law.cycle for law in result.laws if law.cycle} - {result.period}):
         of = ", ".join(titles[law.label] for law in result.laws if law.cycle == cycle)
         yield f"eigenvalues of {of}: of {cycle:g} s, after which all that is slower is due together"

@@ -499,7 +499,7 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
     if isinstance(law := loop.controller, RunsCode) and law.in_order:
         raise InputError(
             f"'{label}' answers in the order of time of a run only (`object: per run`), and "
-            "margins need its answers beside the reference; leave this law out"
+            "margins need its answers near the reference; leave this law out"
         )
     linear = linearised(loop, *along, with_estimator=True)
     if not np.isfinite(linear.closed).all():

@@ -73,7 +73,7 @@ class ShownMeasured:
         self, result: Result, measured: Recording | None, figure: str, chosen: Chosen, run: int
     ) -> None:
         if measured is None:
-            text = f"figure '{figure}' shows a recording beside a run, and none is given"
+            text = f"figure '{figure}' shows a recording next to a run, and none is given"
             raise EqtError(text, Remedy("give one with {}", "measured"))
         (places,) = positions([result], figure, chosen.controllers)
         if chosen.controllers and len(places) > 1:

@@ -233,7 +233,7 @@ def read_flights(
 
 
 class FlightRatio(NamedTuple):
-    """The error of A over that of B.
+    """The ratio of the errors of A and B.
 
     Attributes
     ----------

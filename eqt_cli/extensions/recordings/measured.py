@@ -495,7 +495,7 @@ class MeasuredRun:
             size = float(np.linalg.norm(mean))
             amount = f"{np.degrees(size):.3g} deg" if part.turns else f"{size:.3g} {part.pose_unit}"
             yield (
-                f"The {part.name.replace('_', ' ')} of the recording differs from that of the run "
+                f"The {part.name.replace('_', ' ')} of the recording differs from the run's "
                 f"by {amount} throughout; check `world` and `attitude` of the mapping, or move its "
                 "poses to the world of the reference"
             )

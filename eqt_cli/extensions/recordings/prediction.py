@@ -575,7 +575,7 @@ def correlated(fits: Sequence[Linear], windows: Windows) -> Iterator[str]:
         yield (
             f"The errors are correlated from row to row: {', '.join(said)}. Such errors come from "
             "the model, from slow errors of the sensors or from a wrench at another time; `noise` "
-            "counts only what is independent from row to row."
+            "counts only errors that are independent from row to row."
         )
 
 

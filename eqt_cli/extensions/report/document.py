@@ -237,13 +237,13 @@ DEFAULT = (
     Wanted(
         "commands",
         {"thrusters": True},
-        "The thrust of each thruster in run 0; what is beyond its limits is shaded.",
+        "The thrust of each thruster in run 0; shading marks thrusts at a limit.",
         needs="thrust",
     ),
     Wanted(
         "commands",
         {"wheels": True},
-        "The momentum of each wheel in run 0; what is at its limit is shaded.",
+        "The momentum of each wheel in run 0; shading marks a wheel at its limit.",
         needs="wheel_momentum",
     ),
     Wanted("estimate", needs="estimated_pose"),

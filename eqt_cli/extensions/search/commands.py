@@ -37,7 +37,7 @@ def tune(
     Options
     -------
     Experiment
-        --objective NAME  A metric, or what is proved without runs: certified_rate, push_bound.
+        --objective NAME  A metric, or a bound proved without runs: certified_rate, push_bound.
             Same as --set tune.objective=NAME.
     """
     from eqt_cli.extensions.search.tables import tuning_answer
@@ -80,8 +80,8 @@ def worst(
     Result
         --fail-above X  Exit with 4 if a law has a run that failed, or whose objective is above X
             (below X where larger values are better).
-        --certified ANGLE  Also print what is proved where the worst run of each law was found, as
-            `eqt margins --from ANGLE` does for large errors on SO(3).
+        --certified ANGLE  Also try a proof at the point of each law's worst run, for large errors
+            on SO(3), as by `eqt margins --from ANGLE`.
     """
     from eqt_cli.extensions.search.tables import worst_tables
     from eqt_cli.extensions.search.worst import WorstSearch
@@ -130,7 +130,7 @@ def _searched(
         return carry_out(search, out, executor, force=handling.force)
     except Interrupted as error:
         raise InterruptedRun(
-            f"interrupted; what was found is kept in {out}: run the same command again to continue",
+            f"interrupted; the search is kept in {out}: run the same command again to continue",
             error.exit_code,
             [f"  {law}, {note}" for law, note in output.notes().items()],
         ) from None

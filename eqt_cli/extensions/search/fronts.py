@@ -580,7 +580,7 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
     note = (
         f"A law is better where it is {RULE}, with p times the number of rows. Between two "
         "neighbours on a front, costs and errors are interpolated. Each interval is "
-        "that of a paired difference; it does not include how close the search came to the true "
+        "for a paired difference; it does not include how close the search came to the true "
         "front. Over searches: the same between the fronts of single searches, on the runs of the "
         "search."
     )

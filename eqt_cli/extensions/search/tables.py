@@ -246,7 +246,7 @@ def _notes(result: Result, record: Record, of: Collection[str] | None = None) ->
             "what the law may spend by tune.subject_to."
         )
     if cases := record["cases"]:
-        worst = "that of the case in which the mean over all runs is worst"
+        worst = "from the case in which the mean over all runs is worst"
         each = worst if record["over_cases"] == "worst" else "the mean over the cases"
         yield f"Over the cases {listed(cases)}: each number is {each}."
     yield from _counted(result, result.labels if of is None else of)

@@ -204,7 +204,7 @@ def started(label: str) -> str:
 OF_LAWS = {
     "gains": "belongs to the laws, and is tuned by `over`",
     "controllers": "belongs to the laws, and is tuned by `over`",
-    "ensemble": "is that of the search and of `confirm`",
+    "ensemble": "is set by the search and by `confirm`",
 }
 """Sections that cases cannot change, with the reasons."""
 

@@ -163,8 +163,8 @@ def test_all_that_the_compiler_opens_is_kept_or_refused(tmp_path, name):
     if expected is None:
         assert tmp_path / "far.h" in ours
         assert error_of(user_code.gathered, law).endswith(
-            "far.h, which is not in its folder; a result keeps what is in this folder and below; "
-            "copy the file there"
+            "far.h, which is not in its folder; a result keeps only files in this folder and "
+            "below; copy the file there"
         )
         return
     kept = user_code.files_in(user_code.gathered(law), "lee.c")

@@ -228,11 +228,11 @@ def elsewhere(path, location):
     [
         (
             "../policy.onnx.data",
-            "the weights W are in '../policy.onnx.data'; expected a file beside",
+            "the weights W are in '../policy.onnx.data'; expected a file next to",
         ),
-        ("/etc/passwd", "the weights W are in '/etc/passwd'; expected a file beside the network"),
-        ("gone.data", "the weights W are in gone.data, which must stand beside it ("),
-        ("link.data", "the weights W are in 'link.data'; expected a file beside the network"),
+        ("/etc/passwd", "the weights W are in '/etc/passwd'; expected a file next to the network"),
+        ("gone.data", "the weights W are in gone.data, which must be next to it ("),
+        ("link.data", "the weights W are in 'link.data'; expected a file next to the network"),
     ],
 )
 def test_weights_elsewhere_are_refused_with_what_writes_one_file(tmp_path, location, said):

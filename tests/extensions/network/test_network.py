@@ -409,7 +409,7 @@ X, Y = {"x": [1, 4]}, {"y": [1, 4]}
 REFUSED = {
     "external": (
         external,
-        "the weights W1 are in '/etc/passwd'; expected a file beside the network",
+        "the weights W1 are in '/etc/passwd'; expected a file next to the network",
     ),
     "huge": (huge, "W1 has more than 4,000,000 numbers"),
     "damaged": (lambda: b"\xff" * 99, "is not an ONNX file: "),

@@ -190,13 +190,13 @@ def test_sampled_and_lagging_loops_are_refused() -> None:
 
 
 def test_an_inertia_that_changes_is_refused() -> None:
-    why = "has forces or an inertia unknown to it, or numbers that change in time"
+    why = "has forces or an inertia unknown to it, or time-varying numbers"
     turning = {"matrix": [["2+sin(t)", 0, 0], [0, 1, 0], [0, 0, 3]]}
     assert refusal(SPIN, inertia=turning, rigid=False) == why
 
 
 def test_gravity_is_refused() -> None:
-    why = "has forces or an inertia unknown to it, or numbers that change in time"
+    why = "has forces or an inertia unknown to it, or time-varying numbers"
     assert refusal(SPIN | RIGID, plant={"forces": GRAVITY}) == why
 
 

@@ -149,7 +149,9 @@ def test_a_loop_that_is_stable_at_each_of_nine_times_has_indicative_numbers(eqt)
 def test_margins_where_a_force_pushes(eqt):
     push = ("--set", "plant.forces=[{kind: constant, force: [0.2, 0, 0]}]")
     done = eqt("margins", "c.yaml", *AT_REST, *push)
-    assert done.out.endswith(NOTES + "EqT stays 0.1 rad beside its reference; linearised there\n")
+    assert done.out.endswith(
+        NOTES + "EqT stays 0.1 rad away from its reference; linearised there\n"
+    )
 
 
 def test_margins_as_json(eqt):

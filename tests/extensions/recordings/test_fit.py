@@ -329,7 +329,7 @@ def test_slow_noise_is_told_from_white_noise(recorded):
     assert re.fullmatch(
         r"The errors are correlated from row to row: rotation \(0\.\d\d\), rotation rate "
         r"\(0\.\d\d\)\. Such errors come from the model, from slow errors of the sensors or from a "
-        "wrench at another time; `noise` counts only what is independent from row to row.",
+        "wrench at another time; `noise` counts only errors that are independent from row to row.",
         said,
     )
     recorded()

@@ -313,7 +313,7 @@ def test_another_world_is_noted(made):
         turn = G.exp(np.pi / 2 * np.eye(G.dimension)[2])
         (one,) = measured_runs(result, replace(recording, poses=turn @ recording.poses), [0], 0)
     assert one.notes[1] == (
-        "The rotation of the recording differs from that of the run by 90 deg throughout; check "
+        "The rotation of the recording differs from the run's by 90 deg throughout; check "
         "`world` and `attitude` of the mapping, or move its poses to the world of the reference"
     )
 

@@ -113,7 +113,7 @@ def test_held_out_runs_are_those_of_the_worst_case_of_each_law(tuned):
         )
     )
     assert tables["tuned"].notes[1] == (
-        "Over the cases ideal and late: each number is that of the case in which the mean over all "
+        "Over the cases ideal and late: each number is from the case in which the mean over all "
         "runs is worst."
     )
     blocks = ["mean ‖I − Q_E‖", "mean attitude error in deg", "mean ‖τ‖ in N m"]

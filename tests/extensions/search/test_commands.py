@@ -117,7 +117,7 @@ def test_an_interruption_says_the_best_so_far(eqt, config, monkeypatch):
     monkeypatch.setattr("eqt_cli.extensions.search.tune.Search.confirmation", stopped)
     done = eqt("tune", config, "--set", "tune.budget=1")
     assert done.code == 130
-    assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err
+    assert "interrupted; the search is kept in results/t-tuned: run the same" in done.err
     assert re.search(
         r"^  eqt, 1 seed, generation (\d)/\1, best so far: mean_pose_error [\d.]+ at kp ",
         done.err,
