@@ -10,7 +10,7 @@ def register(extension: Extension) -> None:
     example = "configs/paper.yaml --controller eqt --out law"
     extension.add_command("export", "commands.export", COMPUTE, example, after="pack")
     of_times = "results/paper --controller eqt"
-    extension.add_command("time", "commands.time", READ, of_times, after="compare")
+    extension.add_command("time", "commands.time", READ, of_times, after="diff")
     extension.add_function("verify --code", "controllers.with_code")
     extension.add_function("answers on code", "code_rows.answers")
     extension.add_function("verify --plant", "plant_verdict.judged")

@@ -78,7 +78,7 @@ def time(
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:
-    """Call the laws of a result again, at its recorded inputs, and print how long a call takes.
+    """Time a call of each law again, at the inputs that a result has recorded.
 
     Times are CPU times of this machine; let it rest. Laws of eqt are timed as the C that `native`
     compiles. What is too short for a clock is repeated in a loop, whose mean is the time of a call.
