@@ -277,6 +277,8 @@ def _box(section: TuneSection, base: Experiment) -> proofs.Box:
         return proofs.box_of(known_reference(base).velocity)
     if np.size(v) not in (1, m):
         raise InputError(f"expected a number or {m} of them, got {np.size(v)}")
+    if (least := float(np.min(v))) < 0:
+        raise InputError(f"expected 0 or more, as it is the size of V_d, got {least:g}")
     return [(-Fraction(str(x)), Fraction(str(x))) for x in np.broadcast_to(v, m)]
 
 
@@ -288,10 +290,18 @@ def _turns(base: Experiment) -> bool:
 def _named(one: proofs.Certified, base: Experiment) -> str:
     """Name the references of a proof."""
     V, unit = ("ω_d", " rad/s") if _turns(base) else ("V_d", "")
-    if all(side == [-(v := one.velocity[0][1]), v] for side in one.velocity):
-        return f"|{V},i| ≤ {v:g}{unit}"
-    sides = ", ".join(f"{low:g} to {high:g}" for low, high in one.velocity)
+    if all(low == -high for low, high in one.velocity):
+        sizes = [_inside(high) for _, high in one.velocity]
+        return f"|{V},i| ≤ {', '.join(sizes[:1] if len({*sizes}) == 1 else sizes)}{unit}"
+    sides = ", ".join(f"{_inside(low)} to {_inside(high)}" for low, high in one.velocity)
     return f"{V} within {sides}{unit}".replace("-", "−")
+
+
+def _inside(x: float) -> str:
+    """Return a side of a box in six digits, rounded so that nothing outside is claimed."""
+    near = f"{x:.6g}"
+    outside = abs(float(near)) > abs(x)
+    return f"{np.copysign(float(proofs.rounded(abs(x), 6)), x):g}" if outside else near
 
 
 certified_rate = ProvedObjective("certified_rate", "proved rate, 1/s")

@@ -288,6 +288,29 @@ def test_what_does_not_go_with_a_proof_is_refused_at_its_place() -> None:
     assert refused(tuning("gt", proof={"velocity": [1.0, 2.0]})) == [
         "tune.proof.velocity: expected a number or 3 of them, got 2"
     ]
+    assert refused(tuning("gt", proof={"velocity": [1.0, -2.0, 1.0]})) == [
+        "tune.proof.velocity: expected 0 or more, as it is the size of V_d, got -2"
+    ]
+    rigid = {"group": "SE3", "inertia": [1, 1, 1, 2, 2, 2], "gains": {"kp": 1, "kd": 1}}
+    still = {
+        "reference": {"kind": "constant"},
+        "initial": {"pose": {"kind": "exp_normal", "std": 1}},
+    }
+    assert refused(tuning("lee2012") | rigid | still) == [
+        "tune.subject_to.step_torque: needs a group of rotations alone, got SE3; leave it out"
+    ]
+
+
+@pytest.mark.ci("searches for the gains of a law")
+@pytest.mark.usefixtures("few")
+def test_a_sentence_claims_no_more_than_the_box_of_its_proof() -> None:
+    box = {"velocity": ["1 deg/s", "1 deg/s", "3 deg/s"]}
+    options = {"over": {"controllers[0].gyroscopic": [0.8, 1.0]}, "subject_to": {}}
+    law = {"kind": "family", "transport": 0.5, "connection": 0.5}
+    [best_law] = best(tuning(law, proof=box, **options))
+    # π/180 is 0.01745329…, which six digits would round up.
+    start = "For every reference with |ω_d,i| ≤ 0.0174532, 0.0174532, 0.0523598 rad/s, small errors"
+    assert best_law["sentence"].startswith(f"{start} of family with gyroscopic = ")
 
 
 # The command --------------------------------------------------------------------------------------
