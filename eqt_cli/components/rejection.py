@@ -340,7 +340,8 @@ class MomentumObserver(Rejecting):
     Attributes
     ----------
     rate
-        k, how fast δ̂ follows, rad/s; less than 1/T. A Butterworth filter with the cutoff ω has the delay of k = ω/√2.
+        k, how fast δ̂ follows, rad/s; less than 1/T. A Butterworth filter with the cutoff ω has the
+        delay of k = ω/√2.
     """
 
     name: ClassVar[str] = "observer"

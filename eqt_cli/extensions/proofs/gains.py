@@ -29,6 +29,9 @@ from eqt_cli.results.origin import law_title
 ROOM = 1e-3  # Share of each bound that the search leaves free, so that rounded gains keep it.
 TRIED = 20  # Directions that DIRECT tries per dimension, and then at most Nelder and Mead's method.
 
+REACHES = 0.25 * 0.5 ** np.arange(8)
+"""How far the turns of a step are tried about the largest one, as shares of its angle."""
+
 # What `subject_to` can bound, from which side, and its unit.
 AT_MOST = {"step_torque": " N m", "bandwidth": " rad/s"}
 BOUNDS = AT_MOST | {"delay_margin": " s", "damping": ""}
@@ -38,19 +41,31 @@ def step_torque(loop: ClosedLoop, box: proofs.Box, angle: float) -> float:
     """Return the largest ‖τ‖ of a law at rest when its reference steps, N m.
 
     The reference turns by up to an angle, rad, and moves with V_d at a corner of a box, V̇_d = 0.
-    The turns are about the axes and the diagonals between them, by quarters of the angle, and by
-    90°, where a navigation function is steepest.
+    The turns are first about the axes and the diagonals between them, by quarters of the angle, and
+    by 90°, where a navigation function is steepest. From the largest of each corner, a pattern
+    search goes on: the torque of a moving reference is largest about other axes.
     """
     G, m = loop.group, loop.group.dimension
     axes = np.array([axis for axis in product((-1.0, 0.0, 1.0), repeat=m) if any(axis)])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     turns = np.unique(np.minimum([*angle * np.linspace(0.25, 1, 4), np.pi / 2], angle))
     corners = np.array([*product(*map(set, box))], dtype=float)
-    steps = (turns[:, None, None] * axes)[..., None, :] + 0 * corners
-    Q, Vd = G.exp(steps), corners + 0 * steps
-    memory = {name: np.zeros((*Q.shape[:-2], n)) for name, n in loop.controller.memory(G).items()}
-    s = proofs.tracking(loop, Q, 0 * Vd, G.identity + 0 * Q, Vd, 0 * Vd, memory)
-    return float(np.linalg.norm(loop.command(s), axis=-1).max())
+
+    def sizes(steps: Array) -> Array:
+        Q, Vd = G.exp(steps), corners + 0 * steps
+        lengths = loop.controller.memory(G).items()
+        memory = {name: np.zeros((*Q.shape[:-2], n)) for name, n in lengths}
+        s = proofs.tracking(loop, Q, 0 * Vd, G.identity + 0 * Q, Vd, 0 * Vd, memory)
+        return np.asarray(np.linalg.norm(loop.command(s), axis=-1))
+
+    steps = (turns[:, None, None] * axes).reshape(-1, 1, m) + 0 * corners
+    for reach in angle * REACHES:
+        at = steps[sizes(steps).argmax(axis=0), np.arange(len(corners))]
+        steps = at + reach * np.vstack([0 * axes[:1], axes])[:, None]
+        steps *= np.minimum(1.0, angle / np.maximum(np.linalg.norm(steps, axis=-1), 1e-9))[
+            ..., None
+        ]
+    return float(sizes(steps).max())
 
 
 def at_rest(loop: ClosedLoop) -> dict[str, float]:
@@ -205,8 +220,8 @@ class ProvedObjective(NamedTuple):
             at = problems.at("subject_to", name)
             if name not in BOUNDS or not isinstance(bound, int | float) or bound <= 0:
                 at.add(f"{self.name} has no runs; expected a number above 0 of {', '.join(BOUNDS)}")
-            elif name == "step_torque" and base.group.name not in ("SO2", "SO3"):
-                at.add("torques have one unit on SO2 and SO3 only; leave it out")
+            elif name == "step_torque" and not _turns(base):
+                at.add(f"needs a group of rotations alone, got {base.group.name}; leave it out")
         if self.name == "push_bound" and not section.proof.push:
             problems.at("proof", "push").add("push_bound needs the size of a push, such as 0.1 N m")
         with problems.catching("proof", "velocity"):
@@ -231,7 +246,7 @@ class ProvedObjective(NamedTuple):
                 raise InputError("no proof was found with any gains of these ranges and bounds")
         except InputError as error:
             return {"values": {}, "why": str(error)}
-        pairs = ", ".join(f"{key.removeprefix('gains.')} = {x:g}" for key, x in values.items())
+        pairs = ", ".join(f"{key.rpartition('.')[2]} = {x:g}" for key, x in values.items())
         who = f"{law_title(law.label)} with {pairs}"
         over = float(proofs.rounded(one.overshoot, 3, up=True))
         said = f"small errors of {who} decay at least like {over:g} e^(−{number:g} t)"
@@ -262,16 +277,31 @@ def _box(section: TuneSection, base: Experiment) -> proofs.Box:
         return proofs.box_of(known_reference(base).velocity)
     if np.size(v) not in (1, m):
         raise InputError(f"expected a number or {m} of them, got {np.size(v)}")
+    if (least := float(np.min(v))) < 0:
+        raise InputError(f"expected 0 or more, as it is the size of V_d, got {least:g}")
     return [(-Fraction(str(x)), Fraction(str(x))) for x in np.broadcast_to(v, m)]
+
+
+def _turns(base: Experiment) -> bool:
+    """Return whether the group has one rotation and nothing else, so that torques have one unit."""
+    return [part.turns for part in base.group.parts] == [True]
 
 
 def _named(one: proofs.Certified, base: Experiment) -> str:
     """Name the references of a proof."""
-    V, unit = ("ω_d", " rad/s") if base.group.name in ("SO2", "SO3") else ("V_d", "")
-    if all(side == [-(v := one.velocity[0][1]), v] for side in one.velocity):
-        return f"|{V},i| ≤ {v:g}{unit}"
-    sides = ", ".join(f"{low:g} to {high:g}" for low, high in one.velocity)
+    V, unit = ("ω_d", " rad/s") if _turns(base) else ("V_d", "")
+    if all(low == -high for low, high in one.velocity):
+        sizes = [_inside(high) for _, high in one.velocity]
+        return f"|{V},i| ≤ {', '.join(sizes[:1] if len({*sizes}) == 1 else sizes)}{unit}"
+    sides = ", ".join(f"{_inside(low)} to {_inside(high)}" for low, high in one.velocity)
     return f"{V} within {sides}{unit}".replace("-", "−")
+
+
+def _inside(x: float) -> str:
+    """Return a side of a box in six digits, rounded so that nothing outside is claimed."""
+    near = f"{x:.6g}"
+    outside = abs(float(near)) > abs(x)
+    return f"{np.copysign(float(proofs.rounded(abs(x), 6)), x):g}" if outside else near
 
 
 certified_rate = ProvedObjective("certified_rate", "proved rate, 1/s")

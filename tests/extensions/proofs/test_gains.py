@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from case_tables import in_ci
 from plain_errors import INERTIA, POINTS, J, cross, forces, fractions, is_definite
 from plugin_sources import component
 
@@ -18,6 +19,7 @@ import eqt_cli
 from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.config.preflight import build
+from eqt_cli.extensions.proofs import certified as proofs
 from eqt_cli.extensions.proofs import gains
 
 pytest.importorskip("clarabel", reason="the extra certify is not installed")
@@ -92,20 +94,39 @@ def test_numbers_at_rest_are_those_of_the_oscillator() -> None:
     assert numbers["delay_margin"] == pytest.approx(margins.delay)
 
 
-@pytest.mark.parametrize("label", POINTS)
-def test_the_torque_at_a_step_is_that_of_the_formula(label: str) -> None:
+def step_loop(label: str) -> Any:
     [loop] = build(document_from(tuning(label, subject_to={}), {})).loops.values()
-    largest = 0.0
-    axes = [
-        np.array(axis) / np.linalg.norm(axis) for axis in product((-1, 0, 1), repeat=3) if any(axis)
-    ]
-    for axis, corner in product(axes, product((-1.2, 1.2), repeat=3)):
-        wd = np.array(corner)
-        for angle in np.radians([30, 60, 90, 120]):
-            torque = forces(label, np.sin(angle) * axis, -wd, wd)  # at rest, 𝕀ω̃̇ is the torque
-            largest = max(largest, float(np.linalg.norm(torque)))
-    box = [(Fraction(-6, 5), Fraction(6, 5))] * 3
-    assert gains.step_torque(loop, box, np.radians(120)) == pytest.approx(largest, rel=1e-12)
+    return loop
+
+
+BOX = [(Fraction(-6, 5), Fraction(6, 5))] * 3
+
+
+@pytest.mark.parametrize("label", POINTS)
+@pytest.mark.parametrize("angle", [60, 120])
+def test_the_torque_at_a_step_is_that_of_the_formula(label: str, angle: float) -> None:
+    # The stiffness 2k sin θ points anywhere, the rest is that of the corner: the sizes add up.
+    e, corners = np.zeros(3), map(np.array, product((-1.2, 1.2), repeat=3))
+    fixed = max(np.linalg.norm(forces(label, e, -wd, wd)) for wd in corners)
+    largest = fixed + np.linalg.norm(forces(label, np.array([1.0, 0, 0]), e, e)) * np.sin(
+        np.radians(min(angle, 90))
+    )
+    size = gains.step_torque(step_loop(label), BOX, np.radians(angle))
+    assert size == pytest.approx(largest, rel=1e-5)  # the last turns are 0.002 of the angle apart
+
+
+@pytest.mark.parametrize("label", ["eqt", in_ci("as the other", "lee2012")])
+def test_no_random_step_takes_a_larger_torque(label: str) -> None:
+    loop, random = step_loop(label), np.random.default_rng(1)
+    turns = random.normal(size=(20_000, 3))
+    turns *= np.radians(random.uniform(60, 90, 20_000))[:, None] / np.linalg.norm(
+        turns, axis=1, keepdims=True
+    )
+    Q, Vd = loop.group.exp(turns), 1.2 * random.choice([-1.0, 1.0], size=turns.shape)
+    s = proofs.tracking(loop, Q, 0 * Vd, loop.group.identity + 0 * Q, Vd, 0 * Vd, {})
+    largest = np.linalg.norm(loop.command(s), axis=-1).max()
+    size = gains.step_torque(loop, BOX, np.radians(90))
+    assert largest <= size == pytest.approx(largest, rel=0.01)
 
 
 def test_faster_gains_prove_a_faster_rate() -> None:
@@ -162,19 +183,15 @@ def test_a_second_program_proves_the_winner() -> None:
 
 
 def torque_at_step(label: str, k: float, k_d: float, v: float) -> float:
-    """The torque at 90° and a corner of the box, with any gains; J is the paper's."""
-    torques = []
+    """The largest torque at 90° and a corner of the box, with any gains; J is the paper's."""
     g, c, n = POINTS[label]
-    axes = np.array([axis for axis in product((-1, 0, 1), repeat=3) if any(axis)], dtype=float).T
-    axes /= np.linalg.norm(axes, axis=0)
+    sizes = []
     for corner in product((-v, v), repeat=3):
-        wd, zero = np.array(corner), 0 * axes
+        wd = np.array(corner)
         w = -wd
         fixed = cross(J @ w, w) - (1 - g) * cross(w, J @ wd) - (1 - c) * cross(wd, J @ w)
-        fixed = fixed - k_d * w + n * (J @ cross(w, wd))
-        for sine in (0.5, np.sqrt(0.75), 1.0):
-            torques.append(np.linalg.norm(zero + fixed[:, None] - 2 * k * sine * axes, axis=0))
-    return float(np.max(torques))
+        sizes.append(np.linalg.norm(fixed - k_d * w + n * (J @ cross(w, wd))))
+    return float(max(sizes)) + 2 * k
 
 
 @pytest.mark.ci("proves rates at 60 gains of two laws")
@@ -271,6 +288,29 @@ def test_what_does_not_go_with_a_proof_is_refused_at_its_place() -> None:
     assert refused(tuning("gt", proof={"velocity": [1.0, 2.0]})) == [
         "tune.proof.velocity: expected a number or 3 of them, got 2"
     ]
+    assert refused(tuning("gt", proof={"velocity": [1.0, -2.0, 1.0]})) == [
+        "tune.proof.velocity: expected 0 or more, as it is the size of V_d, got -2"
+    ]
+    rigid = {"group": "SE3", "inertia": [1, 1, 1, 2, 2, 2], "gains": {"kp": 1, "kd": 1}}
+    still = {
+        "reference": {"kind": "constant"},
+        "initial": {"pose": {"kind": "exp_normal", "std": 1}},
+    }
+    assert refused(tuning("lee2012") | rigid | still) == [
+        "tune.subject_to.step_torque: needs a group of rotations alone, got SE3; leave it out"
+    ]
+
+
+@pytest.mark.ci("searches for the gains of a law")
+@pytest.mark.usefixtures("few")
+def test_a_sentence_claims_no_more_than_the_box_of_its_proof() -> None:
+    box = {"velocity": ["1 deg/s", "1 deg/s", "3 deg/s"]}
+    options = {"over": {"controllers[0].gyroscopic": [0.8, 1.0]}, "subject_to": {}}
+    law = {"kind": "family", "transport": 0.5, "connection": 0.5}
+    [best_law] = best(tuning(law, proof=box, **options))
+    # π/180 is 0.01745329…, which six digits would round up.
+    start = "For every reference with |ω_d,i| ≤ 0.0174532, 0.0174532, 0.0523598 rad/s, small errors"
+    assert best_law["sentence"].startswith(f"{start} of family with gyroscopic = ")
 
 
 # The command --------------------------------------------------------------------------------------
