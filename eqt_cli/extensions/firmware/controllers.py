@@ -132,6 +132,7 @@ class Signal:
         said = [
             f"{k.rstrip('_')} {value}" for k, value in asdict(self).items() if value not in plain
         ]
+        unit = "rad" if self.as_ == "roll-pitch-yaw" else unit
         return ", ".join([self.unit or unit, *self.signal.split(".")[1:], *said])
 
     def _rotation(self, value: Array) -> Array:

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -725,7 +726,7 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
 
 
 MOST_SECONDS = 2.0
-"""CPU time of calls that are asked for together, s."""
+"""Time of calls that are asked for together, with that of making their objects, s."""
 
 
 class PythonFunction(CodeFunction):
@@ -760,15 +761,15 @@ class Pool:
     Attributes
     ----------
     seconds, slowest
-        CPU times of the calls until they are `drained`, and the longest one of the last request, s.
+        CPU times of the calls until they are `drained`, and what a row of the last request took, s.
     reason
         The last error of a call, in words.
     """
 
     def __init__(self, law: Mapping[str, Any], limits: Limits) -> None:
-        self.law, self.limits, self.lock = law, limits, Lock()
+        self.law, self.limits, self.lock, begun = law, limits, Lock(), time.monotonic()
         self.guests, self.of_threads = [Guest(limits, law)], {0: 0}
-        self.seconds, self.slowest = list[float](), 0.0
+        self.seconds, self.slowest = list[float](), time.monotonic() - begun
         self.reason, self.has_told = "", False
         self.name, self.memory = self.guests[0].name, self.guests[0].memory
 
@@ -787,11 +788,11 @@ class Pool:
 
     def request(self, place: int, what: Mapping[str, Any]) -> Any:
         """Return the answer of a guest."""
-        mine = {"process": place, "processes": MOST_GUESTS}
+        mine, begun = {"process": place, "processes": MOST_GUESTS}, time.monotonic()
         answer = self.guests[place].request({**what, **mine})
         with self.lock:
             self.seconds += answer["seconds"]
-            self.slowest = max(answer["seconds"], default=0.0)
+            self.slowest = (time.monotonic() - begun) / len(what["rows"])
             self.reason = answer["reason"] or self.reason
         return answer
 
