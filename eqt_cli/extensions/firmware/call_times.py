@@ -1,9 +1,11 @@
 """CPU times of calls of laws, repeated at the inputs that a result has recorded."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from time import thread_time
+from timeit import timeit
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,9 @@ SHORTEST = 5e-4
 
 NEAR = 1e-6
 """Part of a control period by which a sample may miss an instant."""
+
+spent_on = partial(timeit, timer=thread_time, number=1)
+"""The CPU time of a function, s."""
 
 SINGLY, IN_LOOPS, BY_NUMPY = "Python, one by one", "C, in loops", "NumPy, in loops"
 
@@ -109,7 +114,7 @@ def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], s
                 seconds, how = seconds + singly, SINGLY
             else:
                 prepare(inputs, memory, 1)()  # compiles it, and fills caches
-                while (spent := _spent(prepare(inputs, memory, repeats))) < SHORTEST:
+                while (spent := spent_on(prepare(inputs, memory, repeats))) < SHORTEST:
                     repeats *= 2
                 seconds.append(spent / repeats)
             memory = later
@@ -135,12 +140,6 @@ def _states(result: Result, label: str, loop: ClosedLoop) -> tuple[Array, Array]
     if not len(states):
         raise result.error(f"stores no run of '{label}' that did not fail")
     return times, states
-
-
-def _spent(calls: Callable[[], object]) -> float:
-    begun = time.thread_time()
-    calls()
-    return time.thread_time() - begun
 
 
 def _caller(

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -726,7 +725,7 @@ def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array
 
 
 MOST_SECONDS = 2.0
-"""Time of calls that are asked for together, with that of making their objects, s."""
+"""CPU time of calls that are asked for together, s."""
 
 
 class PythonFunction(CodeFunction):
@@ -746,7 +745,7 @@ class PythonFunction(CodeFunction):
         answers, owners = list[Any](rows), pool.owners(memory)
         for owner in np.unique(owners):
             mine = np.flatnonzero(owners == owner)
-            for places in np.array_split(mine, -(-len(mine) // pool.most_rows)):
+            for places in np.array_split(mine, -(-len(mine) // pool.most_rows(memory))):
                 rows_there = [rows[place] for place in places]
                 answer = pool.request(int(owner), {**how, "rows": rows_there})
                 for place, row in zip(places, answer["rows"], strict=True):
@@ -761,21 +760,22 @@ class Pool:
     Attributes
     ----------
     seconds, slowest
-        CPU times of the calls until they are `drained`, and what a row of the last request took, s.
+        CPU times of the calls until they are `drained`, and the longest one of the last request, s.
     reason
         The last error of a call, in words.
     """
 
     def __init__(self, law: Mapping[str, Any], limits: Limits) -> None:
-        self.law, self.limits, self.lock, begun = law, limits, Lock(), time.monotonic()
+        self.law, self.limits, self.lock = law, limits, Lock()
         self.guests, self.of_threads = [Guest(limits, law)], {0: 0}
-        self.seconds, self.slowest = list[float](), time.monotonic() - begun
+        self.seconds, self.slowest = list[float](), 0.0
         self.reason, self.has_told = "", False
         self.name, self.memory = self.guests[0].name, self.guests[0].memory
 
-    @property
-    def most_rows(self) -> int:
-        """The most rows of a request."""
+    def most_rows(self, memory: Array) -> int:
+        """Return the most rows of a request: one where each makes its object, which may be slow."""
+        if self.law["per_run"] and not memory[:, 0].all():
+            return 1
         return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(self.slowest, 1e-9))))
 
     def owners(self, memory: Array) -> Array:
@@ -788,11 +788,11 @@ class Pool:
 
     def request(self, place: int, what: Mapping[str, Any]) -> Any:
         """Return the answer of a guest."""
-        mine, begun = {"process": place, "processes": MOST_GUESTS}, time.monotonic()
+        mine = {"process": place, "processes": MOST_GUESTS}
         answer = self.guests[place].request({**what, **mine})
         with self.lock:
             self.seconds += answer["seconds"]
-            self.slowest = (time.monotonic() - begun) / len(what["rows"])
+            self.slowest = max(answer["seconds"], default=0.0)
             self.reason = answer["reason"] or self.reason
         return answer
 
