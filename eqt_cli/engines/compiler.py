@@ -664,6 +664,7 @@ def _compiled(source: str, by: Compiler, kind: str, written: str = "") -> bytes:
     """
     language = _language(source)
     flags = [kind if flag == "-shared" else flag for flag in (*LIBRARY, *by.flags)]
+    flags.append("-fno-verbose-asm")  # comments of clang, such as "# kill: def $eax", say nothing
     if "c++" not in language:  # eqt says it with its remedy; gcc 14 and clang 16 end with an error
         flags.append("-Wno-incompatible-pointer-types")
     linked = [*MATHEMATICS, *["-lstdc++"] * ("c++" in language)] if kind == "-shared" else []

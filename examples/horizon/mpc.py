@@ -2,7 +2,9 @@
 
 It minimises the cost of `lqr` over a horizon, Σ (pose |log(Q_d⁻¹Q)|² + velocity |V − ξ|² +
 torque |τ − τ_d|²) dt with ξ = Ad_{Q_L⁻¹} V_d, and `end` times that of the last state, within the
-limits of the torque. It knows τ_d at the reference, not where the body is.
+limits of the torque. It knows τ_d at the reference, not where the body is. Where a `rate` limits
+each |V_i|, what is beyond it is penalised: a soft constraint, which has a plan also from a start
+that violates it.
 """
 
 import numpy as np
@@ -33,8 +35,8 @@ def exp(x):
 class Horizon:
     """One object flies one run: it keeps the torques of its last plan."""
 
-    def __init__(self, J, dt, limit, pose, velocity, torque, end):
-        self.J, self.dt, self.limit = np.array(J), dt, limit
+    def __init__(self, J, dt, limit, pose, velocity, torque, end, rate=np.inf):
+        self.J, self.dt, self.limit, self.rate_limit = np.array(J), dt, limit, rate
         self.weights = np.sqrt(dt * np.repeat([pose, velocity, torque], 3))
         self.end, self.plan = np.sqrt(end), None
 
@@ -66,6 +68,8 @@ class Horizon:
             errors = np.hstack([-log(relative), V - relative @ Vd[k], plans[:, k] - tau_d[k]])
             last = k == plans.shape[1] - 1
             rows.append(errors * self.weights * np.repeat([self.end if last else 1.0, 1.0], [6, 3]))
+            if np.isfinite(self.rate_limit):
+                rows.append(PENALTY * np.maximum(np.abs(V) - self.rate_limit, 0.0))
         return np.hstack(rows)
 
     def rate(self, V, torque):
@@ -73,4 +77,4 @@ class Horizon:
         return (np.cross(self.J * V, V) + torque) / self.J
 
 
-SUBSTEPS = 2
+SUBSTEPS, PENALTY = 2, 10.0

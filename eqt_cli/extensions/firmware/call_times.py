@@ -1,9 +1,11 @@
 """CPU times of calls of laws, repeated at the inputs that a result has recorded."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from time import thread_time
+from timeit import timeit
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,9 @@ SHORTEST = 5e-4
 
 NEAR = 1e-6
 """Part of a control period by which a sample may miss an instant."""
+
+spent_on = partial(timeit, timer=thread_time, number=1)
+"""The CPU time of a function, s."""
 
 SINGLY, IN_LOOPS, BY_NUMPY = "Python, one by one", "C, in loops", "NumPy, in loops"
 
@@ -86,10 +91,20 @@ def call_times(
         laws = dict[str, dict[str, Any]]()
         with step("laws timed", len(labels)):
             for label in labels:
+                law = loops[label].controller
+                if isinstance(law, Code) and _has_changed(law):
+                    changed = "has changed since the run, whose law is timed; run it again"
+                    reporter().remark(EqtWarning(f"{law.file} {changed}"))
                 seconds, how = _timed(result, label, loops[label])
                 laws[label] = {"title": result.title_of[label], **statistics(seconds), "how": how}
                 reporter().advance(1)
         return machine() | {"laws": laws, "late": [*late_lines(result, laws)]}
+
+
+def _has_changed(law: Code) -> bool:
+    """Return whether the file of a law, in this folder, is not the one that has flown."""
+    file = Path(law.file)
+    return file.is_file() and text_of(file, "it is a law", EqtError) not in law.called.code.text
 
 
 def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], str]:
@@ -109,7 +124,7 @@ def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], s
                 seconds, how = seconds + singly, SINGLY
             else:
                 prepare(inputs, memory, 1)()  # compiles it, and fills caches
-                while (spent := _spent(prepare(inputs, memory, repeats))) < SHORTEST:
+                while (spent := spent_on(prepare(inputs, memory, repeats))) < SHORTEST:
                     repeats *= 2
                 seconds.append(spent / repeats)
             memory = later
@@ -137,38 +152,26 @@ def _states(result: Result, label: str, loop: ClosedLoop) -> tuple[Array, Array]
     return times, states
 
 
-def _spent(calls: Callable[[], object]) -> float:
-    begun = time.thread_time()
-    calls()
-    return time.thread_time() - begun
+Caller = Callable[[LawInput, Arrays, int], Callable[[], object]]
+"""Prepares so many calls of a law at one input."""
 
 
-def _caller(
-    loop: ClosedLoop,
-) -> tuple[Callable[[LawInput, Arrays, int], Callable[[], object]], str]:
-    """Return what prepares so many calls of a law at one input, and how these are made."""
+def _caller(loop: ClosedLoop) -> tuple[Caller, str]:
+    """Return what prepares calls of a law, and how these are made."""
     period, law = loop.period, loop.controller
-    of_user: Any = law
 
     def code(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
-        s = inputs.tracking(loop.group, loop.inertia, loop.gains, memory)
-        rows, numbers, states = (np.repeat(x, n, axis=0) for x in of_user.rows(s))
-        return lambda: of_user.called.call(0, numbers, period, states, rows)
+        many = partial(np.repeat, repeats=n, axis=0)
+        if isinstance(law, Code):
+            s = inputs.tracking(loop.group, loop.inertia, loop.gains, memory)
+            rows, numbers, states = map(many, law.rows(s))
+            return partial(law.called.call, 0, numbers, period, states, rows)
+        equal = inputs.each(lambda part: many(part) if np.ndim(part) else part)  # of a network
+        return partial(loop.answer, equal, {name: many(z) for name, z in memory.items()}, period)
 
     def formula(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
         here = loop.holding(inputs.t)
         return lambda: [here.answer(inputs, memory, period) for _ in range(n)]
-
-    if isinstance(law, Code):
-        file = Path(law.file)
-        if file.is_file() and text_of(file, "it is a law", EqtError) not in law.called.code.text:
-            changed = "has changed since the run, whose law is timed; run it again for the new one"
-            reporter().remark(EqtWarning(f"{file} {changed}"))
-        return code, IN_LOOPS
-    try:
-        program = law_of(loop)
-    except TraceError:  # a network, or a formula that does what programs cannot
-        return formula, BY_NUMPY
 
     def compiled(inputs: LawInput, memory: Arrays, n: int) -> Callable[[], object]:
         here = replace(loop, held_law=law.held(loop.group, inputs.t))
@@ -178,4 +181,10 @@ def _caller(
         groups = [library.Rows(np.ravel(values[name])) for name, _ in program.step.inputs]
         return lambda: library.evaluated(program.step, n, 1, groups, lanes=1)
 
+    if isinstance(law, RunsCode):
+        return code, IN_LOOPS
+    try:
+        program = law_of(loop)
+    except TraceError:  # it does what programs cannot
+        return formula, BY_NUMPY
     return compiled, IN_LOOPS

@@ -132,6 +132,7 @@ class Signal:
         said = [
             f"{k.rstrip('_')} {value}" for k, value in asdict(self).items() if value not in plain
         ]
+        unit = "rad" if self.as_ == "roll-pitch-yaw" else unit
         return ", ".join([self.unit or unit, *self.signal.split(".")[1:], *said])
 
     def _rotation(self, value: Array) -> Array:
@@ -387,9 +388,9 @@ class Code(_Numbers, RunsCode, Previews):
         if problems:
             return None, {}
         with problems.catching("file"):
-            kind = "Python" if self.code.is_python else "C"
-            text = trusted_text(home, self.file, f"{kind} file")
-            if kind == "C" and home.plugins is None and not is_gathered(text):
+            is_c = not self.code.is_python
+            text = trusted_text(home, self.file, "C file" if is_c else "Python file")
+            if is_c and home.plugins is None and not is_gathered(text):
                 text = gathered(home.folder / self.file)
         if problems:
             return None, {}
@@ -403,11 +404,8 @@ class Code(_Numbers, RunsCode, Previews):
             code = UserCode(text=text, adapted=shapes, **of_group, **asdict(self.code))
             law = with_fields(self, claimed=self.law_of(G, problems))
             numbers, rows = leaves(self).get("values", np.empty(0)), law.reading(G, first, code)
-            how: dict[str, Any] = {
-                "call": self._adapted.call,
-                "torque": self._adapted.output.torque,
-            }
-            how |= {"per_run": self.object_ is not None, "repeats": self.object_ is None}
+            how: Any = {"per_run": self.in_order, "repeats": not self.in_order}
+            how |= {"call": self._adapted.call, "torque": self._adapted.output.torque}
             return law.calling(called(code, numbers, PERIOD, rows, how), G), {self.file: text}
         return None, {self.file: text}
 
@@ -559,9 +557,13 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def previewed(self) -> tuple[str, ...]:
         """What it reads of the reference at these times; the pose, by which vectors turn, too."""
-        signals = [each.signal for each in self._adapted.inputs.values()]
-        reads = [name.partition(".")[0] for name in signals or self.called.code.inputs]
-        return tuple(name for name in LATER if name in reads or name == LATER[0])
+        return tuple(name for name in LATER if name in self._reads or name == LATER[0])
+
+    @property
+    def _reads(self) -> list[str]:
+        """The names of `LawInput` that the code is given."""
+        signals = [each.signal.partition(".")[0] for each in self._adapted.inputs.values()]
+        return signals or [*self.called.code.inputs]
 
     # The claims.
 
@@ -572,8 +574,7 @@ class Code(_Numbers, RunsCode, Previews):
     @property
     def reads_flat_output(self) -> bool:  # type: ignore[override]  # a constant of all other laws
         """Whether the input of the function has the position and its derivatives."""
-        reads = [each.signal for each in self._adapted.inputs.values()]
-        return not {"position", LATER[3]}.isdisjoint(reads or self.called.code.inputs)
+        return not {"position", LATER[3]}.isdisjoint(self._reads)
 
     def for_plant(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Self:
         """Return the law with what the law that it claims to be knows of the plant."""

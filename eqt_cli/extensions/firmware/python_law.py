@@ -20,13 +20,14 @@ from typing import Any
 import numpy as np
 
 CHANGES = ("os.", "shutil.", "socket.", "subprocess.", "ctypes.", "sqlite3.", "signal.", "pty.")
+HARMLESS = ("os.listdir", "os.scandir", "os.putenv", "os.unsetenv")  # the last two: of this process
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 def refuse(event: str, about: tuple[Any, ...]) -> None:
     """Raise a `PermissionError` for what a law may not do; an audit hook, which nothing removes."""
     opens = event == "open" and (set(str(about[1])) & set("wax+") or about[2] & WRITES)
-    changes = event.startswith(CHANGES) and event not in ("os.listdir", "os.scandir")
+    changes = event.startswith(CHANGES) and event not in HARMLESS
     if opens or changes or "_posixsubprocess" in about[:1]:
         raise PermissionError(f"{event} {about[0] if about else ''}".strip())
 

@@ -745,7 +745,7 @@ class PythonFunction(CodeFunction):
         answers, owners = list[Any](rows), pool.owners(memory)
         for owner in np.unique(owners):
             mine = np.flatnonzero(owners == owner)
-            for places in np.array_split(mine, -(-len(mine) // pool.most_rows)):
+            for places in np.array_split(mine, -(-len(mine) // pool.most_rows(memory))):
                 rows_there = [rows[place] for place in places]
                 answer = pool.request(int(owner), {**how, "rows": rows_there})
                 for place, row in zip(places, answer["rows"], strict=True):
@@ -772,9 +772,10 @@ class Pool:
         self.reason, self.has_told = "", False
         self.name, self.memory = self.guests[0].name, self.guests[0].memory
 
-    @property
-    def most_rows(self) -> int:
-        """The most rows of a request."""
+    def most_rows(self, memory: Array) -> int:
+        """Return the most rows of a request: one where each makes its object, which may be slow."""
+        if self.law["per_run"] and not memory[:, 0].all():
+            return 1
         return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(self.slowest, 1e-9))))
 
     def owners(self, memory: Array) -> Array:

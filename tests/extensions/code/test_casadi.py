@@ -1,5 +1,6 @@
 """Functions that CasADi generated, flown and judged."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import eqt_cli
 from eqt_cli.base.errors import InputError
 from eqt_cli.engines import compiler
 from eqt_cli.extensions.firmware.casadi_code import casadi_call
+from eqt_cli.extensions.firmware.user_code import compiled
 
 HERE = Path(__file__).parent / "casadi"
 NAMES = ("pose", "velocity", "desired_pose", "desired_velocity", "desired_acceleration")
@@ -45,6 +47,17 @@ def test_a_file_is_compiled_once(config, monkeypatch):
         (True, "c"),
         (False, "assembler"),
     ]
+
+
+@pytest.mark.ci("gcc is fast")
+def test_comments_of_clang_are_no_calls(config, monkeypatch):
+    """Its assembly language says "# kill: def $eax": see `UserCode.refuse`."""
+    pytest.importorskip("ziglang", reason="needs the extra native")
+    monkeypatch.setenv("CC", f"{sys.executable} -m ziglang cc")
+    compiled.cache_clear()
+    code = eqt_cli.load_experiment(config(**LEE)).base.loops["ours"].controller.called.code
+    assert "kill" not in compiler.assembly(code.source, compiler.compiler())
+    compiled.cache_clear()
 
 
 @pytest.mark.ci("a run of another one is fast")

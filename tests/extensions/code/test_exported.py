@@ -13,6 +13,8 @@ import eqt_cli
 from eqt_cli.api.loading import open_at
 from eqt_cli.base import yaml_source
 from eqt_cli.base.errors import EqtError
+from eqt_cli.components.groups import group_named
+from eqt_cli.extensions.firmware.controllers import Adapter, Signal
 
 
 @pytest.mark.ci("compiles two closed loops for each law")
@@ -141,6 +143,20 @@ ADAPTED = {
     "a memory": ({}, "goodarzi2013", ROTATION, {}),
     "a rigid motion": (SPACE, "lee2010", MOTION, {"per": "inertia", "sign": -1}),
 }
+
+
+def test_c_says_what_its_angles_are():
+    """What stands behind the field in the header: a unit, and what differs from eqt's."""
+    plain = {**EULER["q"], "sign": 1.0}
+    del plain["unit"]
+    for options, said in (
+        (plain, "rad, as roll-pitch-yaw"),
+        (EULER["q"], "deg, as roll-pitch-yaw, sign [1, -1, -1]"),
+        ({**plain, "signal": "pose.rotation"}, "rad, rotation, as roll-pitch-yaw"),
+    ):
+        signal = Signal(**{"as_" if key == "as" else key: x for key, x in options.items()})
+        [entry] = Adapter({"q": signal}).entries(group_named("SO3"), {"pose": "1"})
+        assert (entry.name, entry.shape, entry.unit) == ("q", (3,), said)
 
 
 @pytest.fixture

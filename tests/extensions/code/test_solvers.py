@@ -10,6 +10,7 @@ import pytest
 
 import eqt_cli
 from eqt_cli.base.errors import EqtError, EqtWarning
+from eqt_cli.extensions.firmware import user_code
 from eqt_cli.results.result import open_result
 from eqt_cli.results.timing import timing, timing_lines
 from eqt_cli.runs.run_study import Shard
@@ -183,6 +184,21 @@ def test_a_static_variable_is_told_too(law, told):
         "controllers[0]: law_torque in law.c: it keeps something from call to call that `memory` "
         "does not name (difference 0.007); name it"
     )
+
+
+@pytest.mark.ci("waits for its objects")
+def test_objects_that_take_long_are_made_one_by_one(law, monkeypatch):
+    """Ten of half a second, of which more than seven exceed the limit of a request."""
+    monkeypatch.setattr(user_code, "TRIAL_SECONDS", 4.0)
+    text = COUNTING.replace("self.calls = 0", "self.calls = 0; time.sleep(0.5)")
+    text = f"import os, time\nos.environ['OWN'] = '1'\n{text}"  # which a law may, for itself
+    over = {
+        "ensemble": {"runs": 10},
+        "time": {"duration": 0.02, "samples": 2},
+        "solver": {"engine": "native", "error_estimate": False, "cross_check": 0},
+    }
+    data = law(text, over, function="Counting().compute", object="per run")
+    assert (eqt_cli.run(data)["status"] == 0).all()
 
 
 @pytest.mark.ci("a run of one session is fast")
