@@ -237,6 +237,9 @@ def test_findings_are_short_on_a_screen_and_tables_in_a_notebook(result):
         page = finding._repr_html_()
         assert page.count("<tr>") == 1 + min(len(finding.records()), 20)
         assert rows in (None, len(finding.records()))
+        assert "None" not in page
+    few, many = result._repr_html_(), eqt_cli.verify(result)._repr_html_()
+    assert "<details open>" in few and "<details><summary>" in many
 
 
 @needs_xarray

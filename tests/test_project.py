@@ -83,6 +83,24 @@ def test_workflows_name_every_action_by_its_commit():
         )
 
 
+def test_the_quick_tests_run_on_machines_of_strangers():
+    workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8"))
+    job = workflow["jobs"]["machines"]
+    systems = job["strategy"]["matrix"]["system"]
+    assert [re.sub(r"[-\d.]+", " ", system) for system in systems] == [
+        "ubuntu ",
+        "ubuntu arm",
+        "macos ",
+        "windows ",
+    ]
+    commands = [step.get("run", "") for step in job["steps"]]
+    assert not any("make" in command for command in commands)
+    assert sum('-m "not ci"' in command for command in commands) == 1
+    assert {"workflow_dispatch", "push"} <= workflow[True].keys()  # YAML reads `on` as true
+    install = (ROOT / "docs" / "install.md").read_text(encoding="utf-8")
+    assert "No job of it has run yet" in install
+
+
 def test_zenodo_and_citation_describe_the_same_program():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     zenodo = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))

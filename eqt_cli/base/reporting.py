@@ -280,6 +280,9 @@ class TextTable:
 # Findings in a notebook ---------------------------------------------------------------------------
 
 
+SHOWN_AT_ONCE = 6
+"""Most rows of a table that a notebook shows without a click."""
+
 MOST_LINES = 20
 """Largest number of lines or rows of a finding that a notebook shows."""
 
@@ -321,7 +324,7 @@ class InNotebook(ABC):
 
     def _repr_html_(self) -> str:
         rows = self.records()
-        names = list(dict.fromkeys(name for row in rows for name in row))
+        names = list(dict.fromkeys(name for row in rows for name in row if row[name] is not None))
         lines = ["".join(f"<th>{escape(str(name))}</th>" for name in names)]
         for row in rows[:MOST_LINES]:
             values = [row.get(name, "") for name in names]
@@ -329,7 +332,10 @@ class InNotebook(ABC):
             lines.append("".join(f"<td>{escape(cell)}</td>" for cell in cells))
         table = "".join(f"<tr>{line}</tr>" for line in lines)
         more = f"<p>… {len(rows) - MOST_LINES} more rows</p>" * (len(rows) > MOST_LINES)
-        return f"<pre>{escape(repr(self))}</pre><table>{table}</table>{more}"
+        nested = any(isinstance(value, list | dict) for row in rows for value in row.values())
+        is_short = " open" * (len(rows) <= SHOWN_AT_ONCE and not nested)
+        head = f"<details{is_short}><summary>{count_of(len(rows), 'row')}</summary>"
+        return f"<pre>{escape(repr(self))}</pre>{head}<table>{table}</table>{more}</details>"
 
 
 def count_of(number: int, noun: str) -> str:

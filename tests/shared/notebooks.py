@@ -1,4 +1,4 @@
-"""Executes the notebooks of examples; `python tests/shared/notebooks.py` writes their output anew."""
+"""Executes the notebooks of examples; run as a program, it stores their output anew."""
 
 from __future__ import annotations
 

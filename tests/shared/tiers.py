@@ -11,12 +11,12 @@ import hashlib
 import json
 import os
 import statistics
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 from time import process_time  # by its own name, which no test replaces
 from typing import Any, Literal
 
@@ -44,7 +44,11 @@ COMPLETE = 0.95
 
 
 def processor_time() -> float:
-    """The s of the processor of this process and of its children that have ended."""
+    """The s of the processor of this process and, but on Windows, its children that have ended."""
+    if sys.platform == "win32":
+        return process_time()
+    from resource import RUSAGE_CHILDREN, getrusage
+
     children = getrusage(RUSAGE_CHILDREN)
     return process_time() + children.ru_utime + children.ru_stime
 
