@@ -10,6 +10,8 @@ from docutils import nodes
 from sphinx.transforms.post_transforms import SphinxPostTransform
 
 FOLDER = "figures/drawings/"
+READABLE = 0.72
+"""Least scale at which the text of a drawing can be read; on a phone, a wider one scrolls."""
 
 
 class Inline(SphinxPostTransform):
@@ -26,9 +28,12 @@ class Inline(SphinxPostTransform):
                 self.env.note_dependency(FOLDER + name)
                 source = re.sub(r"<style>.*?</style>", "", source, count=1, flags=re.S)
                 alt = image.get("alt", "").replace('"', "&quot;")
+                width = int(re.search(r' width="(\d+)"', source)[1])
+                least = f'style="--least: {round(READABLE * width)}px" '
                 source = source.replace(
-                    "<svg ", f'<svg class="drawing" role="img" aria-label="{alt}" ', 1
+                    "<svg ", f'<svg class="drawing" {least}role="img" aria-label="{alt}" ', 1
                 )
+                source = f'<div class="drawing" tabindex="0">{source}</div>'
                 image.replace_self(nodes.raw("", source, format="html"))
 
 

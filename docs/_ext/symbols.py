@@ -7,9 +7,10 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 
 MARKS = "\u0300-\u036f"
 SYMBOL = re.compile(
-    rf"(?<![A-Za-z_.\\])((?:[Aa]d|[A-Za-zΑ-Ωα-ω𝕀Ḁ-ỹ])[{MARKS}]*)_([A-Za-z0-9Α-Ωα-ω]{{1,5}}(?:,[a-z])?)(?![A-Za-z0-9_])"
+    rf"(?<![A-Za-z_.\\])((?:[Aa]d|[A-Za-zΑ-Ωα-ω𝕀Ḁ-ỹ])[{MARKS}]*)_(?!(?:dot|value)\b)([A-Za-z0-9Α-Ωα-ω]{{1,5}}(?:,[a-z])?)(?![A-Za-z0-9_])"
 )
-"""A letter (or Ad, ad) with its marks and a short subscript; names of files and keys are longer."""
+"""A letter (or Ad, ad) with its marks and a short subscript; names of files and keys are longer,
+except b_dot and p_value."""
 
 
 class Subscripts(SphinxPostTransform):

@@ -13,7 +13,7 @@ LONGEST = 48
 """Characters; what is longer is prose that begins with a number."""
 
 SIGN = r"[-+−±<>≤≥≈~]?\s?"
-DIGITS = r"\d[\d.,:·×⁰¹²³⁴⁵⁶⁷⁸⁹⁻^e+−–\-±%()\[\]∞ \u00a0]*"
+DIGITS = r"\d[\d.,:/·×⁰¹²³⁴⁵⁶⁷⁸⁹⁻^e+−–\-±%()\[\]∞ \u00a0]*"
 UNITS = r"(?:[^\W\d_][\w²³⁻¹/·]{0,4} ?){0,3}"
 NUMBER = re.compile(SIGN + DIGITS + UNITS)
 

@@ -76,9 +76,9 @@ TORQUE, DAMPING, TORQUE_RATE = "torque", "torque s", "torque/s"
 STIFFNESS, MOMENTUM, INERTIA = "stiffness", "momentum", "inertia"
 POSE, VELOCITY = "pose", "velocity"
 MEASURED = "measured"
-"""A unit that is that of `POSE` or `VELOCITY`, by the place of a sensor."""
+"""The unit of `POSE` or `VELOCITY`, by the place of a sensor."""
 ANY = "any"
-"""Any unit: of a number whose key is not known where it is read."""
+"""Any unit, for a number that is read before its key is known."""
 
 _OF_PART = {
     TORQUE: "{force}",
@@ -99,7 +99,7 @@ _PARTS = (("rad", "s", "N m"), ("m", "s", "N"), ("m", "s^2", "N s"))
 
 
 class UnitPlace(NamedTuple):
-    """Where a number is written: what decides its unit.
+    """Place of a number, which decides its unit.
 
     Attributes
     ----------
@@ -204,7 +204,7 @@ def number_of(value: Any) -> Any:
     Raises
     ------
     ValueError
-        If it is none; the message says what was expected.
+        If it is none; the message has the expected values.
     """
     if not isinstance(value, str):
         return value
@@ -543,7 +543,7 @@ def _meant(unknown: Iterable[KeyPath], kind: Any, common: tuple[str, ...]) -> se
 
 
 def _unknown_at(path: KeyPath, kind: Any, common: tuple[str, ...]) -> str:
-    """Return the message for an unknown key, which may be that of a section: gains.kp for kp."""
+    """Return the message for an unknown key, which may belong to a section: gains.kp for kp."""
     key, keys = str(path[-1]), known_keys(kind, path[:-1], common)
     for name, field in getattr(kind, "model_fields", {}).items() if len(path) == 1 else ():
         models = (field.annotation, *get_args(field.annotation))
@@ -562,7 +562,7 @@ def _unexpected(alternatives: list[str], value: Any, path: KeyPath) -> str:
 
 
 def _expectation(code: str, context: Mapping[str, Any]) -> str:
-    """Return what was expected, in words; a bound that is no whole number is of any number."""
+    """Return the expected values in words; a bound that is no whole number is of any number."""
     words = _EXPECTED[code].format(**context)
     if any(isinstance(context.get(bound), float) for bound in ("ge", "lt")):
         return words.replace("a whole number", "a number").removesuffix(".0")

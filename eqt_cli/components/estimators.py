@@ -136,7 +136,7 @@ class Estimate(NamedTuple):
     age : (..., m)
         Ticks since that measurement.
     drift, share : (..., m)
-        Of the next prediction: the ticks through which the bias drifts, 0 without a measurement at
+        For the next prediction: ticks through which the bias drifts, 0 without a measurement at
         its end, and the weight of that measurement, 0 where it is not known yet.
     """
 
@@ -244,8 +244,6 @@ class Estimator(VehiclePart):
         self, schedule: Schedule, now: Estimate, fix: Fix
     ) -> tuple[Estimate, Array | None]:
         """Return the estimate after a fix, and the whitened innovations ``(..., m)``, if any."""
-
-    # Common to all kinds.
 
     def states(self, schedule: Schedule) -> dict[str, int]:
         """Return the length of each state that is kept from instant to instant, by name."""
@@ -541,7 +539,7 @@ class ErrorStateFilter(Estimator):
     """The base class of filters with a covariance, which differ in how they apply a correction.
 
     A step of h seconds is Q̂ ← Q̂ exp(x) with x = ½h(V_k − n̂ + V_k+1) − hb̂ of two measured
-    velocities. The noise n of one counts in both steps beside it, and Σ has its rows:
+    velocities. The noise n of one enters the steps before and after it, so Σ has its rows:
     ε ← Ad_exp(x)⁻¹ ε − J(−x) h(b̃ + ½(n − n̂) + ½(n' + w)), b̃ ← b̃ + w, n ← n', with n' of deviation
     σ_v, and w of √h σ_b. A fix is taken coordinate by coordinate, in Joseph form.
 
@@ -585,8 +583,6 @@ class ErrorStateFilter(Estimator):
     @abstractmethod
     def moved(self, G: MatrixLieGroup, now: Estimate, by: Array) -> Estimate:
         """Return the estimate moved by a correction of (ε, b̃, n), ``(..., 3m)``."""
-
-    # Options.
 
     @property
     def varies(self) -> bool:
@@ -658,8 +654,6 @@ class ErrorStateFilter(Estimator):
             "deviations greater than 0"
         )
 
-    # The filter.
-
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:
         """Return the estimate at the start, at a pose, with its covariance."""
         bias = np.zeros_like(pose, shape=(*pose.shape[:-2], G.dimension))
@@ -674,7 +668,7 @@ class ErrorStateFilter(Estimator):
     ) -> Estimate:
         """Return the estimate with Q̂ exp(hV̂), and Σ after the step that the class describes.
 
-        Where no velocity is known at the end, the last one counts alone and n stays, less the drift
+        Without a velocity at the end, the last one is used alone, and n stays, less the drift
         of a bias that is not known yet.
         """
         G, m, S = schedule.G, schedule.G.dimension, now.covariance
@@ -790,7 +784,7 @@ class Eqf(ErrorStateFilter):
 class Invariant(ErrorStateFilter):
     """Left-invariant extended Kalman filter with a bias of the velocity.
 
-    Barrau and Bonnabel, IEEE Trans. Autom. Control 62 (2017) 1797, with the bias beside the pose:
+    Barrau and Bonnabel, IEEE Trans. Autom. Control 62 (2017) 1797, with the bias next to the pose:
     the residual of a fix is ε + n, and a correction δ gives Q̂ exp(δ_ε) and b̂ + δ_b.
     """
 

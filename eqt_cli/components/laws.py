@@ -60,7 +60,7 @@ class Controller(TimeVarying, Component):
         The BibTeX entry of the publication that the law is after; "" of the paper's own laws.
     matched
         Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
-        of the paper's laws are, so that equal gains make a fair comparison. None: not known.
+        of the paper's laws are, so that equal gains make a fair comparison. None: unknown.
     claims_decrease
         Whether L is claimed to decrease along every trajectory; None: not known.
     weight
@@ -208,7 +208,7 @@ class Controller(TimeVarying, Component):
     def initial_memory(self, s: Tracking) -> Arrays:
         """Return the states at the start of a run, ``(..., length)`` each; 0 for those left out.
 
-        In `s`, all states of the law are 0.
+        All states of the law in `s` are 0.
         """
         return {}
 
@@ -291,7 +291,7 @@ class OuterLoop(CountsInstants):
     direction
         The body axis along which it pushes a rigid body; empty until it knows the plant.
     undefined
-        Where it has no command, and the remedy, in words; "" where it always has one.
+        States without a command, and the remedy, in words; "" if there are none.
     """
 
     inner: Any = None
@@ -377,7 +377,7 @@ class LinearPlant(NamedTuple):
     period
         Control period, s; None for a continuous plant.
     differs
-        What is not at the end of the horizon as at its begin, in words; "" where all repeats.
+        A quantity that does not repeat at the end of the horizon, in words; "" if all do.
     """
 
     times: Array
@@ -484,7 +484,7 @@ class RunsCode(Controller):
 
     @property
     def unfailing(self) -> Self:
-        """The law without the memory of what it does where its code fails."""
+        """The law without the memory that it keeps for failed calls."""
         return self
 
     by_processor: ClassVar[bool] = True  # it is compiled on this machine

@@ -57,7 +57,7 @@ NEAR = 1e-12
 """A solved thrust so near its limit, in N and relative to it, is at the limit."""
 
 MOST = 12
-"""Thrusters that an allocation by priority takes: the faces of what they reach are many."""
+"""Most thrusters of an allocation by priority: the reachable set has many faces."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Failure(Keys):
     Attributes
     ----------
     rotor
-        Which one: its number, from 1, or its name.
+        Number, from 1, or name of the thruster.
     at
         When, s.
     to
@@ -149,7 +149,7 @@ class Jets(Keys):
         The shortest time for which a jet is on, s, rounded to whole instants: its impulse bit over
         its thrust.
     every
-        Time from the beginning of one pulse to that of the next, s; without the keys below.
+        Time from the start of one pulse to the start of the next, s; without the keys below.
     gain
         K.
     time_constant
@@ -232,7 +232,7 @@ class Thrusters(Actuator):
         in every direction. `bounded`: thrusts within the limits whose torque is nearest to the
         command in least squares, N m and N weighted equally: a light body loses torque. `{kind:
         priority, order: [[torque x, torque y], force, torque z]}`: meets each group of directions
-        as far as the groups before it allow, and scales a group of several by one factor up to 1.
+        as far as the groups before it allow, and scales a group of several by a factor up to 1.
         The last two act at control instants.
     least
         Smallest singular value of B, with each row divided by its norm, relative to the largest.
@@ -381,8 +381,6 @@ class Thrusters(Actuator):
         named = [Thruster([], [], name=name) for name in self.thruster_names]
         return with_fields(part, thrusters=named, **used, **values)
 
-    # What changes over time.
-
     @property
     def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
         """Whether a thruster fails, or the battery sags."""
@@ -423,10 +421,8 @@ class Thrusters(Actuator):
         return with_fields(self, share=share, inverse=inverse)
 
     def _left(self, thrusts: Array) -> Array:
-        """Return what is left of commanded thrusts."""
+        """Return the thrusts after failure and sag."""
         return thrusts if self.share is None else self.share * thrusts
-
-    # The thrusts.
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: thrusts that are solved for, `Jets`, thrusts that lag."""
@@ -593,7 +589,7 @@ class Thrusters(Actuator):
             problems.add(f"lacks {', '.join(left)}; name each direction in which thrusters push")
 
     def _check_changes(self, problems: Problems) -> None:
-        """Note unknown spins, thrusters and shares, and an allocation that is told in vain."""
+        """Note unknown spins, thrusters and shares, and a `told` that no allocation uses."""
         spins = self.runs and all(each.turns for each in self.thrusters or [Thruster([], [])])
         if self.rotor_inertia is not None and not spins:
             problems.at("rotor_inertia").add(
@@ -702,7 +698,7 @@ class Thrusters(Actuator):
 
 
 def _norms(B: Array) -> Array:
-    """Return the norms of the rows, ``(m, 1)``; 1 for rows that are 0 beside the largest."""
+    """Return the norms of the rows, ``(m, 1)``; 1 for rows that are 0 relative to the largest."""
     largest = np.maximum(np.abs(B).max(axis=1, keepdims=True), np.finfo(float).tiny)
     norms: Array = largest * np.linalg.norm(B / largest, axis=1, keepdims=True)  # none overflows
     return np.where(norms > SMALLEST * norms.max(), norms, 1.0)
@@ -817,9 +813,9 @@ def _axes(word: str, names: Sequence[str], B: Array) -> list[int]:
 
 
 def _faces(C: Array, low: Array, high: Array) -> tuple[Array, ...]:
-    """Return C⁻¹, and the faces of what the first r rows of C reach within limits, for each r.
+    """Return C⁻¹, and for each r the faces of the set that r rows of C reach within limits.
 
-    What they reach is a zonotope; the normal of each face is that of r − 1 columns. A face gives a
+    The set is a zonotope; the normal of each face is normal to r − 1 columns. A face gives a
     range of y_r from the numbers y before it, [l + w·y, h + w·y], here as a row (l, h, w).
     """
     norms, faces = _norms(C), [np.linalg.inv(C)]
@@ -841,7 +837,7 @@ def _faces(C: Array, low: Array, high: Array) -> tuple[Array, ...]:
 def _by_priority(command: Array, groups: Sequence[Sequence[int]], faces: Sequence[Array]) -> Array:
     """Return the numbers y of groups, as near to the command as the faces and those before allow.
 
-    Of a group of several, c is nearest to 0 one number after the other, 0 if that is within reach;
+    For a group of several, c is the reachable point nearest to 0, coordinate by coordinate;
     y = c + s (d − c) with the largest s ≤ 1. Groups without axes are thrusts without effect.
     """
     y = command[..., :0]

@@ -586,7 +586,7 @@ class Sweep(Design):
     blocks
         Designs over different keys.
     section
-        What describes them in a configuration: a list, or a single block by itself.
+        Their description in a configuration: a list, or a single block.
     points
         The combinations that count, numbered from 0 in this order; None for all.
     """

@@ -1,7 +1,7 @@
 """An experiment: what the sections of a configuration describe, and how it is solved.
 
-It is made in two rounds: all keys are validated, each by itself; then what needs several sections,
-or files, is built. Each round reports everything that is wrong.
+First, each key is validated; then parts that need several sections or files are built. Each round
+reports all its problems together.
 """
 
 import json
@@ -262,7 +262,7 @@ class Experiment:
 def numeric(resolved: Mapping[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
     """Return the part of a resolved configuration that affects the numbers, with hashes of files.
 
-    The names of files do not count: the folder of a result holds them under names of its own.
+    The names of files do not count, because the folder of a result holds them under other names.
     """
     numbers = {
         key: value for key, value in resolved.items() if schema.WORDS not in schema.marks_of(key)
@@ -315,7 +315,7 @@ class Start:
     files: dict[str, str] = field(default_factory=dict)
 
     def numbers(self, G: MatrixLieGroup, seed: int, run: int) -> tuple[Array, Array]:
-        """Return the random numbers of a run: of its pose, and then of its velocity, ``(m,)``."""
+        """Return the random numbers of a run, ``(m,)`` for its pose and then for its velocity."""
         random = generator(seed, Stream.INITIAL_STATE, run)
         return self.poses.draw_of_run(G, random, run), self.velocities.draw_of_run(G, random, run)
 
@@ -368,7 +368,7 @@ class Law:
 
 
 class LastPoint:
-    """What was made at the last point of a sweep, and of what.
+    """The parts built at the last point of a sweep, by their inputs.
 
     The next point takes over what it would make of the same objects.
     """
@@ -379,7 +379,7 @@ class LastPoint:
         self._made: dict[str, tuple[Any, ...]] = {}
 
     def take(self, name: str, problems: Problems, make: Callable[[], Any], *parts: Any) -> Any:
-        """Return what is made of some parts; the same again where they are those of last time."""
+        """Return the part built from these inputs; the last one if they have not changed."""
         *last, made = self._made.get(name, (None,))
         if len(last) != len(parts) or not all(map(is_, last, parts)):
             made = make()
@@ -404,7 +404,7 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     Raises
     ------
     ConfigError
-        With every problem of the keys, or else of what is built of them, each at its place.
+        With every problem of the keys or, if they are right, of the parts, each at its place.
     """
     problems, home, last = Problems(document.place), document.home, last or LastPoint()
     plugins = load_plugins(document, problems)

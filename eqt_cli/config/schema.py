@@ -120,7 +120,7 @@ SettlingThreshold = Annotated[
     | Annotated[dict[str, Positive], Unit(POSE), Field(min_length=1), Tag("parts")],
     one_of(_threshold_kind, "a number, an angle such as 2 deg, or {part: threshold, …}"),
 ]
-"""Of the pose error, or by the names of the group's parts: angles of rotations, and distances."""
+"""Bound of the pose error, or of its parts by name: angles of rotations, and distances."""
 
 
 AnyForce = Annotated[Force, PartKind(forces)]
@@ -748,7 +748,7 @@ TunedAxis = Annotated[
 
 
 class WorstRunSection(Section):
-    """A bound that every run keeps, and not only their mean.
+    """A bound for every run instead of the mean.
 
     Attributes
     ----------
@@ -905,7 +905,7 @@ class WorstSection(SearchSection):
 
 
 class TargetSection(Section):
-    """Where `task: stabilise` is to end.
+    """Pose at which `task: stabilise` ends.
 
     Attributes
     ----------
@@ -938,13 +938,13 @@ class Config(Section):
     reference
         The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`.
     target
-        Where to come to rest, for `task: stabilise`.
+        Pose to come to rest at, for `task: stabilise`.
     model
         The forces that laws know, and counteract.
     controllers
         Control laws to compare, from the same initial states (`eqt list controllers`).
     plant
-        Where what flies is not what the laws believe: `inertia`, and `forces`.
+        The plant, where it differs from what the laws know: `inertia`, and `forces`.
     actuators
         What a command passes on its way to the plant, in order (`eqt list actuators`).
     control
@@ -954,7 +954,7 @@ class Config(Section):
     estimator
         The filter whose estimate the laws read (`eqt list estimators`).
     initial
-        Where the runs start.
+        Initial states of the runs.
     ensemble
         How many runs.
     time

@@ -536,7 +536,7 @@ def _check_agreement(sensors: Sequence[Sensor], part: str, problems: Problems) -
 def check_estimator(
     vehicle: Vehicle, G: MatrixLieGroup, without_clock: bool, problems: Problems
 ) -> None:
-    """Note an estimator without a clock or without fixes, and what is wrong with it for them."""
+    """Note an estimator without a clock or without fixes, and its wrong options."""
     here, estimator = problems.at("estimator"), vehicle.estimator
     assert estimator is not None
     if without_clock:
@@ -554,7 +554,7 @@ def check_estimator(
 T = TypeVar("T")
 
 MOST_DELAY = 1000
-"""Largest number of ticks of a delay; a state holds what was commanded or measured at each."""
+"""Largest number of ticks of a delay; each needs a state for its command or measurement."""
 
 MOST_INSTANTS = 1_000_000
 """Largest number of control instants of a run."""

@@ -1,4 +1,4 @@
-"""Compiles C on this machine in contained processes, and keeps what was compiled."""
+"""Compiles C on this machine in contained processes, and keeps the libraries."""
 
 import ctypes
 import errno
@@ -29,8 +29,8 @@ from eqt_cli.base.reporting import reporter, subject
 
 # Runs a program with limits, in an empty folder; it ends with this process, however that ends -----
 #
-# A compiler reads text that somebody wrote, and what it makes is code: neither may take all memory,
-# fill the disk, or go on for ever.
+# The text may be hostile, and so may the compiled code: neither may take all memory, fill the
+# disk, or go on for ever.
 
 
 WINDOWS = os.name == "nt"
@@ -202,7 +202,7 @@ def temporary_folder() -> Iterator[Path]:
         yield Path(folder.name)
 
 
-# The cache of compiled laws of a user: files in a folder that nobody else can write to ------------
+# The cache of compiled laws of a user, in a folder to which only the user can write ---------------
 #
 # They are loaded as code. A file has the digest of its content in its name, so that a damaged one
 # is not used.
@@ -224,7 +224,7 @@ class Cache:
     def find(self, key: str, ending: str) -> bytes | None:
         """Return an intact file of this key, if there is one; anything else is removed.
 
-        What is returned is what was checked: nobody reads the file a second time.
+        The returned bytes are those that were checked: the file is not read a second time.
         """
         for path in self.folder.glob(f"{key}-*{ending}"):
             with suppress(OSError):
@@ -306,7 +306,7 @@ def _is_private(status: os.stat_result) -> bool:
 
 
 def _is_safe(status: os.stat_result) -> bool:
-    """Return whether nobody but this user and the system can replace what is in a folder.
+    """Return whether only this user and the system can replace the files in a folder.
 
     As ssh asks of the folders above a key. With its sticky bit, as /tmp, a folder lets others
     replace only what is theirs.

@@ -401,7 +401,7 @@ class Integrator(ABC):
         self.vector_field = lambda t, states: loop.vector_field(span.inside(t), states)
 
     def room(self, span: Span) -> Array:
-        """Return an array for the samples of a span; what is written there need not be copied."""
+        """Return an array for the samples of a span, into which an engine may write directly."""
         length = self.problem.loop.moving_length
         if self.samples is None or length < self.samples.shape[-1]:
             return np.empty((len(self.runs), span.later, length))
@@ -518,7 +518,7 @@ def walked(
     contexts = [copy_context() for _ in groups]
     with ThreadPoolExecutor(threads) as pool:  # for a thread in C handles no signals
         try:
-            # After an error no further group is begun.
+            # After an error, no further group starts.
             for _ in pool.map(lambda context, group: context.run(walk, group), contexts, groups):
                 pass
         except BaseException:
@@ -528,7 +528,7 @@ def walked(
 
 
 Failures = dict[int, tuple[Span, Failure | None]]
-"""Where runs of a group failed, and why; None for those that others may have stopped."""
+"""Times and reasons of failed runs of a group; None for runs that others may have stopped."""
 
 
 def _walk(integrator: Integrator, solution: Solution, runs: Array, progress: Progress) -> None:
@@ -829,7 +829,7 @@ class Engine(Component):
         return replace(solution, numbers=numbers, arrays=arrays)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
-        """Return the work, as `counted`, at which no decaying error grows; 0 if there is no limit.
+        """Return the work, as `counted`, from which decaying errors stop growing; 0: no limit.
 
         Parameters
         ----------

@@ -61,7 +61,7 @@ from eqt_cli.loop.law_program import (
 from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.program import Chain, Program, traced
 
-# The programs of a loop: its field, its control instants, and what is measured --------------------
+# The programs of a loop: field, control instants, measurements ------------------------------------
 
 
 ROWS = "law_rows"
@@ -167,7 +167,7 @@ class InstantPrograms:
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
-    """Return the law of a loop by itself, with all that it gives.
+    """Return the law of a loop alone, with all its outputs.
 
     Raises
     ------
@@ -616,7 +616,7 @@ STEP_SHARE = 1 / 30
 """The tolerance of a step, as a fraction of the accuracy that the results are judged by."""
 
 SMALLEST_RTOL = 1000 * float(np.finfo(float).eps)
-"""Smallest `rtol`: of a hundredth of it, the fraction for a step is still above rounding."""
+"""Smallest `rtol`: a hundredth of it, the error of a step, is still above rounding."""
 
 WORTH_COMPILING = 200
 """Number of samples or spans from which a few runs as Python take longer than to compile a law."""

@@ -232,7 +232,7 @@ def looks(
     Parameters
     ----------
     variants
-        Whether the variants of a law differ in their dashes, and not the laws.
+        Whether dashes distinguish the variants of a law instead of the laws.
     """
     laws = [_laws(result) for result in results]
     every = list(dict.fromkeys(law for of in laws for law, _ in of))
@@ -602,13 +602,13 @@ class DesiredMotion:
     Attributes
     ----------
     name, path, digest
-        Name of the experiment, its configuration, and the hash of what affects its numbers.
+        Name of the experiment, its configuration, and the hash of all that affects its numbers.
     group
         The group G.
     motion
         Times, poses, velocities and torques, as of `ShownReference`.
     remarks
-        Where it is not finite, and where it jumps.
+        Times at which it is not finite, and at which it jumps.
     """
 
     name: str
@@ -716,7 +716,7 @@ def course(
 
 
 ELEVATION, AZIMUTH = np.deg2rad(22.0), np.deg2rad(35.0)
-"""Where the eye is that sees bodies obliquely from above, rad."""
+"""Direction of the eye, which sees bodies obliquely from above, rad."""
 
 
 def camera(elevation: float = ELEVATION, azimuth: float = AZIMUTH) -> Array:

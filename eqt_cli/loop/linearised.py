@@ -80,7 +80,7 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
 
 
 def _differs(about: "_About", **matrices: Array) -> str:
-    """Return what is not at the last time as at the first, in words; "" where all repeats."""
+    """Return the first quantity that does not repeat at the last time, in words; "" if all do."""
     s = about.loop.tracking(about.times, about.states)
     parts = {"Q_d": s.Qd, "V_d": s.Vd, "τ_d": s.tau_d + 0.0 * s.P, **matrices}
     for name, values in parts.items():
@@ -400,7 +400,7 @@ class _About:
 
     @cached_property
     def _counts(self) -> list[dict[str, tuple[float, ...]]]:
-        """What law and clocks count, at each tick of their own cycle, by stretch."""
+        """The counts of law and clocks at each tick of their cycle, by stretch."""
         vehicle = self.loop.vehicle
         if vehicle.control is None:
             return [{}]
@@ -729,7 +729,7 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
 
 
 DERIVATIVE = 1e-10
-"""Largest error of an entry of a matrix, relative to its row: a hundred times that of the
+"""Largest error of an entry of a matrix, relative to its row: a hundred times the error of the
 differences."""
 
 DEFECTIVE = 1e6
@@ -879,8 +879,8 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
 def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:
     """Return how errors at rest decay along each axis alone: bandwidth ω, rad/s, and damping ζ.
 
-    By 𝕀ε̈ + K_d ε̇ + Hε = 0 with the gains kp and kd, and by those of a position; couplings, limits,
-    lags and delays are left out.
+    Solves 𝕀ε̈ + K_d ε̇ + Hε = 0 with kp and kd, and for a cascade with the position's. Left out:
+    couplings, limits, lags and delays.
     """
     inner, position = loop.inside, getattr(loop.controller, "position", None)
     K, a = inner.gains.K, np.array(inner.axis)

@@ -130,8 +130,6 @@ class Result(KnownResult):
 
     of_all_points = (*KnownResult.of_all_points, "_wished", "out_of")
 
-    # Runs.
-
     @property
     def is_sweep(self) -> bool:
         """Whether the result has points, each of which is an experiment."""
@@ -211,8 +209,6 @@ class Result(KnownResult):
         """Describe a run given a row of `failures`: ``point 3 eqt run 17``."""
         *point, controller, run = where
         return f"{f'point {point[0]} ' if point else ''}{self.labels[controller]} run {run}"
-
-    # Sweeps.
 
     @cached_property
     def swept_keys(self) -> list[SweptKey]:
@@ -296,8 +292,6 @@ class Result(KnownResult):
         of_runs = (np.moveaxis(self.read(name), self.dims(name).index("run"), 0) for name in names)
         return all(np.allclose(x, x[:1], rtol=ROUNDING, equal_nan=True) for x in of_runs)
 
-    # Trajectories.
-
     @property
     def run_dimension(self) -> str:
         """Dimension of the runs with trajectories: ``run`` or ``stored_run``."""
@@ -379,8 +373,6 @@ class Result(KnownResult):
         turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
         return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
 
-    # Units.
-
     def in_units(self, texts: Sequence[str]) -> "Result":
         """Return this result with its numbers and signals in other units.
 
@@ -437,7 +429,7 @@ class Result(KnownResult):
         return unit if name in self.coordinates else self.shown_in(name, unit)[0]
 
     def factor(self, name: str) -> Any:
-        """Return the factor from a variable in the file to what is shown; one for each axis."""
+        """Return the factor from a variable in the file to the shown unit, one for each axis."""
         if not (self._wished and self.has(name)):
             return 1.0
         signal, units = signal_of(name.removeprefix("desired_")), [super().units(name)]
@@ -606,7 +598,7 @@ class Result(KnownResult):
         if signal is None or len(parts) < 2:
             return []
         units = [signal.unit_in(part) for part in parts]
-        # A metric derives its unit from that of its signal.
+        # A metric derives its unit from its signal's.
         of = [unit if self.is_over_time(name) else quantity.unit(unit) for unit in units]
         return list(dict.fromkeys(of)) if len(set(of)) > 1 else []
 
@@ -632,7 +624,7 @@ class Result(KnownResult):
     def headlines(self) -> list[str]:
         """The names of the numbers of a summary that all runs have, those of parts if units differ.
 
-        The torque is that of the first seconds, as in the paper, if its laws fly the paper's loop;
+        The torque is of the first seconds, as in the paper, if its laws fly the paper's loop;
         else it is the mean and the largest one. Settling is there where a rate decides on it.
         """
         without = {"mean_torque", "peak_torque"} if self._flies_papers_loop else {"early_torque"}

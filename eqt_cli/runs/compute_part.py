@@ -133,7 +133,7 @@ def compute_part(
                 assert reference is not None
                 law = block.problem.loop.controller
                 code = law if isinstance(law, RunsCode) else None
-                _ = code and code.drained()  # of what was tried before
+                _ = code and code.drained()  # of earlier attempts
                 slab.add(block, _solve(block, reference, *slab.wanted(block), context))
                 slab.seconds = np.append(slab.seconds, code.drained() if code else [])
                 if not slab.ended[block.rows].all():
@@ -259,7 +259,7 @@ class Slab:
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.
 
-        And whether some of its runs need signals or states besides numbers.
+        Whether some of its runs need signals or states in addition to numbers.
         """
         stored = (self._stored[batch.rows] >= 0).any()
         kinds = {ValuePer.RUN, ValuePer.TRAJECTORY} if stored else {ValuePer.RUN}
@@ -287,7 +287,7 @@ class Slab:
             self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
     def _keep(self, batch: Batch, name: str, stored: Array, values: Arrays) -> None:
-        """Store a signal of the runs with trajectories; of a law, the numbers that it has."""
+        """Store a signal of the runs with trajectories; of outputs, those that each law has."""
         dataset, rows = self.data[name], stored[stored >= 0]
         if name != LAW_OUTPUT:
             dataset[rows] = values[name][stored >= 0][:, self.samples]
@@ -586,7 +586,7 @@ def _find_undefined(first: Solution) -> None:
 def _find_by_rounding(batch: Batch, first: Solution, threads: int) -> None:
     """Set the status `BY_ROUNDING` for runs that start within rounding of an unstable motion.
 
-    In such a motion a velocity stays, or the pose is critical; and an error of `NEAR` at the start
+    In such a motion, the velocity stays or the pose is critical; an error of `NEAR` at the start
     becomes `LARGE`. So it does even where a run, by rounding, does not leave it until its end.
     """
     still = np.fmin(first.numbers[STILL], first.numbers["unstable_distance"])

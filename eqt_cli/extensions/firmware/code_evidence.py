@@ -287,10 +287,10 @@ class Tolerance(NamedTuple):
 
 
 COARSE = {"double": Tolerance(1e-9, 1e-7), "float": Tolerance(1e-4, 1e-3)}
-"""Of a complete explanation, with many roundings, as of the inverse of a sine."""
+"""For a complete explanation, with many roundings, as in the inverse of a sine."""
 
 FINE = {"double": Tolerance(1e-13, 1e-12), "float": Tolerance(5e-5, 5e-5)}
-"""Of a small difference: some 500 roundings, whose unit is 2²⁹ times as large in float."""
+"""For a small difference: some 500 roundings, whose unit is 2²⁹ times as large in float."""
 
 ENOUGH = 60
 """Number of states used; each gives an equation per torque entry, for about a dozen unknowns."""
@@ -431,7 +431,7 @@ def _quadratic(question: Question, inputs: LawInput) -> list[dict[str, Array]]:
 
 
 def _fitted(torque: Array, basic: dict[str, Array], moving: dict[str, Array]) -> LawParts:
-    """Find the coefficients of the parts in a law; the remainder becomes a part of its own."""
+    """Find the coefficients of the parts in a law; the remainder becomes a further part."""
     scale = np.abs(torque).max()
     columns = {
         name: column
@@ -592,7 +592,7 @@ class TorqueExplanation:
 
     @property
     def words(self) -> str:
-        """Description of the differences, and of what is equal."""
+        """Description of the differences and of the equal parts."""
         if not self.is_complete:
             share = f"{100 * self.left:.2g} % of the torque"
             return f"no sum of the law's parts in any frame: {share} is none of them"
@@ -650,7 +650,7 @@ def explained(
                 break
         if cheapest:
             return cheapest if cheapest.words else explained_finely(question, torque, real)
-    # An assumed mistake must at least halve what is left.
+    # An assumed mistake must at least halve the remainder.
     return min(explanations, key=lambda x: x.left * (2.0 if x.assumed else 1.0))
 
 
@@ -693,7 +693,7 @@ def in_parts(
 def _symmetric(question: Question) -> Array:
     """Return the stiffness torque of the symmetric part of the pose error.
 
-    It appears if the code forgets to subtract the transpose, or subtracts that of a wrong matrix.
+    It appears if the code does not subtract the transpose, or subtracts a wrong one.
     """
     G, inputs = question.loop.group, question.inputs
     error = G.inverse(inputs.desired_pose) @ inputs.pose
@@ -833,7 +833,7 @@ KNOWN = "known forces, such as gravity"
 
 
 def explained_cascade(question: Question, wrench: Array, real: str) -> str:
-    """Describe how the wrench of code differs from that of a cascade."""
+    """Describe how the wrench of code differs from the cascade's."""
     finite = np.isfinite(wrench).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
     usable = np.flatnonzero(finite)[:ENOUGH]
     few, wrench = question.of(usable), wrench[usable]

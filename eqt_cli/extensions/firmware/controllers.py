@@ -40,7 +40,7 @@ from eqt_cli.loop.signals import Metric
 from eqt_cli.numbers.leaves import STRUCTURE, leaves, with_fields
 from eqt_cli.numbers.running import SampledRuns
 
-# What code reads and returns: the names, frames, orders and units of its own ----------------------
+# Inputs and outputs of code, in its names, frames, orders and units -------------------------------
 
 
 Order = Literal["matrix", "columns", "quaternion wxyz", "quaternion xyzw", "roll-pitch-yaw"]
@@ -58,15 +58,15 @@ class Signal:
         Order of a rotation: matrix, columns (its transpose), quaternion wxyz, quaternion xyzw, or
         roll-pitch-yaw (R = R_z R_y R_x).
     frame
-        Frame of a vector: body, desired (that of Q_d) or space. Default: that of eqt.
+        Frame of a vector: body, desired (of Q_d) or space. Default: as in eqt.
     unit
         Such as deg/s.
     scale, sign
         A factor, and a sign or one for each axis, or for each angle; a rotation R is S R S.
     torque
-        Of the output in Python: an expression of `result` and of the inputs.
+        The output in Python, as an expression of `result` and the inputs.
     per
-        Of the output: with inertia, it is an acceleration, and the torque is 𝕀 times it.
+        With `inertia`, the output is an acceleration, and the torque is 𝕀 times it.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
@@ -185,7 +185,7 @@ class Adapter:
     inputs
         Each name with its `Signal`.
     call
-        In Python, an expression of what is called, with the inputs, the numbers and `self`.
+        In Python, the call as an expression, with the inputs, the numbers and `self`.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = Controller.__pydantic_config__
@@ -277,12 +277,12 @@ class Code(_Numbers, RunsCode, Previews):
     real
         The type of its numbers.
     object_
-        In Python, `per run`: each run makes its object, and calls it in the order of time.
+        In Python, `per run`: each run makes its own object, and calls it in the order of time.
     on_failure
         The command of a failed call (it raises, returns None or, as ``int X_torque``, not 0):
         `hold` the last command (default), `zero`, or `stop` the run. With `as`, it stops.
     preview_
-        It is also given the reference at so many later `steps`, `every` so long, as `later_pose`,
+        The law also gets the reference at `steps` later times, `every` apart, as `later_pose`,
         `later_velocity` and `later_torque` (τ_d), and where it names it, `later_position`.
     """
 
@@ -341,7 +341,7 @@ class Code(_Numbers, RunsCode, Previews):
         self.law_of(G, problems)
 
     def _check_calls(self, problems: Problems) -> None:
-        """Note options of what it keeps, and of failures, that exclude each other."""
+        """Note options of memory and failures that exclude each other."""
         if self.object_ and self.memory_:
             problems.at("memory").add("the object of a run keeps all that it has; leave this out")
         if self.object_ and not self.code.is_python:
@@ -358,8 +358,6 @@ class Code(_Numbers, RunsCode, Previews):
             return law and law.loaded(None, G, problems)[0]
         problems.at("as").add("expected a law of eqt or of a plugin, got code")
         return None
-
-    # The code.
 
     @property
     def prefix(self) -> str:
@@ -415,7 +413,7 @@ class Code(_Numbers, RunsCode, Previews):
         Raises
         ------
         InputError
-            If its memory has another size than that of the law that it claims to be.
+            If its memory has another size than the memory of the law that it claims to be.
         """
         length, claimed = sum(function.lengths.values()), self.claimed
         expected = sum(claimed.memory(G).values()) if claimed else 0
@@ -565,8 +563,6 @@ class Code(_Numbers, RunsCode, Previews):
         signals = [each.signal.partition(".")[0] for each in self._adapted.inputs.values()]
         return signals or [*self.called.code.inputs]
 
-    # The claims.
-
     def defaults(self, G: MatrixLieGroup, gains: Gains) -> Mapping[str, Any]:
         """Return the law that it claims to be with the options that follow its gains."""
         return {"claimed": self.claimed and self.claimed.with_defaults(G, gains, self.as_)}
@@ -684,7 +680,7 @@ def with_code(document: Document, code: str, claimed: str | None, adapter: Path 
     code
         The file, and behind a colon its function.
     adapter
-        A file with its adapter. Default: the one beside it, ``lee.adapter.yaml``, if it is there.
+        A file with its adapter. Default: ``lee.adapter.yaml`` next to ``lee.c``, if it exists.
     claimed
         The law that the code claims to be: a kind, or the label of an entry, with its options and
         gains; None to keep the statement of the entry, if any.

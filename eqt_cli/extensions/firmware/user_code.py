@@ -39,7 +39,7 @@ from eqt_cli.extensions.firmware import python_law
 from eqt_cli.extensions.firmware.casadi_code import casadi_call
 from eqt_cli.extensions.firmware.decisions import Decision, watched
 
-# A user's C file with the files beside it that its preprocessor reads, as one text ----------------
+# A user's C file with the files next to it that its preprocessor reads, as one text ---------------
 #
 # They are kept as one text, in which every file stands as it was written. What is compiled is what
 # the preprocessor makes of that text, and of the headers of the system.
@@ -59,7 +59,7 @@ _BRINGS = re.compile(
 
 
 def gathered(file: Path) -> str:
-    """Return the text of a C file, and of all others beside it that its preprocessor reads.
+    """Return the text of a C file and of all files next to it that its preprocessor reads.
 
     Raises
     ------
@@ -172,7 +172,7 @@ UNTYPED, OBJECT, COMMON, THREADS = 0, 1, 5, 6
 """Types of an ELF symbol that are variables; one of an assembler has none."""
 
 IN_COMMON, RESERVED, WRITE = 0xFFF2, 0xFF00, 1
-"""Numbers of sections with a meaning of their own, and the flag of a section that is writable."""
+"""Numbers of sections with a special meaning, and the flag of a writable section."""
 
 SYMBOLS = 2
 """Type of the ELF section that lists all symbols."""
@@ -182,7 +182,7 @@ SECONDS = 60.0
 
 
 WITHOUT_STATE = set("memcmp memcpy memmove memset sincos sincosf _GLOBAL_OFFSET_TABLE_".split())
-"""Names that compilers call of their own accord, beside these."""
+"""Names that compilers call by themselves, in addition to `OF_COMPILERS`."""
 
 OF_COMPILERS = ("__", "_ZSt", "_ZNSt", "_ZNKSt", "_Zn", "_Zd", "_Unwind_")
 """What the names begin with that compilers call, and those of the standard library of C++."""
@@ -221,7 +221,7 @@ def _mathematical() -> set[str]:
 
 
 def _of_elf(made: bytes) -> Iterator[tuple[str, bool]]:
-    """Yield the names of variables (True), and of what the file does not define (False)."""
+    """Yield names: of variables (True), and those that the file does not define (False)."""
     (table,) = unpack_from("<Q", made, 40)
     size, count, _ = unpack_from("<3H", made, 58)
     # name, type, flags, address, offset, size, link, info, alignment, size of an entry
@@ -312,7 +312,7 @@ class UserCode(CodeFile):
     adapted
         The inputs with their shapes, as an adapter names them; empty without one.
     casadi
-        Whether X is a function that CasADi generated, and not X_torque.
+        Whether X is a function that CasADi generated (its signature is not X_torque's).
     """
 
     text: str = field(repr=False)
@@ -367,7 +367,7 @@ class UserCode(CodeFile):
 
     @cached_property
     def _plain(self) -> str:
-        """What is compiled of the text, without strings."""
+        """The compiled text, without strings."""
         return _COMMENT.sub(" ", self.preprocessed)
 
     def defines(self, function: str) -> bool:
@@ -489,7 +489,7 @@ class CodeFunction:
     lengths
         The length of each part of the memory, by name.
     fills
-        Whether what is not named of the memory is not 0 before a call.
+        Whether fields of the memory that are not named differ from 0 before a call.
     """
 
     code: UserCode
@@ -653,7 +653,7 @@ class Guest:
     Attributes
     ----------
     memory
-        The lengths of what a law in Python keeps, by name.
+        Lengths of the attributes that a law in Python keeps, by name.
     """
 
     def __init__(self, limits: Limits, law: Mapping[str, Any]) -> None:
@@ -731,7 +731,7 @@ MOST_SECONDS = 2.0
 class PythonFunction(CodeFunction):
     """A function in Python of the user's; its library is a pool of guests, which count no lines.
 
-    A thread has a guest of its own, so that runs are spread over cores as the engine spreads them.
+    Each thread has its own guest, so that runs are spread over cores as the engine spreads them.
     """
 
     watching, static_state = None, ([], [])
@@ -779,7 +779,7 @@ class Pool:
         return max(1, min(MOST_ROWS, int(MOST_SECONDS / max(self.slowest, 1e-9))))
 
     def owners(self, memory: Array) -> Array:
-        """Return the guest of each row: that which has its object, else that of this thread."""
+        """Return the guest of each row: the one that has its object, else this thread's."""
         mine = np.full(len(memory), self._of_thread())
         if not self.law["per_run"]:
             return mine
@@ -810,7 +810,7 @@ class Pool:
             reporter().remark(EqtWarning(f"{self.name} failed at an instant: {self.reason}"))
 
     def _of_thread(self) -> int:
-        """Return the guest of this thread: its last one, or that of a thread that has ended."""
+        """Return the guest of this thread: its last one, or one of a thread that has ended."""
         thread, alive = threading.get_ident(), {each.ident for each in threading.enumerate()}
         alive.discard(threading.main_thread().ident)
         with self.lock:
@@ -831,7 +831,7 @@ _tried: set[object] = set()
 def called(
     code: UserCode, numbers: Array, period: float, rows: Array, how: Mapping[str, Any]
 ) -> CodeFunction:
-    """Return the function of code after its first calls, in a process of their own.
+    """Return the function of code after its first calls in a separate process.
 
     Parameters
     ----------

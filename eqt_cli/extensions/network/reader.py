@@ -39,7 +39,7 @@ def table(name: str) -> Any:
 
 
 OPERATIONS: dict[str, Any] = table("operations.yaml")
-"""What is known of operations, by their names in ONNX."""
+"""Operations that eqt computes, by their names in ONNX."""
 
 ENTRIES: dict[str, str] = OPERATIONS["entries"]
 
@@ -269,7 +269,7 @@ class Built:
         raise InputError(f"{self.name}: has {what}, which eqt does not compute")
 
     def choose(self, memory: Mapping[str, str] | None) -> None:
-        """Choose what is observed and commanded, and which outputs are states a period later."""
+        """Choose inputs and commands, and pair outputs with the states of the next period."""
         vectors = dict(zip(self.inputs, self.length, strict=False))
         if memory is None:
             memory = self.memory or self.paired()
@@ -358,7 +358,7 @@ def _finite(values: Any, name: str) -> Any:
 
 
 def of_onnx(made: bytes, path: Path) -> Built:
-    """Return the network of an ONNX file, whose weights may stand in files beside it."""
+    """Return the network of an ONNX file, whose weights may be in files next to it."""
     try:
         import onnx
         import onnx.inliner
@@ -557,7 +557,7 @@ class _OfGraph:
                 raise InputError(f"it makes {size:,} numbers, and {MOST_NUMBERS:,} are allowed")
 
     def _cast(self, node: Any, values: list[Any], options: Mapping[str, Any]) -> list[Any]:
-        """Numbers stay as they are in another real type; true is what is not 0."""
+        """Numbers keep their value in another real type; a number other than 0 is true."""
         kinds, to = self.onnx.TensorProto, options.get("to")
         if to == kinds.BOOL:
             return [self._entry("Not", self._entry("Equal", values[0], 0.0))]

@@ -327,10 +327,10 @@ def is_definite(matrix: Array) -> bool:
     return not len(matrix)
 
 
-# How far a bounded wrench moves it ----------------------------------------------------------------
+# Disturbance bound: how far a bounded wrench moves the loop ---------------------------------------
 
-SLACK = 1e-6  # By which matrices are below 0, so that they stay so when Q and μ are rounded.
-STEPS = 2000  # Of a simulated push, over eight time constants.
+SLACK = 1e-6  # Keeps matrices below 0 when Q and μ are rounded.
+STEPS = 2000  # Steps of a simulated push, over eight time constants.
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
     "where": lambda condition, a, b: a if condition else b,
 }
-"""Functions of arrays that all numbers have alike."""
+"""Functions of arrays that all kinds of numbers share."""
 
 register_symbols(
     Bounded, _FUNCTIONS | {"less": lambda a, b: Bounded.of(a).value < Bounded.of(b).value}
@@ -418,10 +418,8 @@ class Exact(Number):
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is equal for all parameters and does not change in time."""
+        """Whether it is equal for all parameters and constant."""
         return not self.degree and not self.factors and self.rate is None
-
-    # The interface of all numbers.
 
     @property
     def nearest(self) -> float:
@@ -463,8 +461,6 @@ class Exact(Number):
     def _is_zero(self) -> bool:
         """Whether it is 0 for all parameters, because a polynomial of degree 0 is constant."""
         return not self.numerator and not self.degree and self.rate is None
-
-    # Arithmetic.
 
     def __add__(self, other: Any) -> Exact:
         if not isinstance(other, Exact):

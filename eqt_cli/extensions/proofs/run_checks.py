@@ -152,7 +152,7 @@ class PoseBounded(Hypothesis):
     section: ClassVar[float] = 6.41
 
     def check(self, setting: Setting) -> list[Row]:
-        """The supremum, and what is known of it."""
+        """The supremum, and whether it is bounded."""
         measured, verdict = _over_horizon(frobenius(setting.desired_pose))
         if setting.loop.group.compact:
             return [self.row(Verdict.HOLDS, measured, remark="the group is compact")]
@@ -169,7 +169,7 @@ class VelocityBounded(Hypothesis):
     section: ClassVar[float] = 6.42
 
     def check(self, setting: Setting) -> list[Row]:
-        """The supremum, and what is known of it."""
+        """The supremum, and whether it is bounded."""
         measured, verdict = _over_horizon(norm(setting.desired_velocity))
         if setting.loop.reference.keeps_velocity:
             return [self.row(Verdict.HOLDS, measured, remark="the reference keeps its velocity")]
@@ -232,7 +232,7 @@ class CertifiedRate(Hypothesis):
     kind = TrajectoryCheck.kind
 
     def check(self, setting: Setting) -> list[Row]:
-        """Compare the proved rate of each law with that of the slowest constant V_d."""
+        """Compare the proved rate of each law with the decay along the slowest constant V_d."""
         box, is_asked = box_of(setting.desired_velocity), setting.exact and find_spec("clarabel")
         return [self._row(rates_of(*law, [box])) for law in setting.loops.items() if is_asked]
 
@@ -608,7 +608,7 @@ class PointsFromRegion(LyapunovCheck):
     section: ClassVar[float] = 6.34
 
     def applies(self, runs: Runs) -> bool:
-        """Of `task: point`, with a law whose L is that one."""
+        """For `task: point`, with a law that has this L."""
         return runs.barrier > 0
 
     def judge(self, runs: Runs) -> Row:

@@ -457,7 +457,7 @@ class ColumnUse:
     unit
         The unit of its numbers; empty where they have none.
     assumed
-        Whether neither the file nor a mapping gives this unit.
+        Whether the unit is assumed: neither the file nor a mapping gives it.
     """
 
     heading: str
@@ -666,9 +666,9 @@ class TrackingErrors(NamedTuple):
     sizes
         The size of each error.
     curves
-        Of each quantity the times ``(n,)``, and the errors ``(n, k)`` of all axes, in its unit.
+        Times ``(n,)`` and errors ``(n, k)`` of all axes by quantity, in its unit.
     topics
-        What was compared with what, by the quantity.
+        The two sides of the comparison, by quantity.
     notes
         The times of both, and what else was noticed.
     remarks
@@ -676,7 +676,7 @@ class TrackingErrors(NamedTuple):
     goals
         The setpoints that count, by the quantity.
     flight
-        All that the file holds; of a log only.
+        All topics of a log.
     """
 
     sizes: list[ErrorSize]

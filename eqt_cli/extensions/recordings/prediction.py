@@ -137,7 +137,7 @@ FEWEST_ROWS = 5
 """Smallest number of rows in a window."""
 
 THIRD = 20.0
-"""Variance of third differences of white noise, relative to that of the noise."""
+"""Variance of third differences of white noise, relative to the variance of the noise."""
 
 LEAST_NOISE = 1e-9
 """Smallest noise relative to the size of the measurements; less could be an engine's error."""
@@ -163,7 +163,7 @@ def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
         if part.varies:
             raise EqtError(f"{place}: is drawn for each run; give a number to replay a recording")
     rotors = [_has_rotors(actuator) for actuator in vehicle.actuators]
-    # Speeds are measured behind the rotors, and what is before them.
+    # Measured speeds already contain the rotors and the actuators before them.
     first = rotors.index(True) + 1 if law.recording(loop.group).speeds.size else 0
     flying = replace(vehicle, actuators=vehicle.actuators[first:]).of_run(loop.group)
     for index, actuator in enumerate(flying.actuators, start=first):
@@ -427,7 +427,7 @@ def errors(
     steps
         The increases of the numbers.
     delay
-        The time by which the wrench was recorded late, s. The plant is moved in time instead, with
+        Time by which the wrench was recorded late, s. The plant is moved in time instead, with
         whatever else of it depends on time.
     later
         A step of the delay, s. If it is not 0, the last derivative by a number is that by the
@@ -473,10 +473,10 @@ DISTINCT = 1e-3
 recording distinguishes the numbers."""
 
 CORRELATED = 3.0
-"""Correlation from row to row, in standard deviations of that of white noise, that is told."""
+"""Correlation from row to row from which a note appears, in standard deviations for white noise."""
 
 APART = 2.0
-"""Distance of a delay from 0, in half-widths of its 95 % interval, that is told."""
+"""Distance of a delay from 0 from which a note appears, in half-widths of its 95 % interval."""
 
 MOST_OF = 0.5
 """Share of the squared errors above the noise that a delay explains where a model is not fitted."""
@@ -547,7 +547,7 @@ def intervals(fits: Sequence[Linear]) -> Array:
 
 
 def _power(A: Array, exponent: float) -> Array:
-    """Return powers of symmetric matrices, ``(..., p, p)``; of singular ones on their range."""
+    """Return powers of symmetric matrices, ``(..., p, p)``, of singular ones on their range."""
     values, vectors = np.linalg.eigh(A)
     least = A.shape[-1] * np.finfo(float).eps * values[..., -1:]
     powers = np.where(values > least, np.maximum(values, least) ** exponent, 0.0)
