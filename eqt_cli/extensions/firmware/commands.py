@@ -81,7 +81,7 @@ def time(
     """Time a call of each law again, at the inputs that a result has recorded.
 
     Times are CPU times of this machine; let it rest. Laws of eqt are timed as the C that `native`
-    compiles. Short calls are repeated in a loop, whose mean is the time of a call.
+    compiles. Calls too short for a clock are repeated in a loop, whose mean is the time of a call.
 
     Options
     -------
