@@ -614,11 +614,10 @@ def _library(
         with suppress(OSError):
             return _loaded(cached), cached
     with reporter().busy(f"compiling {subject()}"):
-        if check is None:
-            made = _compiled(source, by, "-shared")
-        else:
-            check(assembly(source, by))
-            made = _compiled(source, by, "-shared", assembly(source, by))
+        written = assembly(source, by) if check else ""
+        if check:
+            check(written)
+        made = _compiled(source, by, "-shared", written)
     try:
         loaded = _loaded(made)
     except OSError as error:
