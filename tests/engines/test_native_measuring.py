@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.engines import compiler, library
+from eqt_cli.engines import compiler, library, native
 from eqt_cli.engines.engine import Engine
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.compute_part import compute_part, shared_reference
@@ -16,7 +16,7 @@ if missing := compiler.missing():
     pytest.skip(missing, allow_module_level=True)
 
 FEW = {
-    "ensemble.runs": 11,
+    "ensemble.runs": native.FEW_RUNS + 1,
     "time.duration": 6.0,
     "time.samples": 31,
     "controllers": ["eqt"],
@@ -72,11 +72,19 @@ def test_numbers_are_those_of_trajectories(changed, expected, threads, monkeypat
     assert expected.data["status"].any() == ("solver.max_steps" in changed[1])
 
 
+def test_numbers_of_few_runs_are_those_of_many(changed, expected, monkeypatch):
+    path, changes = changed
+    monkeypatch.setattr(native, "running", None)  # which measures on the way
+    few = part_of(path, changes | {"ensemble.runs": 3})
+    for name in ("error_estimate", "effort", "unstable_distance", "status"):
+        np.testing.assert_array_equal(few.data[name], expected.data[name][:3], err_msg=name)
+
+
 @pytest.mark.ci("compiles the loop anew")
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_lanes_change_no_bit(changed, expected, lanes, monkeypatch):
     monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
-    for name in ("integration", "_evaluate"):
+    for name in ("_integrator", "_evaluate"):
         monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
     assert_same(part_of(*changed), expected)
 
