@@ -594,15 +594,21 @@ def library(source: str, check: Callable[[str], object] | None = None) -> ctypes
         If there is no compiler, or it fails.
     """
     by = compiler()
-    with _lock:  # a thread waits while another one compiles the same source
+    with _turn(source):
         return _library(source, by, check)[0]
 
 
 def content(source: str, check: Callable[[str], object] | None = None) -> bytes:
     """Return the file of the same library; raises as `library` does."""
     by = compiler()
-    with _lock:
+    with _turn(source):
         return _library(source, by, check)[1]
+
+
+@lru_cache(maxsize=64)
+def _turn(source: str) -> threading.Lock:
+    """Return the lock by which a thread waits while another one compiles the same source."""
+    return threading.Lock()
 
 
 @lru_cache(maxsize=64)
