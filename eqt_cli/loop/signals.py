@@ -16,6 +16,7 @@ from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside,
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
+from eqt_cli.components.blocks import COMMAND, beyond_limits, cut_axes, thrusts
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
@@ -55,8 +56,9 @@ class LoopState(NamedTuple):
     @classmethod
     def of(cls, loop: ClosedLoop, s: Tracking) -> Self:
         """Evaluate a loop in a state, of floats or symbols."""
-        vehicle, command = loop.vehicle, loop.command(s)
-        torque = loop.torque(s) if vehicle.actuators or vehicle.control else command
+        vehicle, now = loop.vehicle, loop.now(s)
+        command = now[COMMAND]
+        torque = now["forces.torque"] if vehicle.actuators or vehicle.control else command
         with np.errstate(invalid="ignore"):  # symbols compare NaN
             attitude = pointing = s.P[..., 0] * 0.0 + np.nan
         if isinstance(law := loop.controller.formula, OuterLoop):
@@ -64,10 +66,9 @@ class LoopState(NamedTuple):
         if loop.axis:
             distance = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis)
             pointing = turn_of_distance(distance) * (180 / np.pi)
-        now, at_limit = vehicle.at(s), loop.at_limit(s)
-        cut, thrust = now.cut(s.G, command, s.vehicle), now.thrust(s.G, command, s.vehicle)
         wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
-        acting = torque, pointing, attitude, at_limit, cut, thrust, *wheels
+        limited = beyond_limits(now), cut_axes(now, vehicle.limits)
+        acting = torque, pointing, attitude, *limited, thrusts(now), *wheels
         return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
 
 

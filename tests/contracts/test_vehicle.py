@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ports import after_measuring, ports
 
 from eqt_cli.components.actuators import Limit
 from eqt_cli.components.groups import group_named
@@ -76,7 +77,7 @@ def test_no_limit_makes_a_command_finite(kind, value):
     actuator = of_run(kind(**{Limit: {"limit": 2.0}, Thrusters: thrusters}[kind]))
     vehicle = Vehicle(actuators=(actuator,))
     with np.errstate(invalid="ignore"):
-        torque, _ = vehicle.passed(G, np.array([1.0, value, 0, 0, 0, 0]), {})
+        torque = ports(vehicle, G, {}, command=np.array([1.0, value, 0, 0, 0, 0]))["forces.torque"]
     assert np.isnan(torque).any()
 
 
@@ -154,7 +155,7 @@ def test_an_estimator_takes_any_leading_axes(estimator_class, make):
             Q, V, E, n = np.split(numbers[k, chosen].reshape(*shape, 12), 4, axis=-1)
             flags = np.full((*shape, 1), arrived[k])
             errors = Errors(SE2.exp(0.1 * E), 0.1 * n, flags, 0.1 * n)
-            states |= vehicle.after_measuring(SE2, SE2.exp(Q), V, errors, states)
+            states |= after_measuring(vehicle, SE2, SE2.exp(Q), V, errors, states)
         return states
 
     flat = estimates(slice(None), (6,))
