@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, absolute, apply_matrix, less, stack, where
+from eqt_cli.base.arrays import Array, Arrays, absolute, less, stack, where
 from eqt_cli.components.accelerometer import felt
-from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.actuators import Actuator, Solving
 from eqt_cli.components.estimators import Estimator, Measurement, Schedule
 from eqt_cli.components.forces import GRAVITY
 from eqt_cli.components.groups import MatrixLieGroup
@@ -279,10 +279,17 @@ class Actuated(Block):
         """Return its force that depends on the velocity, and the rates that go with it."""
         return self.part.reaction(now.s.G, now.s.V, self.state(now, now.s.V))
 
+    def signals(self, now: Now) -> Arrays:
+        """Return its signals over time."""
+        u, part = now[f"{self.name}.input"], now[f"{self.name}.at"]
+        values: Arrays = part.signals(now.s.G, now.s.V, u, self.state(now, u))
+        return values
+
     def momentum(self, now: Now) -> Array:
         """Return the momentum A h of wheels in the body frame."""
         wheels: Any = self.part
-        return apply_matrix(wheels.matrix, wheels.momenta(self.state(now, now.s.V)))
+        momentum: Array = wheels.stored(self.state(now, now.s.V))
+        return momentum
 
     def rates(self, now: Now, x: Arrays) -> Arrays:
         """Return the rates by its command, and those of its reaction."""
@@ -304,7 +311,7 @@ class Actuated(Block):
         if self.taken in x:
             u = after[self.taken] = now.if_due(self.name, u, x[self.taken])
         if self.name in x:
-            if self.part.solves:
+            if isinstance(self.part, Solving) and self.part.solves:
                 u = now[SOLVED] if SOLVED in now else self.part.solution(G, u)
             later = self.part.step(G, u, x[self.name], self.period)
             after[self.name] = now.if_due(self.name, later, x[self.name])
@@ -325,7 +332,8 @@ class Burning(Block):
 
     def rates(self, now: Now, x: Arrays) -> Arrays:
         """Return Σ|f|/(g₀ isp)."""
-        flow = absolute(thrusts(now)) / (GRAVITY * now[f"{self.thrusters}.at"].isp)
+        thrust = now[f"{self.thrusters}.signals"]["thrust"]
+        flow = absolute(thrust) / (GRAVITY * now[f"{self.thrusters}.at"].isp)
         return {PROPELLANT: stack([flow.sum(axis=-1)])}
 
 
@@ -380,8 +388,10 @@ def acting_force(vehicle: Vehicle, s: Tracking, torque: Array) -> Array:
 
 def solution(now: Now) -> Array:
     """Return the solution of the actuator that `solves`, at a tick, ``(runs, n)``."""
-    solver = next(block for block in now.blocks.actuated if block.part.solves)
-    return solver.part.solution(now.s.G, now[f"{solver.name}.input"])
+    for block in now.blocks.actuated:
+        if isinstance(block.part, Solving) and block.part.solves:
+            return block.part.solution(now.s.G, now[f"{block.name}.input"])
+    return now.s.P[..., :0]
 
 
 # What signals read of actuators -------------------------------------------------------------------
@@ -396,12 +406,13 @@ def inputs(now: Now) -> list[tuple[Actuator, Array, Array]]:
     return listed
 
 
-def thrusts(now: Now) -> Array:
-    """Return the thrust of each thruster, ``(..., k)``."""
-    for actuator, u, x in inputs(now):
-        if actuator.thruster_names:
-            return actuator.thrust(now.s.G, u, x)
-    return now.s.P[..., :0]
+def signals(now: Now) -> dict[str, Array]:
+    """Return the signals of the actuators' own, by name."""
+    named: dict[str, Array] = {}
+    for block in now.blocks.actuated:
+        if block.part.shows:
+            named |= now[f"{block.name}.signals"]
+    return named
 
 
 def beyond_limits(now: Now) -> Array:

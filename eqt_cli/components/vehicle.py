@@ -8,8 +8,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, apply_matrix
-from eqt_cli.components.actuators import Actuator
+from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.base.stored import THRUSTER, WHEEL
+from eqt_cli.components.actuators import Actuator, Solving
 from eqt_cli.components.estimators import Deviations, Estimator, Schedule
 from eqt_cli.components.forces import Force, in_currents
 from eqt_cli.components.groups import MatrixLieGroup
@@ -174,7 +175,7 @@ class Vehicle:
     def pushes(self, G: MatrixLieGroup) -> Array | None:
         """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
         for actuator in self.actuators:
-            if actuator.thruster_names and G.translation is not None:
+            if THRUSTER in actuator.members and G.translation is not None:
                 return actuator.columns(G)[G.translation.axes]  # type: ignore[attr-defined]
         return None
 
@@ -283,7 +284,7 @@ class Vehicle:
         if self.inertia or self.control or self.measures or self.estimator:
             return False
         bare = (not (a.limits or a.moves or a.changes) for a in self.actuators)
-        return all(bare) and all(a.thruster_names for a in self.actuators)
+        return all(bare) and all(THRUSTER in a.members for a in self.actuators)
 
     @property
     def departures(self) -> str:
@@ -306,16 +307,6 @@ class Vehicle:
         return any(actuator.limits for actuator in self.actuators)
 
     @property
-    def runs(self) -> bool:
-        """Whether the states of any actuator follow from the first command of a run."""
-        return any(actuator.runs for actuator in self.actuators)
-
-    @property
-    def thruster_names(self) -> tuple[str, ...]:
-        """Names of the thrusters, which belong to one actuator."""
-        return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
-
-    @property
     def burns(self) -> Any:
         """The thrusters with a specific impulse; None without any."""
         return next((a for a in self.actuators if getattr(a, "isp", None) is not None), None)
@@ -323,7 +314,7 @@ class Vehicle:
     @property
     def wheels(self) -> tuple[str, Any] | None:
         """The actuator with wheels, and the name of its states."""
-        return next(((place, part) for place, part in self._chain() if part.wheel_names), None)
+        return next(((place, x) for place, x in self._chain() if WHEEL in x.members), None)
 
     @property
     def momentum_limits(self) -> tuple[Array, Array] | None:
@@ -333,34 +324,19 @@ class Vehicle:
 
     @property
     def members(self) -> dict[str, tuple[str, ...]]:
-        """Names of thrusters and wheels, by the name of one."""
-        wheels = self.wheels
-        return {"thruster": self.thruster_names, "wheel": wheels[1].wheel_names if wheels else ()}
+        """Names of thrusters, wheels and other members, by the name of one."""
+        return {dim: names for part in self.actuators for dim, names in part.members.items()}
 
-    def wheel_states(
-        self, G: MatrixLieGroup, V: Array, states: Arrays
-    ) -> tuple[Array, Array, Array]:
-        """Return momenta and speeds of the wheels, ``(..., k)``, NaN if unknown, and `stored`."""
-        if self.wheels is None:
-            return V[..., :0], V[..., :0], 0.0 * V
-        place, wheels = self.wheels
-        x = states.get(place, V[..., :0])
-        h = wheels.momenta(x) + 0.0 * V[..., :1]
-        speeds = h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
-        return h, speeds, self.stored(G, V, states)
-
-    def stored(self, G: MatrixLieGroup, V: Array, states: Arrays) -> Array:
-        """Return the momentum A h of the wheels in the body frame, ``(..., m)``; 0 without any."""
-        if self.wheels is None:
-            return 0.0 * V
-        place, wheels = self.wheels
-        return apply_matrix(wheels.matrix, wheels.momenta(states.get(place, V[..., :0])))
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """The names of the signals of the actuators' own."""
+        return tuple(name for part in self.actuators for name in part.shows)
 
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:
         """Least and largest thrust of each thruster; None without limits, or of jets."""
         parts: tuple[Any, ...] = self.actuators  # an actuator with thrusters has limits for each
-        limited = (p for p in parts if p.thruster_names and p.limits and p.jets is None)
+        limited = (p for p in parts if THRUSTER in p.members and p.limits and p.jets is None)
         return next(((part.low, part.high) for part in limited), None)
 
     @property
@@ -376,7 +352,7 @@ class Vehicle:
     @property
     def solves(self) -> int:
         """Number of values that code outside the engines solves for at control instants."""
-        return sum(len(part.thruster_names) for part in self.actuators if part.solves)
+        return sum(part.solves for part in self.actuators if isinstance(part, Solving))
 
     @cached_property
     def _at_instants(self) -> int:

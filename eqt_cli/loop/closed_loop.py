@@ -354,7 +354,7 @@ class ClosedLoop:
         if any(name.startswith(MEMORY) for name in stretches):
             stretches |= _named(MEMORY, self.controller.initial_memory(self.tracking(t, state)))
             state = self.layout.join(stretches, state)
-        if self.vehicle.runs:
+        if any(part.runs for part in self.vehicle.actuators):
             s = self.tracking(t, state)
             command = s.command(self.controller.torque(s))
             stretches |= _named(VEHICLE, at_start(Now(self.blocks, s, {COMMAND: command})))

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from eqt_cli.api import load_experiment
 from eqt_cli.api.loading import open_at
 from eqt_cli.components.actuators import Limit, RateLimit
-from eqt_cli.components.blocks import beyond_limits, solution, thrusts
+from eqt_cli.components.blocks import beyond_limits, signals, solution
 from eqt_cli.components.forces import Drag
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Thruster, Thrusters, unreachable
@@ -141,7 +141,7 @@ def test_states_are_those_of_a_plain_program(solved, group, engine, name):
     Q, V, thrust = expected(group, name)
     np.testing.assert_allclose(s.Q[0], Q, rtol=0, atol=TOLERANCE)
     np.testing.assert_allclose(s.V[0], V, rtol=0, atol=TOLERANCE)
-    found = thrusts(problem.loop.now(s))[0]
+    found = signals(problem.loop.now(s))["thrust"][0]
     if thrust is not None:
         np.testing.assert_allclose(found, thrust, rtol=0, atol=TOLERANCE)
     B = np.array([plain.column(**each) for each in (EIGHT if group == "SE3" else FOUR)]).T

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ports import after_measuring, ports
 
-from eqt_cli.components.actuators import Limit
+from eqt_cli.components.actuators import Limit, Solving
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Errors, Noise
@@ -63,7 +63,8 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
 def test_an_actuator_hides_no_command_that_is_not_a_number(actuator_class, make):
     actuator = of_run(make(actuator_class, 6))
     command, x = np.full((1, 6), np.nan), np.zeros((1, actuator.states(G)))
-    taken = actuator.solution(G, command) if actuator.solves else command
+    solves = isinstance(actuator, Solving) and actuator.solves
+    taken = actuator.solution(G, command) if solves else command
     after = actuator.step(G, taken, x, 0.1)
     found = actuator.output(G, command, x), actuator.output(G, command, after), after
     rates = [actuator.state_rate(G, command, x)] if x.size else []
@@ -175,8 +176,13 @@ def test_an_actuator_takes_any_leading_axes(actuator_class, make, shape):
     def spread(values):
         return np.broadcast_to(values, (*shape, *np.shape(values)))
 
-    for name, rest in {"step": (0.1,), "thrust": ()}.items():
-        found = getattr(actuator, name)(G, spread(command), spread(x), *rest)
-        one = getattr(actuator, name)(G, command[None], x[None], *rest)
-        assert found.shape == (*shape, *one[0].shape)
-        np.testing.assert_allclose(found, spread(one[0]), rtol=0, atol=ROUNDING)
+    def values(command, x):
+        shown = actuator.signals(G, 0.0 * command, command, x)
+        assert set(shown) == set(actuator.shows)
+        return {"step": actuator.step(G, command, x, 0.1), **shown}
+
+    alone = values(command[None], x[None])
+    for name, found in values(spread(command), spread(x)).items():
+        [one] = alone[name]
+        assert found.shape == (*shape, *np.shape(one))
+        np.testing.assert_allclose(found, spread(one), rtol=0, atol=ROUNDING)

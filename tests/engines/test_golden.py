@@ -21,6 +21,7 @@ from eqt_cli.config.document import read_config
 from eqt_cli.config.study import study
 from eqt_cli.engines.library import with_comparison_sides
 from eqt_cli.engines.native import programs
+from eqt_cli.numbers.leaves import leaves
 from eqt_cli.numbers.program import Constant, Input, fused
 from eqt_cli.runs.batches import batches
 
@@ -63,8 +64,13 @@ def loops_of(name):
 # Programs -----------------------------------------------------------------------------------------
 
 
-def digest(program):
-    """What a program computes, whatever the order of its operations and of what commutes.
+def numbered(numbers):
+    """The names of the entries of numbers by their paths, in the order of programs."""
+    return [f"{path}[{k}]" for path, values in numbers.items() for k in range(values.size)]
+
+
+def digest(program, names):
+    """What a program computes, whatever the order of its operations, numbers, and what commutes.
 
     Values are equal to the bit where their forms are, but for the sign of 0: x − y and −(y − x)
     count as the same.
@@ -72,7 +78,9 @@ def digest(program):
     forms = []
     for value in program.values:
         if isinstance(value, Input):
-            forms.append((f"{value.group}[{value.number}]", 1))
+            named = names.get(value.group)
+            name = named[value.number] if named else f"{value.group}[{value.number}]"
+            forms.append((name, 1))
         elif isinstance(value, Constant):
             forms.append((abs(value.number).hex(), -1 if value.number < 0 else 1))
         else:
@@ -115,12 +123,14 @@ def compiled(loop):
         of_loop = programs(loop)
     except TraceError:
         return ["-"]
-    digests = [digest(fused(with_comparison_sides(of_loop.field)[0]))]
+    names = {"parameters": numbered(leaves(loop))}
+    names["held"] = numbered(loop.holding(0.0).held_leaves)
+    digests = [digest(fused(with_comparison_sides(of_loop.field)[0]), names)]
     parts = [of_loop.after_instant, of_loop.command]
     if of_loop.around_code is not None:
         around = of_loop.around_code
         parts += [around.input, around.law and around.law.step, around.after]
-    return digests + [digest(part) for part in parts if part is not None]
+    return digests + [digest(part, names) for part in parts if part is not None]
 
 
 # Numbers by NumPy ---------------------------------------------------------------------------------

@@ -12,6 +12,8 @@ from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import EqtError, EqtWarning, Remedy, suggestion
 from eqt_cli.base.registry import description
 from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.stored import THRUSTER
+from eqt_cli.components.actuators import Solving
 from eqt_cli.components.blocks import Now, blocks_of, body
 from eqt_cli.components.estimators import Estimator, Measurement
 from eqt_cli.components.groups import MatrixLieGroup
@@ -516,7 +518,9 @@ class ExportedLaw:
         for actuator in () if other else self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
-                what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
+                what = (
+                    "thrusts, N," if THRUSTER in actuator.members else "torques of the wheels, N m,"
+                )
                 both = ("low", "<", low), ("high", ">", high)
                 limits = [(name, sign, x) for name, sign, x in both if x is not None]
                 # Each number is rounded, multiplied and added up: m + 1 errors of relative size u.
@@ -524,7 +528,7 @@ class ExportedLaw:
                 rounding = u / (1 - u) * size.sum(axis=1).max()
                 carried = (1 + 2 * u) * (size @ self.torque_bound).max()
                 return Allocation(what, inverse, limits, float(rounding), float(carried))
-            if actuator.sampled and actuator.thruster_names and not actuator.solves:
+            if actuator.sampled and isinstance(actuator, Solving) and not actuator.solves:
                 return self._by_program(actuator)
         return None
 

@@ -766,7 +766,9 @@ class MomentumBalance(LargestExcess):
         loop, times = windows.loop, windows.problem.times
         s = loop.tracking(times, windows.states)
         G, vehicle, now = s.G, loop.vehicle, loop.now(s)
-        body, stored = vehicle.inertia_at(s).momentum(s.V), vehicle.stored(G, s.V, s.vehicle)
+        body, stored = vehicle.inertia_at(s).momentum(s.V), 0.0 * s.V
+        if vehicle.wheels:
+            stored = now[f"{vehicle.wheels[0]}.momentum"]
         momentum = body + stored
         force = G.ad_star(s.V, momentum)
         if not vehicle.wheels:
