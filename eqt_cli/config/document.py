@@ -366,16 +366,11 @@ def trusted_text(home: Place, path: object, subject: str = "plugin") -> str:
     if not isinstance(path, str):
         raise ComponentError(f"expected the path of a Python file, got {shown(path)}")
     if home.plugins is None:
-        from eqt_cli.engines.compiler import digest, user_cache  # slow to import
-
         relative = f"{subject} paths are relative to the configuration's folder"
         file = home.folder / path
         text = text_of(file, relative, ComponentError, f"{subject} {file}")
-        if not home.is_result:  # the user's own cache keeps that a configuration has executed it
-            cache, key = user_cache(), digest(text)
-            with suppress(OSError):
-                if cache is not None and not cache.find(key, EXECUTED):
-                    cache.keep(key, EXECUTED, b"executed")
+        if not home.is_result:
+            remember_executed(text)
         elif not (home.trusted or _is_known(text)):
             raise ComponentError(
                 f"the result folder contains {file}, which eqt executes only on request",
@@ -390,6 +385,16 @@ def trusted_text(home: Place, path: object, subject: str = "plugin") -> str:
     if path not in home.plugins:
         raise ComponentError(f"the result does not contain the source of {path}")
     return home.plugins[path]
+
+
+def remember_executed(text: str) -> None:
+    """Keep in the user's own cache that a configuration of this user has executed this code."""
+    from eqt_cli.engines.compiler import digest, user_cache  # slow to import
+
+    cache, key = user_cache(), digest(text)
+    with suppress(OSError):
+        if cache is not None and not cache.find(key, EXECUTED):
+            cache.keep(key, EXECUTED, b"executed")
 
 
 def _is_known(text: str) -> bool:

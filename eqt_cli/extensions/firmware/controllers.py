@@ -32,7 +32,7 @@ from eqt_cli.components.laws import (
 )
 from eqt_cli.components.mechanics import LATER, NOT_IN_CODE, Gains, LawInput, Tracking
 from eqt_cli.components.motions import ORDER, PlantModel
-from eqt_cli.config.document import Document, Place, changed_at, trusted_text
+from eqt_cli.config.document import Document, Place, changed_at, remember_executed, trusted_text
 from eqt_cli.extensions.firmware.user_code import UserCode, called, gathered, is_gathered
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.law_program import Entry
@@ -390,6 +390,8 @@ class Code(_Numbers, RunsCode, Previews):
             text = trusted_text(home, self.file, "C file" if is_c else "Python file")
             if is_c and home.plugins is None and not is_gathered(text):
                 text = gathered(home.folder / self.file)
+                if not home.is_result:
+                    remember_executed(text)  # a result stores this text
         if problems:
             return None, {}
         with problems.catching():

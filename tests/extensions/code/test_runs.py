@@ -90,11 +90,15 @@ def _torque(loop):
 # Its source -------------------------------------------------------------------------------------
 
 
-def test_a_result_holds_the_source_and_runs_it_only_on_request(written, config, tmp_path):
+def test_a_result_holds_the_source_and_runs_it_only_on_request(
+    written, config, forget_plugins, tmp_path
+):
     written()
     found = eqt_cli.run(config(), out=tmp_path / "r")
     for name in ("lee.c", "lee.h"):
         Path(name).unlink()
+    assert eqt_cli.load_experiment(found.path).base.plugins  # its user has run both files before
+    forget_plugins()
     assert refusal(ConfigError, eqt_cli.load_experiment, found.path).endswith(
         "controllers[0].file: the result contains the source of lee.c, which eqt executes only on "
         "request; read it with `eqt show --plugins`, then add trust_plugins=True"
@@ -128,11 +132,12 @@ def test_the_text_is_what_the_preprocessor_reads(written, config):
     assert sorted(found.values()) == [1.0, 9.0]
 
 
-def test_a_folder_that_is_packed_is_the_same_experiment(written, config, eqt, tmp_path):
+def test_a_folder_that_is_packed_is_the_same_experiment(written, config, eqt, forget_plugins):
     written()
     Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
     for share in ("1/2", "2/2"):
         assert eqt("run", "c.yaml", "--shard", share, "--out", "r", "--quiet").code == 0
+    forget_plugins()
     said = eqt("pack", "r").err
     assert "which eqt executes only on request" in said
     done = eqt("pack", "r", "--trust-plugins", "--json")
