@@ -14,7 +14,7 @@ from eqt_cli.base.option_types import POSE, STIFFNESS, TORQUE, VELOCITY, Positiv
 from eqt_cli.components.actuators import EXCESS, AntiWindup, excess, unwound
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import BODY_ENERGY, Controller, ReadsLimits, published
-from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity, potential
+from eqt_cli.components.mechanics import Gains, Tracking, hessian_at_identity
 from eqt_cli.components.motions import PlantModel
 from eqt_cli.numbers.leaves import with_fields
 
@@ -62,7 +62,7 @@ class CancellingLaw(Controller):
 
 
 @dataclass(frozen=True)
-class Pd(CancellingLaw):
+class Pd(Controller):
     """Proportional-derivative control without feedforward, after Koditschek (1989), on every group.
 
     τ = −K_d e − L*_{Q_L}dΥ(Q_L) with e = V − Ad_{Q_L⁻¹}V_d and Q_L = Q_d⁻¹Q: the potential Υ of the
@@ -82,24 +82,24 @@ class Pd(CancellingLaw):
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
-        return -s.relative.body_damping - self.force(s.relative)
+        return -s.relative.body_damping - s.relative.gradient
 
     def feedforward_torque(self, s: Tracking) -> Array:
-        """Return none."""
+        """Return 0."""
         return 0 * s.V
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """½⟨𝕀e, e⟩ + Υ(Q_L)."""
+        return s.relative.lyapunov
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """The error e."""
+        return s.relative.V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d e, e⟩, and the power of the feedforward that it lacks."""
         r = s.relative
         return dot(r.body_damping + r.cancelling_feedforward, r.V_tilde)
-
-    def force(self, r: Tracking) -> Array:
-        """L*_{Q_L}dΥ(Q_L)."""
-        return r.gradient
-
-    def potential(self, r: Tracking) -> Array:
-        """Υ(Q_L)."""
-        return potential(r.G, r.gains.K, r.Q)
 
 
 # Proportional action on the logarithm of the body error; the feedforward cancels the rest ---------

@@ -308,6 +308,8 @@ def test_torque_on_the_desired_trajectory_is_the_desired_one(samples_and_law, da
     samples, name = samples_and_law
     if "track" not in law(name).tasks:
         pytest.skip("the law follows no reference")
+    if name == "pd":
+        pytest.skip("the law has no feedforward")
     s = tracking(samples, data)
     memory = law(name).memory(s.G)
     s = dataclasses.replace(s, memory={key: np.zeros_like(s.P) for key in memory})
