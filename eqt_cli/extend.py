@@ -5,6 +5,6 @@ From version 0.1.0 on, these names stay, also for plugins whose source is kept i
 may build on, array functions, numbers and errors.
 """
 
-from eqt_cli.base.stubs import lazily
+from eqt_cli.base.extensions import lazily
 
 __all__, __getattr__, __dir__ = lazily(__name__)

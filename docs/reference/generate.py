@@ -684,7 +684,7 @@ def exported_laws() -> Iterator[str]:
 def extend() -> Iterator[str]:
     """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
     import eqt_cli.extend
-    from eqt_cli.base.stubs import places
+    from eqt_cli.base.extensions import places
 
     names: dict[str, list[str]] = {}
     for name, module in sorted(places(eqt_cli.extend.__name__).items()):

@@ -5,6 +5,6 @@ the others are provisional. Each name is imported when it is first used, so that
 experiment does not load the code that verifies or compares results.
 """
 
-from eqt_cli.base.stubs import lazily
+from eqt_cli.base.extensions import lazily
 
 __all__, __getattr__, __dir__ = lazily(__name__)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+import threading
 import time
 import warnings
 from abc import ABC, abstractmethod
@@ -73,6 +74,7 @@ class _Step(Reporter):
 
     def __init__(self, to: Reporter, what: str, counts: bool) -> None:
         self.to, self.what, self.counts, self.uncounted = to, what, counts, 0.0
+        self._lock, self._busy, self._since = threading.Lock(), 0, 0.0
 
     def advance(self, amount: float) -> None:
         if self.counts:
@@ -87,10 +89,19 @@ class _Step(Reporter):
 
     @contextmanager
     def busy(self, words: str) -> Iterator[None]:
-        started = time.perf_counter()
-        with self.to.busy(words):
-            yield
-        self.uncounted += time.perf_counter() - started
+        self._count_busy(1)
+        try:
+            with self.to.busy(words):
+                yield
+        finally:
+            self._count_busy(-1)
+
+    def _count_busy(self, change: int) -> None:
+        """Add the time in which threads do uncounted work, once where several do."""
+        with self._lock:
+            now = time.perf_counter()
+            self.uncounted += now - self._since if self._busy else 0.0
+            self._busy, self._since = self._busy + change, now
 
     def remark(self, warning: EqtWarning) -> None:
         self.to.remark(warning)

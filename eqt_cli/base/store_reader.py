@@ -673,18 +673,28 @@ def _check_format(path: Path, file: Any, oldest: int) -> None:
         )
 
 
+DENSE = 8
+"""Most numbers that are read for a wanted one. Of 20,000 runs, curves over time then take a
+hundredth of 520,000 calls of the file, 1 s of the processor."""
+
+
 def _read(dataset: Any, selection: Sequence[Chosen]) -> NDArray[Any]:
-    """Read with one rising list of positions, the most that h5py takes, and select the rest."""
+    """Read with one rising list of positions, the most that h5py takes, and select the rest.
+
+    Of a list that is dense in the last axis, all between is read: HDF5 reads every number apart.
+    """
     stored: list[Chosen] = []
     orders: list[NDArray[Any] | None] = []  # of each remaining axis, where it is a list
-    for choice in selection:
+    for axis, choice in enumerate(selection):
         if not isinstance(choice, np.ndarray):
             stored.append(choice)
             if isinstance(choice, slice):
                 orders.append(None)
             continue
         rising = np.unique(choice)
-        if any(order is not None for order in orders):
+        span = int(np.ptp(rising)) if len(rising) else np.inf
+        dense = axis == len(selection) - 1 and span < DENSE * len(rising)
+        if dense or any(order is not None for order in orders):
             rising = np.arange(rising[0], rising[-1] + 1)
             stored.append(slice(rising[0], rising[-1] + 1))
         else:

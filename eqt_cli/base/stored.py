@@ -59,6 +59,8 @@ class Signal:
         the coordinates is, and exists for each of them.
     rank
         Its place among the signals that a page draws; 0 if it does not.
+    words
+        Its name in words, of a signal of an actuator's own; "" for others.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Signal:
     dims: tuple[str, ...] = ()
     norm: Norm = ""
     rank: int = 0
+    words: str = ""
 
     def unit_in(self, part: object) -> str:
         """Return its unit in a part of the coordinates."""
@@ -80,6 +83,10 @@ def _signal(name: str, unit: str, latex: str, plain: str = "", **more: Any) -> S
 
 _F = r"\|_{\mathrm{F}}"
 _ESTIMATE = r"\|I - \hat{Q}^{-1} Q" + _F
+
+_MOMENTUM = "absolute momentum of each wheel about its axis"
+_SPEED = "speed of each wheel relative to the body"
+_STORED = "momentum that the wheels store together, ||A h||"
 
 _ROWS = (
     _signal("pose", "pose_unit", "Q", dims=MATRIX),
@@ -97,11 +104,11 @@ _ROWS = (
     _signal("command", "force_unit", "u", dims=VECTOR),
     _signal("at_limit", "1", "s"),
     _signal("cut", "1", "c", norm="each"),
-    _signal("thrust", "N", "f", dims=(THRUSTER,)),
+    _signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster"),
     _signal("burnt", "kg", "m"),
-    _signal("wheel_momentum", "N m s", "h", dims=(WHEEL,)),
-    _signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,)),
-    _signal("stored_momentum", "N m s", r"\|A h\|", "‖A h‖"),
+    _signal("wheel_momentum", "N m s", "h", dims=(WHEEL,), words=_MOMENTUM),
+    _signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,), words=_SPEED),
+    _signal("stored_momentum", "N m s", r"\|A h\|", "‖A h‖", words=_STORED),
     _signal("law_output", MIXED, "z", dims=(OUTPUT,)),
     _signal("estimated_pose", "pose_unit", r"\hat{Q}", "Q̂", dims=MATRIX),
     _signal("estimated_velocity", "velocity_unit", r"\hat{V}", "V̂", dims=VECTOR),
@@ -121,6 +128,10 @@ _ROWS = (
 
 SIGNALS = {signal.name: signal for signal in _ROWS}
 """All signals by name, in the order of result files."""
+
+
+MEMBERS = {dim for signal in _ROWS if signal.words for dim in signal.dims}
+"""Names of the dimensions of members of actuators."""
 
 
 def signal_of(name: str) -> Signal | None:

@@ -1,7 +1,7 @@
 """Actuators: between the commanded and the acting torque."""
 
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import (
     Array,
+    Arrays,
     absolute,
     apply_matrix,
     clip,
@@ -86,16 +87,8 @@ class Actuator(VehiclePart):
     takes: ClassVar[str] = "torque"
     """What its command is: a torque, rates, or a dipole."""
 
-    dump: ClassVar[Any] = None
-    """The gain by which it takes momentum out of wheels; else None."""
-
     changes: ClassVar[bool] = False
     """Whether it is another one at each time or state, see `at`."""
-
-    @property
-    def nominal(self) -> "Actuator":
-        """The actuator that does not change over time, which laws know."""
-        return self
 
     def at(self, s: Tracking, stored: Any = None) -> Self:
         """Return the actuator at a time and a state, with the momentum that wheels store."""
@@ -110,24 +103,18 @@ class Actuator(VehiclePart):
         return False
 
     @property
-    def solves(self) -> bool:
-        """Whether `step` takes the result of `solution`, which no engine compiles."""
-        return False
+    def members(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of its members, by the dimension of their signals: ``thruster``, ``wheel``."""
+        return {}
 
     @property
-    def acting_at_instants(self) -> str:
-        """The name in messages of what acts at control instants."""
-        return self.name
-
-    @property
-    def thruster_names(self) -> tuple[str, ...]:
-        """Names of the thrusters, if any."""
+    def shows(self) -> tuple[str, ...]:
+        """The names of its `signals`, which have their rows in `base/stored.py`."""
         return ()
 
-    @property
-    def wheel_names(self) -> tuple[str, ...]:
-        """Names of the wheels, if any."""
-        return ()
+    def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
+        """Return its signals over time by name; `(..., members)`, or `(...)`."""
+        return {}
 
     @property
     def linear_part(self) -> "Actuator":
@@ -164,14 +151,6 @@ class Actuator(VehiclePart):
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Return the states after a control instant, for an actuator that is `sampled`."""
         return x
-
-    def solution(self, G: MatrixLieGroup, command: Array) -> Array:
-        """Return the solution ``(runs, n)`` for commands ``(runs, m)`` at an instant."""
-        return command
-
-    def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
-        """Return the thrust of each thruster, ``(..., k)``."""
-        return command[..., :0]
 
     def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return what the limits leave of a command, before any lag."""
@@ -211,6 +190,25 @@ class Actuator(VehiclePart):
         `wanted` are the directions in which a law asks for a torque, ``(k, m)``.
         """
         yield from ()
+
+
+def nominal(actuator: Actuator) -> Actuator:
+    """Return the actuator that does not change over time, which laws know."""
+    healthy: Actuator = getattr(actuator, "nominal", actuator)
+    return healthy
+
+
+class Solving(Actuator):
+    """An actuator whose `step` may take the result of a `solution`, which no engine compiles."""
+
+    @property
+    @abstractmethod
+    def solves(self) -> int:
+        """The number of values that it solves for; 0 where `step` takes the command."""
+
+    @abstractmethod
+    def solution(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return the solution ``(runs, n)`` for commands ``(runs, m)`` at an instant."""
 
 
 def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:

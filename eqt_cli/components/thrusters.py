@@ -1,6 +1,6 @@
 """Thrusters that together give the torque: their allocation, their limits, their lag."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain, combinations
@@ -11,6 +11,7 @@ from pydantic import Field
 
 from eqt_cli.base.arrays import (
     Array,
+    Arrays,
     absolute,
     apply_matrix,
     clip,
@@ -26,7 +27,8 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
-from eqt_cli.components.actuators import Actuator, Needed, of_each
+from eqt_cli.base.stored import THRUSTER
+from eqt_cli.components.actuators import Actuator, Needed, Solving, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.references import instants_of
@@ -183,7 +185,7 @@ class Jets(Keys):
 
 
 @dataclass(frozen=True)
-class Thrusters(Actuator):
+class Thrusters(Solving):
     """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
 
     Torque and command are in the body frame and in the order of the coordinates of the group, on
@@ -297,9 +299,9 @@ class Thrusters(Actuator):
         return self.allocation != "pseudo_inverse"
 
     @property
-    def solves(self) -> bool:
-        """Whether code outside the engines finds them."""
-        return self.allocation == "bounded"
+    def solves(self) -> int:
+        """The number of thrusts that code outside the engines finds."""
+        return self.count * (self.allocation == "bounded")
 
     @property
     def by_processor(self) -> bool:
@@ -330,6 +332,20 @@ class Thrusters(Actuator):
         """Names of the thrusters: as given, or numbered from 1."""
         names = [thruster.name for thruster in self.thrusters or ()] or [""] * self.count
         return tuple(name or f"thruster {index}" for index, name in enumerate(names, 1))
+
+    @property
+    def members(self) -> Mapping[str, tuple[str, ...]]:
+        """The names of the thrusters."""
+        return {THRUSTER: self.thruster_names}
+
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """The thrusts."""
+        return ("thrust",)
+
+    def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
+        """Return the thrust of each thruster."""
+        return {"thrust": self.thrust(G, command, x)}
 
     @property
     def allocation_matrix(self) -> tuple[Array, Array | None, Array | None] | None:

@@ -8,14 +8,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, absolute, apply_matrix, less, stack, where
-from eqt_cli.components.actuators import Actuator
-from eqt_cli.components.estimators import Deviations, Estimator, Measurement, Schedule
-from eqt_cli.components.forces import GRAVITY, Force, in_currents
+from eqt_cli.base.arrays import Array, Arrays
+from eqt_cli.base.stored import THRUSTER, WHEEL
+from eqt_cli.components.actuators import Actuator, Solving
+from eqt_cli.components.estimators import Deviations, Estimator, Schedule
+from eqt_cli.components.forces import Force, in_currents
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import Channel, DynamicSensor, Errors, Sensor, channels
 from eqt_cli.components.vehicle_parts import Clock, Sampling, TrueInertia
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
@@ -167,13 +167,6 @@ class Vehicle:
         )
         return dataclasses.replace(self, actuators=linear, estimator=None)
 
-    def at(self, s: Tracking) -> Self:
-        """Return the vehicle with the actuators at a time and a state."""
-        if not any(actuator.changes for actuator in self.actuators):
-            return self
-        stored = self.stored(s.G, s.V, s.vehicle)
-        return with_fields(self, actuators=tuple(each.at(s, stored) for each in self.actuators))
-
     @property
     def magnet(self) -> Any:
         """The actuator with `in_body`, the magnetic field in the body; None without one."""
@@ -182,7 +175,7 @@ class Vehicle:
     def pushes(self, G: MatrixLieGroup) -> Array | None:
         """Return the forces of unit thrusts on a rigid body, ``(n, k)``; None without thrusters."""
         for actuator in self.actuators:
-            if actuator.thruster_names and G.translation is not None:
+            if THRUSTER in actuator.members and G.translation is not None:
                 return actuator.columns(G)[G.translation.axes]  # type: ignore[attr-defined]
         return None
 
@@ -204,16 +197,6 @@ class Vehicle:
         started = {place: x for place, part in chain if (x := part.started(G, V)) is not None}
         started |= {f"{SENSOR}_{k}": sensor.started(V[..., sensor.axes(G)]) for k, sensor in moving}
         return {**started, CLOCKS: self.ticks_left(0)} if self.clocks else started
-
-    def read(self, G: MatrixLieGroup, V: Array, states: Arrays) -> tuple[Array, dict[str, Array]]:
-        """Return the velocity that sensors measure before errors, and the rates of their states."""
-        rates = {}
-        for k, sensor in moving_sensors(self):
-            axes, x = sensor.axes(G), states[f"{SENSOR}_{k}"]
-            part, V = V[..., axes], V.copy()
-            rates[f"{SENSOR}_{k}"] = sensor.state_rate(part, x)
-            V[..., axes] = sensor.reading(part, x)
-        return V, rates
 
     def channels(self, G: MatrixLieGroup) -> list[Channel]:
         """Return the parts of the measured pose and velocity that have sensors."""
@@ -268,28 +251,6 @@ class Vehicle:
         felt = felt[..., : G.dimension * bool(self.more_sensors[1])]
         return Errors(n[POSE], n[VELOCITY], flags, bias, flux, felt)
 
-    def after_measuring(
-        self, G: MatrixLieGroup, Q: Array, V: Array, errors: Errors, states: Arrays
-    ) -> dict[str, Array]:
-        """Return the states of sensors and estimator after a tick with the true Q and V."""
-        Q_m, V_m = Q @ errors.pose, self.read(G, V, states)[0] + errors.velocity
-        values, read, arrived = (Q_m, V_m, *errors[4:]), dict[str, Array](), dict[str, Array]()
-        for k, channel in enumerate(self.holding(G)):
-            name, value = channel.name, values[SIGNALS.index(channel.signal)]
-            arrived[name] = errors.arrived[..., k]
-            read[name] = channel.measured(value, states[name], arrived[name])
-        if self.estimator is None:
-            return read
-        schedule, estimate = self.schedule(G), estimator_states(states)
-        fresh = [
-            where(less(0.5 * MEASURED, arrived[part.name]), 1.0, 0.0) if part.holds else 1.0
-            for part in schedule.timed
-        ]
-        now = stack([flag + 0.0 * V[..., 0] for flag in fresh])
-        measured = Measurement._make([*self.as_arrived(G, values, read)[:2], now, Q, errors.bias])
-        after = self.estimator.after(schedule, measured, estimate)
-        return read | {f"{ESTIMATOR}_{name}": values for name, values in after.items()}
-
     # Estimates.
 
     def schedule(self, G: MatrixLieGroup) -> Schedule:
@@ -310,19 +271,6 @@ class Vehicle:
                 bias[:, axes] += np.array(drift)[:, columns] ** 2
         return Deviations(np.sqrt(squares[POSE]), np.sqrt(squares[VELOCITY]), *np.sqrt(bias))
 
-    def estimated(self, G: MatrixLieGroup, states: Arrays) -> tuple[Array, Array]:
-        """Return Q̂ and V̂."""
-        estimate = estimator_states(states)
-        return G.unpack(estimate["pose"]), estimate["velocity"]
-
-    def as_arrived(self, G: MatrixLieGroup, measured: Sequence[Any], states: Arrays) -> list[Any]:
-        """Return pose, velocity and field, with the held measurements of the parts that hold."""
-        arrived = list(measured)
-        for channel in self.holding(G):
-            k = SIGNALS.index(channel.signal)
-            arrived[k] = channel.read(arrived[k], states[channel.name])
-        return arrived
-
     # From the command to the force that changes the momentum.
 
     @property
@@ -336,7 +284,7 @@ class Vehicle:
         if self.inertia or self.control or self.measures or self.estimator:
             return False
         bare = (not (a.limits or a.moves or a.changes) for a in self.actuators)
-        return all(bare) and all(a.thruster_names for a in self.actuators)
+        return all(bare) and all(THRUSTER in a.members for a in self.actuators)
 
     @property
     def departures(self) -> str:
@@ -359,16 +307,6 @@ class Vehicle:
         return any(actuator.limits for actuator in self.actuators)
 
     @property
-    def runs(self) -> bool:
-        """Whether the states of any actuator follow from the first command of a run."""
-        return any(actuator.runs for actuator in self.actuators)
-
-    @property
-    def thruster_names(self) -> tuple[str, ...]:
-        """Names of the thrusters, which belong to one actuator."""
-        return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
-
-    @property
     def burns(self) -> Any:
         """The thrusters with a specific impulse; None without any."""
         return next((a for a in self.actuators if getattr(a, "isp", None) is not None), None)
@@ -376,7 +314,7 @@ class Vehicle:
     @property
     def wheels(self) -> tuple[str, Any] | None:
         """The actuator with wheels, and the name of its states."""
-        return next(((place, part) for place, part in self._chain() if part.wheel_names), None)
+        return next(((place, x) for place, x in self._chain() if WHEEL in x.members), None)
 
     @property
     def momentum_limits(self) -> tuple[Array, Array] | None:
@@ -386,43 +324,19 @@ class Vehicle:
 
     @property
     def members(self) -> dict[str, tuple[str, ...]]:
-        """Names of thrusters and wheels, by the name of one."""
-        wheels = self.wheels
-        return {"thruster": self.thruster_names, "wheel": wheels[1].wheel_names if wheels else ()}
+        """Names of thrusters, wheels and other members, by the name of one."""
+        return {dim: names for part in self.actuators for dim, names in part.members.items()}
 
-    def wheel_states(
-        self, G: MatrixLieGroup, V: Array, states: Arrays
-    ) -> tuple[Array, Array, Array]:
-        """Return momenta and speeds of the wheels, ``(..., k)``, NaN if unknown, and `stored`."""
-        if self.wheels is None:
-            return V[..., :0], V[..., :0], 0.0 * V
-        place, wheels = self.wheels
-        x = states.get(place, V[..., :0])
-        h = wheels.momenta(x) + 0.0 * V[..., :1]
-        speeds = h * np.nan if wheels.inertia is None else wheels.speeds(V, x)
-        return h, speeds, self.stored(G, V, states)
-
-    def stored(self, G: MatrixLieGroup, V: Array, states: Arrays) -> Array:
-        """Return the momentum A h of the wheels in the body frame, ``(..., m)``; 0 without any."""
-        if self.wheels is None:
-            return 0.0 * V
-        place, wheels = self.wheels
-        return apply_matrix(wheels.matrix, wheels.momenta(states.get(place, V[..., :0])))
-
-    def reactions(
-        self, G: MatrixLieGroup, V: Array, states: Arrays
-    ) -> Iterator[tuple[str, Array, Array]]:
-        """Yield the names of states, forces that depend on the velocity, and rates beside them."""
-        for place, actuator in self._chain():
-            reaction = actuator.reaction(G, V, states.get(place, V[..., :0]))
-            if reaction is not None:
-                yield place, *reaction
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """The names of the signals of the actuators' own."""
+        return tuple(name for part in self.actuators for name in part.shows)
 
     @property
     def thrust_limits(self) -> tuple[Array, Array] | None:
         """Least and largest thrust of each thruster; None without limits, or of jets."""
         parts: tuple[Any, ...] = self.actuators  # an actuator with thrusters has limits for each
-        limited = (p for p in parts if p.thruster_names and p.limits and p.jets is None)
+        limited = (p for p in parts if THRUSTER in p.members and p.limits and p.jets is None)
         return next(((part.low, part.high) for part in limited), None)
 
     @property
@@ -438,7 +352,7 @@ class Vehicle:
     @property
     def solves(self) -> int:
         """Number of values that code outside the engines solves for at control instants."""
-        return sum(len(part.thruster_names) for part in self.actuators if part.solves)
+        return sum(part.solves for part in self.actuators if isinstance(part, Solving))
 
     @cached_property
     def _at_instants(self) -> int:
@@ -469,24 +383,6 @@ class Vehicle:
             held[CLOCKS] = len(self.clocks)
         return {**commands, **held, **lengths, **measured, **self.estimator_lengths(G)}
 
-    def running(self, G: MatrixLieGroup, command: Array, x: Arrays) -> dict[str, Array]:
-        """Return the states at the start of a run that are not 0, if anything `runs`, from those x.
-
-        The first command has then been given before, too.
-        """
-        running, passed = {}, command
-        for place, part in self._chain():
-            if part.takes == "rates":
-                passed = part.output(G, passed, x.get(place, passed[..., :0]))
-            elif part.runs:
-                running[place] = part.running(G, passed)
-        if self.control is None:
-            return running
-        before = np.concatenate([command] * (self.control.delay + 1), axis=-1)
-        held = {HELD: command} if self._at_instants else {}
-        taken = {f"{place}_{TAKEN}": command for place in self.clocks if place != CONTROL}
-        return {**running, COMMANDS: before, **held, **taken}
-
     # Clocks of law and actuators.
 
     @property
@@ -511,18 +407,6 @@ class Vehicle:
         ticks = [(clock.offset - tick) % clock.every for clock in self.clocks.values()]
         return np.array(ticks, dtype=float)
 
-    def acts(self, states: Arrays, place: str = CONTROL) -> Any:
-        """Return whether law or actuator acts at the tick of these states; None: at every one."""
-        if place not in self.clocks:
-            return None
-        k = list(self.clocks).index(place)
-        return less(states[CLOCKS][..., k : k + 1], 0.5)
-
-    def if_due(self, states: Arrays, new: Array, old: Array, place: str) -> Array:
-        """Return new values of law or actuator at a tick at which it acts, else the old ones."""
-        due = self.acts(states, place)
-        return new if due is None else where(due, new, old)
-
     def estimator_lengths(self, G: MatrixLieGroup) -> dict[str, int]:
         """Return the number of states of the estimator, which come last and are held, by name."""
         if self.estimator is None or self.control is None:
@@ -534,136 +418,6 @@ class Vehicle:
         """Yield the actuators from index `start`, with the names of their states."""
         for index, actuator in enumerate(self.actuators[start:], start):
             yield f"{ACTUATORS}_{index}", actuator
-
-    def passed(
-        self, G: MatrixLieGroup, command: Array, states: Arrays
-    ) -> tuple[Array, dict[str, Array]]:
-        """Return the torque that a command leads to, and the rates of the states.
-
-        Returns
-        -------
-        torque : (..., m)
-            Output of the last actuator.
-        rates
-            Time derivatives of all states; 0 for those that are held.
-        """
-        rates, law_command = {place: 0.0 * values for place, values in states.items()}, command
-        if self._at_instants:
-            command = states[HELD]
-        elif self.control is not None:
-            command = states[COMMANDS][..., : G.dimension]
-        elif self.limits:
-            command = command - (command - command)  # NaN where it is infinite: no limit hides it
-        for place, actuator in self._chain(self._at_instants):
-            x = states.get(place, command[..., :0])
-            command = states.get(f"{place}_{TAKEN}", command)
-            if place in states:
-                rates[place] = actuator.state_rate(G, command, x)
-            command = actuator.output(G, command, x)
-        if (burns := self.burns) is not None:
-            flow = absolute(self.thrust(G, law_command, states)) / (GRAVITY * burns.isp)
-            rates[PROPELLANT] = stack([flow.sum(axis=-1)])
-        return command, rates
-
-    def last_command(self, G: MatrixLieGroup, states: Arrays) -> Array:
-        """Return the command of a sampled law at the last instant."""
-        return states[COMMANDS][..., -G.dimension :]
-
-    def after_instant(
-        self, G: MatrixLieGroup, torque: Array, states: Arrays, solved: Array | None = None
-    ) -> dict[str, Array]:
-        """Return the states after a tick, at which the law commands a torque if it acts.
-
-        Parameters
-        ----------
-        solved
-            The `solution`, where it is known.
-        """
-        before = states[COMMANDS]
-        torque = self.if_due(states, torque, before[..., -G.dimension :], CONTROL)
-        queue = np.concatenate([before[..., G.dimension :], torque], axis=-1)
-        changed, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
-        if self.clocks:
-            left, every = states[CLOCKS], np.array([c.every for c in self.clocks.values()], float)
-            changed[CLOCKS] = where(less(left, 0.5), every + 0.0 * left, left) - 1.0
-        # The first actuator that moves may also act at ticks.
-        for index, (place, actuator) in enumerate(self._chain()):
-            if index > self._at_instants:
-                break
-            x = states.get(place, command[..., :0])
-            period = self.tick
-            if place in self.clocks:
-                held = f"{place}_{TAKEN}"
-                command = changed[held] = self.if_due(states, command, states[held], place)
-                period = self.clocks[place].every * period
-            if place in states:
-                taken = command
-                if actuator.solves:
-                    taken = actuator.solution(G, command) if solved is None else solved
-                after = actuator.step(G, taken, x, period)
-                x = changed[place] = self.if_due(states, after, x, place)
-            if index < self._at_instants:
-                command = actuator.output(G, command, x)
-        return {**changed, HELD: command} if self._at_instants else changed
-
-    def solution(self, G: MatrixLieGroup, torque: Array, states: Arrays) -> Array:
-        """Return the solution of the actuator that `solves` at a control instant, ``(runs, n)``."""
-        after = self.after_instant(G, torque, states, np.zeros((len(torque), self.solves)))
-        inputs = self._inputs(G, torque, after)
-        return next(each.solution(G, command) for each, command, _ in inputs if each.solves)
-
-    def _inputs(
-        self, G: MatrixLieGroup, command: Array, states: Arrays
-    ) -> Iterator[tuple[Actuator, Array, Array]]:
-        """Yield the actuators, each with the command that it gets and its states."""
-        if self.control is not None:
-            command = states[COMMANDS][..., : G.dimension]
-        for place, actuator in self._chain():
-            x = states.get(place, command[..., :0])
-            command = states.get(f"{place}_{TAKEN}", command)
-            yield actuator, command, x
-            command = actuator.output(G, command, x)
-
-    def thrust(self, G: MatrixLieGroup, command: Array, states: Arrays) -> Array:
-        """Return the thrust of each thruster, ``(..., k)``."""
-        for actuator, u, x in self._inputs(G, command, states):
-            if actuator.thruster_names:
-                return actuator.thrust(G, u, x)
-        return command[..., :0]
-
-    def at_limit(self, G: MatrixLieGroup, command: Array, states: Arrays) -> Array:
-        """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
-        beyond = np.zeros(command.shape[:-1])
-        for actuator, u, x in self._inputs(G, command, states):
-            if (flags := actuator.at_limit(G, u, x)) is not None:
-                beyond = where(less(0.5, flags), 1.0, beyond)
-        return beyond
-
-    def cut(self, G: MatrixLieGroup, command: Array, states: Arrays) -> Array:
-        """Return 1 along axes where limits change the input of any actuator, else 0, ``(..., m)``.
-
-        A difference of the size of rounding is none.
-        """
-        cut = 0.0 * command
-        for actuator, u, x in self._inputs(G, command, states) if self.limits else ():
-            most = 1e-12 * (1 + absolute(u))
-            cut = where(less(most, absolute(u - actuator.within(G, u, x))), 1.0, cut)
-        return cut
-
-    def acting(self, s: Tracking, torque: Array) -> Array:
-        """Return the force that would move the law's model as the true plant moves.
-
-        It is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
-        """
-        G = s.G
-        for force in self.forces:
-            torque = torque + force.in_body(G, s.t, s.Q, s.V)
-        if self.inertia is None:
-            return torque
-        true = self.inertia_at(s)
-        free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
-        V_dot = true.velocity(free + torque)
-        return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
 
     def inertia_at(self, s: Tracking) -> Inertia:
         """Return the true inertia tensor in a run."""

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from eqt_cli.base.arrays import (
     Array,
+    Arrays,
     absolute,
     apply_matrix,
     clip,
@@ -30,6 +31,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
+from eqt_cli.base.stored import WHEEL
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.forces import column
 from eqt_cli.components.groups import MatrixLieGroup, group_named
@@ -217,6 +219,28 @@ class Wheels(Actuator):
     def wheel_names(self) -> tuple[str, ...]:
         """Names of the wheels, numbered from 1."""
         return tuple(f"wheel {k + 1}" for k in range(self.count))
+
+    @property
+    def members(self) -> Mapping[str, tuple[str, ...]]:
+        """The names of the wheels."""
+        return {WHEEL: self.wheel_names}
+
+    @property
+    def shows(self) -> tuple[str, ...]:
+        """Their momenta, and with their inertia their speeds."""
+        speed = () if self.inertia is None else ("wheel_speed",)
+        return ("wheel_momentum", *speed, "stored_momentum")
+
+    def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
+        """Return h, the speeds, and ‖A h‖."""
+        h = self.momenta(x) + 0.0 * V[..., :1]
+        speeds = {} if self.inertia is None else {"wheel_speed": self.speeds(V, x)}
+        return {"wheel_momentum": h, **speeds, "stored_momentum": norm(self.stored(x))}
+
+    def stored(self, x: Array) -> Array:
+        """Return A h, the momentum that the wheels store, in the body frame."""
+        A: Any = self.matrix
+        return apply_matrix(A, self.momenta(x))
 
     @property
     def count(self) -> int:
@@ -584,7 +608,7 @@ class Magnetorquers(Actuator):
     orbit: Orbit | None = None
     flux: list[str | float] | None = None
     takes: Literal["torque", "dipole"] = "torque"  # type: ignore[misc]  # a constant of others
-    dump: Annotated[Positive | None, Scale("gain of dumping", "1/s")] = None  # type: ignore[misc]
+    dump: Annotated[Positive | None, Scale("gain of dumping", "1/s")] = None
     rates: Any = field(default=None, init=False, repr=False)
     poles: Any = field(default=None, init=False, repr=False)
     known: Any = field(default=None, init=False, repr=False)

@@ -121,8 +121,8 @@ def read_config(
     Parameters
     ----------
     path
-        The file or folder; or, where neither it nor ``PATH.yaml`` exists, the name of a shipped
-        configuration.
+        The file or folder; or, where there is no such file, result, folder of files, nor
+        ``PATH.yaml``, the name of a shipped configuration.
     overrides
         ``KEY=VALUE``, by the place for messages; in a sequence, the places are ``overrides[0]``, ….
     trusted
@@ -133,9 +133,12 @@ def read_config(
     ConfigError
         If the file is not valid YAML, or an override does not parse.
     """
-    if not (path.exists() or path.with_suffix(".yaml").exists()) and str(path) in shipped.names():
+    is_result = (path / FILE_NAME).exists()
+    files = [] if is_result else sorted(path.glob("*.yaml"))
+    taken = path.is_file() or is_result or files or path.with_suffix(".yaml").exists()
+    if not taken and str(path) in shipped.names():
         path = shipped.folder() / f"{path}.yaml"
-    if path.is_dir() and not (path / FILE_NAME).exists() and (files := sorted(path.glob("*.yaml"))):
+    if path.is_dir() and files:
         listed = ", ".join(map(str, files[:_MAX_LISTED])) + (", …" if files[_MAX_LISTED:] else "")
         raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
     if path.suffix == ".h5" or path.is_dir():

@@ -31,6 +31,7 @@ from eqt_cli.base.option_types import (
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
+from eqt_cli.components.actuators import nominal
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.inertia import InertiaLaw, not_rigid
@@ -635,7 +636,7 @@ def with_model(
         desired.reference.flat_output(G, 0.0),
         None,
         vehicle.control.period if vehicle.control else None,
-        tuple(part.nominal.of_run(G, None) for part in (vehicle.configured or vehicle).actuators),
+        tuple(nominal(x).of_run(G, None) for x in (vehicle.configured or vehicle).actuators),
         isinstance(desired.reference, ClosedReference),
         vehicle,
     )

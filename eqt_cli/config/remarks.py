@@ -12,7 +12,7 @@ from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
-from eqt_cli.base.stored import SmallErrors
+from eqt_cli.base.stored import THRUSTER, SmallErrors
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, in_other_order, over_horizon
@@ -518,13 +518,13 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         beyond = np.maximum(needed - high, low - needed)
         limits = np.where(needed > high, high, low)
         # Thrusts have one unit, other limits that of their axis; a limit may be 0.
-        size = np.abs(needed).max(axis=None if actuator.thruster_names else 0)
+        size = np.abs(needed).max(axis=None if actuator.members else 0)
         share = np.divide(beyond, size, out=0.0 * beyond, where=size > 0)
         when, axis = np.unravel_index(share.argmax(), share.shape)
         if share[when, axis] > NEEDED:
             t = times[len(times) - len(needed) + when]
             most = "most" if needed[when, axis] > high[when, axis] else "least"
-            names = actuator.thruster_names
+            names = actuator.members.get(THRUSTER)
             name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
             yield (
                 (ACTUATORS, index),

@@ -11,6 +11,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, seconds
+from eqt_cli.base.stored import THRUSTER, WHEEL
 from eqt_cli.components import mechanics, vehicle_parts
 from eqt_cli.components.accelerometer import Lever
 from eqt_cli.components.actuators import Actuator
@@ -710,6 +711,11 @@ def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
             )
 
 
+def _acting(actuator: Actuator) -> str:
+    """Return the name in messages of what acts at control instants."""
+    return str(getattr(actuator, "acting_at_instants", actuator.name))
+
+
 def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Problems) -> None:
     """Note actuators that act at control instants without a clock or without a held command."""
     moving, driven, steered = "", False, False
@@ -717,24 +723,25 @@ def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Probl
         sampled = actuator.sampled or actuator.period is not None
         if sampled and without_clock:
             problems.at(index).add(
-                f"{actuator.acting_at_instants} acts at control instants; set control.period"
+                f"{_acting(actuator)} acts at control instants; set control.period"
             )
         elif sampled and moving:
             problems.at(index).add(
-                f"{actuator.acting_at_instants} acts on a held command; put it before {moving}"
+                f"{_acting(actuator)} acts on a held command; put it before {moving}"
             )
         elif actuator.offset is not None and actuator.period is None:
             problems.at(index, "offset").add("applies with a period only; add period")
-        if steered and not actuator.dump:
+        dump = getattr(actuator, "dump", None)
+        if steered and not dump:
             problems.at(index).add("the torque of wheels is final; put it before, or give dump")
-        if actuator.dump and not steered:
+        if dump and not steered:
             problems.at(index, "dump").add("takes the momentum of wheels; put wheels before it")
-        steered = steered or bool(actuator.wheel_names)
-        if actuator.thruster_names and driven:
+        steered = steered or WHEEL in actuator.members
+        if THRUSTER in actuator.members and driven:
             problems.at(index).add(
                 "a vehicle has one entry with thrusters; put all of them in the first one"
             )
-        driven = driven or bool(actuator.thruster_names)
+        driven = driven or THRUSTER in actuator.members
         moving = actuator.name if actuator.moves or actuator.changes else moving
 
 

@@ -594,15 +594,21 @@ def library(source: str, check: Callable[[str], object] | None = None) -> ctypes
         If there is no compiler, or it fails.
     """
     by = compiler()
-    with _lock:  # a thread waits while another one compiles the same source
+    with _turn(source):
         return _library(source, by, check)[0]
 
 
 def content(source: str, check: Callable[[str], object] | None = None) -> bytes:
     """Return the file of the same library; raises as `library` does."""
     by = compiler()
-    with _lock:
+    with _turn(source):
         return _library(source, by, check)[1]
+
+
+@lru_cache(maxsize=64)
+def _turn(source: str) -> threading.Lock:
+    """Return the lock by which a thread waits while another one compiles the same source."""
+    return threading.Lock()
 
 
 @lru_cache(maxsize=64)
@@ -614,11 +620,10 @@ def _library(
         with suppress(OSError):
             return _loaded(cached), cached
     with reporter().busy(f"compiling {subject()}"):
-        if check is None:
-            made = _compiled(source, by, "-shared")
-        else:
-            check(assembly(source, by))
-            made = _compiled(source, by, "-shared", assembly(source, by))
+        written = assembly(source, by) if check else ""
+        if check:
+            check(written)
+        made = _compiled(source, by, "-shared", written)
     try:
         loaded = _loaded(made)
     except OSError as error:

@@ -235,13 +235,20 @@ def _set(structure: Any, members: Mapping[str, Any]) -> None:
 
 
 @lru_cache(maxsize=32)
-def integration(field: Program, at_samples: SampleProgram | None = None) -> Callable[..., None]:
+def _integrator(field: Program, at_samples: SampleProgram | None, walks: bool) -> Any:
+    """Return the library of a field: ``eqt_advance``, and if it `walks`, ``eqt_walk``."""
+    return compiler.library(integration_source(field, compiler.compiler().lanes, at_samples, walks))
+
+
+def integration(
+    field: Program, at_samples: SampleProgram | None = None, walks: bool = False
+) -> Callable[..., None]:
     """Return ``eqt_advance`` of a field, which takes the members of ``eqt_span``.
 
-    Arrays are C-contiguous. `measuring` returns the member of that name.
+    Arrays are C-contiguous. `measuring` returns the member of that name. With `walks`, the library
+    is that of `Walk`, so that it is compiled once.
     """
-    text = integration_source(field, compiler.compiler().lanes, at_samples)
-    function = compiler.library(text).eqt_advance
+    function = _integrator(field, at_samples, walks).eqt_advance
 
     def advance(**members: Any) -> None:
         span = _Span(row=members["states"].shape[1])
@@ -371,15 +378,6 @@ class _Walks(ctypes.Structure):
     ]
 
 
-@lru_cache(maxsize=32)
-def _walk(field: Program) -> Any:
-    """Return ``eqt_walk`` of a field."""
-    text = integration_source(field, compiler.compiler().lanes, walks=True)
-    function = compiler.library(text).eqt_walk
-    function.restype = ctypes.c_int64
-    return function
-
-
 class Walk:
     """Walks some runs through the spans of a sampled loop by calls of ``eqt_walk``.
 
@@ -401,7 +399,8 @@ class Walk:
     """
 
     def __init__(self, field: Program, spans: Array, arrays: Arrays, **span: Any) -> None:
-        self._function = _walk(field)
+        self._function = _integrator(field, None, walks=True).eqt_walk
+        self._function.restype = ctypes.c_int64
         runs, row = span["states"].shape
         buffers = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}
         self.counts = buffers["counted"][:, 0]

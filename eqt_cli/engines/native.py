@@ -349,7 +349,7 @@ class Lanes(Integrator):
         at_samples: SampleProgram | None = None,
     ) -> None:
         super().__init__(problem)
-        self._law, self._advance = law, library.integration(law.field, at_samples)
+        self._law = law
         self._settings = settings
         self._all_parameters = parameter_rows(problem)
         self._span_starts = np.array([span.start for span in problem.spans])
@@ -364,6 +364,7 @@ class Lanes(Integrator):
                 is_due = span.tick is not None and control.clock.is_due(span.tick)
                 rows.append((*times, *samples, -1 if span.tick is None else span.tick, int(is_due)))
             self._listed = np.array(rows, library.WALKED)
+        self._advance = library.integration(law.field, at_samples, walks=len(self._listed) > 0)
 
     def begin(self, runs: Array) -> None:
         """Begin these runs with no step taken, and the length of the first one unknown."""
@@ -625,6 +626,10 @@ BLOCK_BYTES = 16 * 2**20
 """Memory for the states of a block of runs, which are measured when they are solved. Where C walks
 them through many spans, their errors of sensors count, and it is twice as much."""
 
+FEW_RUNS = 16
+"""Most runs whose samples are stored and then measured, by code that is compiled in a third of the
+time; their numbers have the same bits as those of many runs."""
+
 GROUP_RUNS = 256
 """Number of runs that a thread integrates at a time: their states and samples fit its cache."""
 
@@ -743,13 +748,13 @@ class Native(Engine):
     ) -> Solution:
         """Solve and measure sample by sample on the way, if not all arrays are asked for.
 
-        Runs with several spans or a sampled law, and functions that cannot be compiled, are
-        measured from stored states.
+        Few runs, those with several spans or a sampled law, and functions that cannot be compiled,
+        are measured from stored states.
         """
         loop, times = problem.loop, problem.times
         lengths = (loop.state_length, *(row.shape[-1] for row in rows))
-        measures = None
-        if returned is not None and len(problem.spans) == 1 and loop.vehicle.control is None:
+        measures, many = None, problem.runs > FEW_RUNS
+        if many and returned is not None and len(problem.spans) == 1 and not loop.vehicle.control:
             grid = tuple(times.tolist())
             measures = running(function, reduction, loop, lengths, tuple(returned), grid)
         if measures is None:

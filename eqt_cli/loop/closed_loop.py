@@ -14,6 +14,16 @@ from eqt_cli.base.errors import KeyPath, parse_key
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.components.accelerometer import felt, reads_specific_force
 from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.blocks import (
+    COMMAND,
+    SOLVED,
+    Block,
+    Blocks,
+    Now,
+    at_start,
+    blocks_of,
+    solution,
+)
 from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
@@ -23,7 +33,7 @@ from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking,
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
-from eqt_cli.components.vehicle import CONTROL, LOST, Vehicle, moving_sensors
+from eqt_cli.components.vehicle import COMMANDS, CONTROL, LOST, SIGNALS, Vehicle, moving_sensors
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
 
 # The layout of a flat state: named stretches of numbers, one after the other ----------------------
@@ -172,18 +182,22 @@ class ClosedLoop:
     def command(self, s: Tracking) -> Array:
         """Return the commanded torque, a held one if sampled, body frame, ``(..., m)``."""
         if self.vehicle.control is not None:
-            return self.vehicle.last_command(self.group, s.vehicle)
+            return s.vehicle[COMMANDS][..., -self.group.dimension :]
         return s.command(self.law.torque(s))
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The blocks of the law and the vehicle."""
+        return blocks_of(self.vehicle, self.group, Law("law", (), self))
+
+    def now(self, s: Tracking, errors: Errors | None = None, acts: bool = False) -> Now:
+        """Return the values of all ports of the vehicle, as `Now` has them."""
+        return Now(self.blocks, s, None, acts, errors)
 
     def torque(self, s: Tracking) -> Array:
         """Return the torque τ of the actuators, body frame, ``(..., m)``."""
-        return self.vehicle.at(s).passed(self.group, self.command(s), s.vehicle)[0]
-
-    def at_limit(self, s: Tracking) -> Array:
-        """Return 1 where an actuator is at its limit, else 0, ``(...)``."""
-        if not self.vehicle.limits:
-            return np.zeros(s.P.shape[:-1])
-        return self.vehicle.at(s).at_limit(self.group, self.command(s), s.vehicle)
+        torque: Array = self.now(s)["forces.torque"]
+        return torque
 
     def acting_and_rates(self, s: Tracking) -> tuple[Array, Arrays]:
         """Return the force that moves the law's model as the true plant, and actuator rates.
@@ -191,15 +205,8 @@ class ClosedLoop:
         The force, ``(..., m)`` in the body frame, is τ if nothing else acts and the law knows the
         inertia. The rates are those of the states of actuators and sensors.
         """
-        torque, rates = self.vehicle.at(s).passed(self.group, self.command(s), s.vehicle)
-        for place, force, more in self.vehicle.reactions(self.group, s.V, s.vehicle):
-            torque = torque + force
-            rates |= {place: rates[place] + more} if place in rates else {}
-        _, of_sensors = self.vehicle.read(self.group, s.V, s.vehicle)
-        acting = self.vehicle.acting(s, torque)
-        if any(moving_sensors(self.vehicle, "accelerometer")):
-            of_sensors |= felt(self.vehicle, s, acting)[1]
-        return acting, rates | of_sensors
+        now = self.now(s)
+        return now["forces.acting"], now.rates()
 
     def dissipation(self, s: Tracking) -> Array | None:
         """Return the power −dL/dt that the law alone takes out of L; None if it is not known."""
@@ -347,11 +354,10 @@ class ClosedLoop:
         if any(name.startswith(MEMORY) for name in stretches):
             stretches |= _named(MEMORY, self.controller.initial_memory(self.tracking(t, state)))
             state = self.layout.join(stretches, state)
-        if self.vehicle.runs:
+        if any(part.runs for part in self.vehicle.actuators):
             s = self.tracking(t, state)
             command = s.command(self.controller.torque(s))
-            running = self.vehicle.at(s).running(self.group, command, s.vehicle)
-            stretches |= _named(VEHICLE, running)
+            stretches |= _named(VEHICLE, at_start(Now(self.blocks, s, {COMMAND: command})))
             state = self.layout.join(stretches, state)
         if any(moving_sensors(self.vehicle, "accelerometer")):
             s = self.tracking(t, state)
@@ -435,11 +441,8 @@ class ClosedLoop:
         """Return a flat state after the measurements at time t, which sensors may hold."""
         if errors is None or not self.changes_by_measuring:
             return state
-        s = self.tracking(t, state)
-        errors = errors if s.flux is None else errors._replace(flux=s.flux + errors.flux)
-        if errors.felt.shape[-1]:
-            errors = errors._replace(felt=_felt(self, s) + errors.felt)
-        states = self.vehicle.after_measuring(self.group, s.Q, s.V, errors, s.vehicle)
+        now = self.now(self.tracking(t, state), errors, acts=True)
+        states = {**now.after("arrived"), **now.after(self.blocks.read)}
         return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
 
     @property
@@ -455,22 +458,13 @@ class ClosedLoop:
         errors
             E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
-        s = self.tracking(t, state)
-        inputs = LawInput.of(s)
-        V, _ = self.vehicle.read(self.group, inputs.velocity, s.vehicle)
-        f = _felt(self, s) if reads_specific_force(self.controller) else None
-        inputs = inputs._replace(velocity=V)
-        if errors is not None:
-            Q, V = inputs.pose @ errors.pose, inputs.velocity + errors.velocity
-            B = None if s.flux is None else s.flux + errors.flux
-            f = f if not errors.felt.shape[-1] else f + errors.felt
-            Q, V, B, f = self.vehicle.as_arrived(self.group, (Q, V, B, f), s.vehicle)
-            if self.vehicle.estimator is not None:
-                Q, V = self.vehicle.estimated(self.group, s.vehicle)
-            inputs = inputs._replace(pose=Q, velocity=V, flux=B)
-        if f is None or self.group.translation is None:
+        now = self.now(self.tracking(t, state), errors)
+        pose, velocity, flux = (now[f"{self.blocks.read}.{name}"] for name in SIGNALS[:3])
+        inputs = LawInput.of(now.s)._replace(pose=pose, velocity=velocity, flux=flux)
+        if self.group.translation is None or not reads_specific_force(self.controller):
             return inputs
-        return inputs._replace(specific_force=f[..., self.group.translation.axes])
+        force = now["arrived.accelerometer"][..., self.group.translation.axes]
+        return inputs._replace(specific_force=force)
 
     def answer(self, inputs: LawInput, memory: Arrays, period: Any) -> tuple[Array, Arrays]:
         """Return the commanded torque, and the memory z of the law, advanced by ż for a period."""
@@ -489,14 +483,11 @@ class ClosedLoop:
         solved
             `solution` of the vehicle, if it is known already.
         """
-        s = self.tracking(t, state)
-        memory = {
-            name: self.vehicle.if_due(s.vehicle, z, s.memory[name], CONTROL)
-            for name, z in memory.items()
-        }
-        vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle, solved)
-        parts = self.layout.split(state)
-        changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
+        s, parts = self.tracking(t, state), self.layout.split(state)
+        ports = {COMMAND: torque} if solved is None else {COMMAND: torque, SOLVED: solved}
+        now = Now(self.blocks, s, ports, acts=True)
+        memory = {name: now.if_due(CONTROL, z, s.memory[name]) for name, z in memory.items()}
+        changed = _named(MEMORY, memory) | _named(VEHICLE, now.stepped())
         if memory:  # L jumps with the memory, and W by the opposite amount
             jump = self.lyapunov(dataclasses.replace(s, memory=memory)) - self.lyapunov(s)
             changed["work"] = parts["work"] - jump[..., None]
@@ -504,7 +495,9 @@ class ClosedLoop:
 
     def solution(self, state: Array, torque: Array) -> Array:
         """Return the vehicle's solution, such as thrusts, for a commanded torque."""
-        return self.vehicle.solution(self.group, torque, _of(VEHICLE, self.layout.split(state)))
+        zeros = np.zeros((len(torque), self.vehicle.solves))
+        ports = {COMMAND: torque, SOLVED: zeros}
+        return solution(Now(self.blocks, self.tracking(0.0, state), ports, acts=True))
 
     def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
         """Return a flat state after a tick; t and state are those before it.
@@ -522,7 +515,7 @@ class ClosedLoop:
 
         `rows` is the law's `code_rows` where an engine has computed it.
         """
-        acts = self.vehicle.acts(_of(VEHICLE, self.layout.split(state)))
+        acts = self.blocks.due(_of(VEHICLE, self.layout.split(state)), CONTROL)
         memory = self.memory(state)
         if acts is not None and not acts.any():  # all runs have the same clocks
             return 0.0 * inputs.velocity, memory
@@ -542,9 +535,15 @@ class ClosedLoop:
         return _of(MEMORY, self.layout.split(state))
 
 
-def _felt(loop: ClosedLoop, s: Tracking) -> Array:
-    """Return the specific force as it is measured before errors, ``(..., m)``."""
-    return felt(loop.vehicle, s, loop.acting_and_rates(s)[0])[0]
+@dataclass(frozen=True)
+class Law(Block):
+    """The law of a loop."""
+
+    loop: ClosedLoop
+
+    def command(self, now: Now) -> Array:
+        """Return what it asks for."""
+        return self.loop.command(now.s)
 
 
 def known_force(loop: ClosedLoop, t: Any, Q: Array) -> Array | None:

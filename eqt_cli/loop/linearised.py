@@ -16,6 +16,7 @@ import numpy as np
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError
 from eqt_cli.components.accelerometer import Lever
+from eqt_cli.components.actuators import nominal
 from eqt_cli.components.laws import (
     CountsInstants,
     Designed,
@@ -62,7 +63,7 @@ def designed(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) ->
     law = loop.controller
     assert isinstance(law, Designed)
     clock, forces = loop.vehicle.control, law.known_forces
-    actuators = tuple(each.nominal for each in loop.vehicle.actuators)
+    actuators = tuple(map(nominal, loop.vehicle.actuators))
     known = Vehicle(forces=forces, actuators=actuators, control=clock)
     linear = linearised(dataclasses.replace(loop, vehicle=known), times, poses, velocities)
     if not np.isfinite(linear.closed).all():

@@ -16,6 +16,7 @@ from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside,
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
+from eqt_cli.components.blocks import COMMAND, beyond_limits, cut_axes, signals
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
@@ -45,18 +46,16 @@ class LoopState(NamedTuple):
     attitude_error: Array
     at_limit: Array
     cut: Array
-    thrust: Array
-    wheel_momentum: Array
-    wheel_speed: Array
-    stored: Array
+    of_actuators: Mapping[str, Array]
     lyapunov: Array
     output: Array
 
     @classmethod
     def of(cls, loop: ClosedLoop, s: Tracking) -> Self:
         """Evaluate a loop in a state, of floats or symbols."""
-        vehicle, command = loop.vehicle, loop.command(s)
-        torque = loop.torque(s) if vehicle.actuators or vehicle.control else command
+        vehicle, now = loop.vehicle, loop.now(s)
+        command = now[COMMAND]
+        torque = now["forces.torque"] if vehicle.actuators or vehicle.control else command
         with np.errstate(invalid="ignore"):  # symbols compare NaN
             attitude = pointing = s.P[..., 0] * 0.0 + np.nan
         if isinstance(law := loop.controller.formula, OuterLoop):
@@ -64,10 +63,8 @@ class LoopState(NamedTuple):
         if loop.axis:
             distance = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis)
             pointing = turn_of_distance(distance) * (180 / np.pi)
-        now, at_limit = vehicle.at(s), loop.at_limit(s)
-        cut, thrust = now.cut(s.G, command, s.vehicle), now.thrust(s.G, command, s.vehicle)
-        wheels = vehicle.wheel_states(s.G, s.V, s.vehicle)
-        acting = torque, pointing, attitude, at_limit, cut, thrust, *wheels
+        limited = beyond_limits(now), cut_axes(now, vehicle.limits)
+        acting = torque, pointing, attitude, *limited, signals(now)
         return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
 
 
@@ -109,7 +106,7 @@ class LoopSignal(Signal):
     @property
     def long_name(self) -> str:
         """Its name in words."""
-        return str(self.formula.__doc__).removesuffix(".")
+        return self.words or str(self.formula.__doc__).removesuffix(".")
 
     def units(self, group: MatrixLieGroup) -> str:
         """Return its unit on a group."""
@@ -137,8 +134,8 @@ class LoopSignal(Signal):
         return of
 
 
-FORMULAS: dict[str, LoopSignal] = {}
-"""All signals by name, in the order of `compute`."""
+_WRITTEN: dict[str, LoopSignal] = {}
+"""The signals whose formulas are here, by name."""
 
 
 def _signal(**conditions: Any) -> Callable[[Formula], Formula]:
@@ -146,7 +143,7 @@ def _signal(**conditions: Any) -> Callable[[Formula], Formula]:
 
     def added(formula: Formula) -> Formula:
         signal = vars(SIGNALS[formula.__name__])
-        FORMULAS[formula.__name__] = LoopSignal(**signal, formula=formula, **conditions)
+        _WRITTEN[formula.__name__] = LoopSignal(**signal, formula=formula, **conditions)
         return formula
 
     return added
@@ -262,34 +259,10 @@ def cut(x: LoopState) -> Array:
     return x.cut
 
 
-@_signal(stored_of=attrgetter("thruster_names"))
-def thrust(x: LoopState) -> Array:
-    """thrust of each thruster."""
-    return x.thrust
-
-
 @_signal(stored_of=attrgetter("burns"), only_there=True)
 def burnt(x: LoopState) -> Array:
     """propellant that thrusters have burnt."""
     return x.s.vehicle.get(PROPELLANT, np.nan * x.s.P)[..., 0]
-
-
-@_signal(stored_of=attrgetter("wheels"))
-def wheel_momentum(x: LoopState) -> Array:
-    """absolute momentum of each wheel about its axis."""
-    return x.wheel_momentum
-
-
-@_signal(stored_of=lambda of: of.wheels and of.wheels[1].inertia is not None)
-def wheel_speed(x: LoopState) -> Array:
-    """speed of each wheel relative to the body."""
-    return x.wheel_speed
-
-
-@_signal(stored_of=attrgetter("wheels"))
-def stored_momentum(x: LoopState) -> Array:
-    """momentum that the wheels store together, ||A h||."""
-    return norm(x.stored)
 
 
 @_signal()
@@ -447,6 +420,26 @@ def innovation_correlation(x: LoopState) -> Array:
     return of_innovations(x.s)[2]
 
 
+# Signals of actuators, whose formulas are in their files ------------------------------------------
+
+
+def _of_actuator(signal: Signal) -> LoopSignal:
+    """Return a signal that an actuator `shows`; 0 without one, if it has no dimension."""
+    name = signal.name
+
+    def formula(x: LoopState) -> Array:
+        return x.of_actuators.get(name, 0.0 * x.s.P[..., 0])
+
+    return LoopSignal(**vars(signal), formula=formula, stored_of=lambda of: name in of.shows)
+
+
+FORMULAS = {
+    name: _of_actuator(signal) if signal.words else _WRITTEN[name]
+    for name, signal in SIGNALS.items()
+}
+"""All signals by name, in the order of `compute`."""
+
+
 # Evaluation ---------------------------------------------------------------------------------------
 
 
@@ -510,11 +503,12 @@ def at_state(
 
 def existing(loop: ClosedLoop) -> dict[str, tuple[LoopSignal, Part | None]]:
     """Return the signals of a loop and those of their parts, by name."""
-    members = loop.vehicle.members | {OUTPUT: loop.controller.outputs(loop.group)}
+    vehicle, lengths = loop.vehicle, {OUTPUT: loop.controller.outputs(loop.group)}
     return {
         f"{signal.name}_{part.name}" if part else signal.name: (signal, part)
         for signal in FORMULAS.values()
-        if all(members.get(dim, True) for dim in signal.dims) and signal.exists_on(loop.group)
+        if all(lengths.get(dim, True) for dim in signal.dims) and signal.exists_on(loop.group)
+        if not (signal.words and signal.dims) or signal.name in vehicle.shows
         for part in (None, *signal.parts(loop.group))
     }
 

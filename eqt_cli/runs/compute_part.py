@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,7 +28,7 @@ from eqt_cli.components.mechanics import Tracking, settling_error
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Solution, Stopped
-from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
 from eqt_cli.results.metrics import DESIRED, ESTIMATE_SETTLING, SETTLING
@@ -36,6 +39,7 @@ from eqt_cli.runs.batches import (
     Batch,
     batches,
     chosen_entries,
+    kind_of,
     largest,
     references,
     squares,
@@ -125,8 +129,8 @@ def compute_part(
     with working_for(which):
         for batch in batches(study, slab.label, slab.entries[left]):
             batch = replace(batch, rows=left[batch.rows])
-            for runs in batch.engine.blocks(batch.problem, context.threads):
-                block, reference = batch.select(runs), shared
+            for block in slab.blocks(batch, context.threads):
+                reference = shared
                 if desired is not None:
                     where = np.searchsorted(slab.points, block.points)
                     reference = {name: values[where] for name, values in desired.items()}
@@ -255,6 +259,14 @@ class Slab:
     def failed(self) -> int:
         """The number of failed runs."""
         return int(np.count_nonzero(self.data["status"]))
+
+    def blocks(self, batch: Batch, threads: int) -> Iterator[Batch]:
+        """Divide a batch into blocks; compiled runs of which numbers suffice are by themselves."""
+        whole = (self._stored[batch.rows] >= 0) | (self._checked[batch.rows] >= 0)
+        whole |= not batch.engine.threads  # whose runs may share their steps
+        for some in (batch.select(np.flatnonzero(kind)) for kind in (whole, ~whole)):
+            if some.problem.runs:
+                yield from map(some.select, some.engine.blocks(some.problem, threads))
 
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.
@@ -633,6 +645,24 @@ UNSAVED_SECONDS = 1.0
 all parts by then writes every number once; a kill loses at most the work of that time."""
 
 
+def _compile(study: Study, label: str) -> None:
+    """Compile what stored runs of a law need, by a run up to its first sample after the start.
+
+    What fails here fails again where it is said.
+    """
+    with suppress(Exception), np.errstate(all="ignore"):
+        [batch] = batches(study, label, np.array([0]))
+        loop, wanted = batch.problem.loop, [entry.name for entry in stored_quantities(study)]
+        if any(part.is_foreign for part in parts_of(loop)) or isinstance(loop.controller, RunsCode):
+            return  # a user's code is called for results only
+        problem = replace(batch.problem, times=batch.problem.times[:2])
+        states, m = batch.engine.solve(problem).states, loop.group.dimension
+        motion = np.zeros((1, 2, loop.group.size**2 + m))
+        batch.engine.evaluate(_functions(batch, wanted)[0], problem, states, motion[0])
+        if batch.experiment.solver.estimates_errors:
+            batch.engine.evaluate(difference, problem, states, motion)
+
+
 @dataclass(frozen=True, eq=False)
 class PartTask:
     """Computes parts of a study into a folder; it can be sent to other processes.
@@ -736,10 +766,26 @@ class PartTask:
         return Slab.stored(self.study.piece(index), part, path)
 
     @blamed()
-    def prepare(self) -> None:
-        """Look for stopped parts, and save the shared references that have no complete file yet."""
+    def prepare(self, threads: int = 0) -> None:
+        """Look for stopped parts, and save the shared references that have no complete file yet.
+
+        Parameters
+        ----------
+        threads
+            Number of threads that compile the laws beside, for parts in this process.
+        """
         if self.chosen is None:
             self.stopped.update((item, path) for item, (path, _) in self.files.stopped().items())
+        base, piece = self.study.base, self.study.piece(0)
+        kinds = {kind_of(piece.experiment(0), label): label for label in base.loops}
+        with ThreadPoolExecutor(max(1, threads)) as pool:
+            for label in kinds.values() if threads and base.engine.threads else ():
+                pool.submit(copy_context().run, _compile, piece, label)
+                if base.solver.judgement.cross_check:  # by LSODA, which is slow to import
+                    pool.submit(import_module, "scipy.integrate")
+            self._save_references()
+
+    def _save_references(self) -> None:
         for index in range(len(self.study.shapes)):
             piece, path = self.study.piece(index), self.files.reference(index)
             if piece.desired_varies:

@@ -34,7 +34,7 @@ from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly, Attribute, Variable, assemble
-from eqt_cli.base.stored import MIXED, OUTPUT, signal_of
+from eqt_cli.base.stored import MEMBERS, MIXED, OUTPUT, signal_of
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -334,7 +334,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     vehicles = vehicles or [vehicle]
     for quantity in (*QUANTITIES.values(), *map(own_row, experiment.metrics)):
         # Points with and without thrusters or wheels have different shapes.
-        of = [vehicle] if vehicle.members.keys() & set(quantity.dims) else vehicles
+        of = [vehicle] if MEMBERS & set(quantity.dims) else vehicles
         signal = FORMULAS.get(quantity.signals[0]) if quantity.signals else None
         stored_of = quantity.stored_of
         if signal and quantity.per is ValuePer.TRAJECTORY:

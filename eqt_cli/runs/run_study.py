@@ -29,7 +29,7 @@ from eqt_cli.results.timing import write_timing
 from eqt_cli.runs.arithmetic import by
 from eqt_cli.runs.batches import chosen_entries, cross_check
 from eqt_cli.runs.compute_part import UNSAVED_SECONDS, PartTask
-from eqt_cli.runs.executors import MOST_TRIES, Executor, Serial
+from eqt_cli.runs.executors import MOST_TRIES, Auto, Executor, Serial, Threads
 from eqt_cli.runs.folder import (
     CONFIG,
     RERUN,
@@ -317,7 +317,8 @@ class _Session:
         runs, left = (sum(map(task.runs_of, items)) for items in (wanted, missing))
         begun = time.monotonic()
         with step(RUNS_DONE, runs) as counted:
-            task.prepare()
+            here = isinstance(self.executor, (Threads, Auto)) and left
+            task.prepare(self.executor.workers if here else 0)
             reporter().skip(runs - left)
             for outcome in self.executor.outcomes(task, missing):
                 if time.monotonic() > begun + UNSAVED_SECONDS:

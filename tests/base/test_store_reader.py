@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from made_up import Table, write
 
+from eqt_cli.base import store_reader
 from eqt_cli.base.errors import ResultError
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Variable
@@ -26,6 +27,22 @@ def test_returns_what_was_written(results, table):
         assert results.dims(name) == variable.dims
         np.testing.assert_array_equal(results[name], variable.data)
     assert results["message"].dtype == object
+
+
+@pytest.mark.parametrize("every", [1, 4, 40])
+def test_dense_positions_are_read_at_once(tmp_path, every, monkeypatch):
+    values = np.arange(3 * 400.0).reshape(3, 400)
+    write(tmp_path / "results.h5", Table({"x": Variable(("run", "sample"), values, {})}, {}, {}))
+    reads, readinto = [], store_reader.CheckedStream.readinto
+    with open_results(tmp_path) as results:
+        monkeypatch.setattr(
+            store_reader.CheckedStream,
+            "readinto",
+            lambda stream, buffer: reads.append(0) or readinto(stream, buffer),
+        )
+        chosen = [*range(397, 0, -every)]
+        np.testing.assert_array_equal(results.read("x", sample=chosen), values[:, chosen])
+    assert len(reads) < 10 + 3 * (every > store_reader.DENSE) * len(chosen)
 
 
 def test_describes_variables_and_coordinates(results):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ports import after_measuring
 from scipy.stats import binomtest, chi2
 
 from eqt_cli.components.estimators import Eqf, Invariant
@@ -121,7 +122,7 @@ def judged(group, kind, pose, velocity, acceleration, runs=60_000, ticks=50):
         ]
         errors = Errors(G.exp(off), b + noise, np.full((runs, len(events)), events), b)
         motion = G.exp(np.full((runs, 1), q[k])), np.full((runs, 1), V[k])
-        states = states | vehicle.after_measuring(G, *motion, errors, states)
+        states = states | after_measuring(vehicle, G, *motion, errors, states)
         P, e = states["estimator_covariance"], states["estimator_error"]
         square = P[:, 3] * e[:, 0] ** 2 - 2 * P[:, 1] * e[:, 0] * e[:, 1] + P[:, 0] * e[:, 1] ** 2
         nees.append((square / (P[:, 0] * P[:, 3] - P[:, 1] ** 2)).mean() / 2)

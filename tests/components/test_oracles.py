@@ -10,6 +10,7 @@ from small_experiment import mapping
 
 from benchmarks.contenders.mujoco_body import MuJoCo, RigidBody
 from eqt_cli import api
+from eqt_cli.components.blocks import acting_force
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.mechanics import lie_poisson
 from eqt_cli.components.vehicle import Vehicle
@@ -120,7 +121,7 @@ def test_accelerations_of_plant_and_reference(name, case):
     beyond = flat[:, loop.layout.slices["work"].stop :]
     beyond[:] = random.standard_normal(beyond.shape)
     s = loop.tracking(t, flat)
-    torque = replace(loop.vehicle, inertia=None).acting(s, loop.torque(s))
+    torque = acting_force(replace(loop.vehicle, inertia=None), s, loop.torque(s))
     true = s.inertia if loop.vehicle.inertia is None else loop.vehicle.inertia.at(s.inertia, t)
     _, rate = lie_poisson(G, s.Q, s.P, s.V, loop.acting_and_rates(s)[0])
     _, desired = lie_poisson(G, s.Qd, s.Pd, s.Vd, s.tau_d)

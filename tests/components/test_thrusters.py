@@ -7,11 +7,13 @@ import numpy as np
 import plain_thrusters as plain
 import pytest
 import yaml
+from ports import ports
 from scipy.optimize import lsq_linear
 
 from eqt_cli.api import load_experiment
 from eqt_cli.api.loading import open_at
 from eqt_cli.components.actuators import Limit, RateLimit
+from eqt_cli.components.blocks import beyond_limits, signals, solution
 from eqt_cli.components.forces import Drag
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.thrusters import Thruster, Thrusters, unreachable
@@ -139,12 +141,12 @@ def test_states_are_those_of_a_plain_program(solved, group, engine, name):
     Q, V, thrust = expected(group, name)
     np.testing.assert_allclose(s.Q[0], Q, rtol=0, atol=TOLERANCE)
     np.testing.assert_allclose(s.V[0], V, rtol=0, atol=TOLERANCE)
-    found = problem.loop.vehicle.thrust(s.G, problem.loop.command(s), s.vehicle)[0]
+    found = signals(problem.loop.now(s))["thrust"][0]
     if thrust is not None:
         np.testing.assert_allclose(found, thrust, rtol=0, atol=TOLERANCE)
     B = np.array([plain.column(**each) for each in (EIGHT if group == "SE3" else FOUR)]).T
     np.testing.assert_allclose(problem.loop.torque(s)[0], found @ B.T, rtol=0, atol=1e-12)
-    assert problem.loop.at_limit(s)[0].any()
+    assert beyond_limits(problem.loop.now(s))[0].any()
     # A current and limits do work; the balance holds as far as the states do.
     L, W = s.lyapunov[0], problem.loop.work(solution.states)[0]
     np.testing.assert_allclose(L + W, L[0], rtol=0, atol=TOLERANCE)
@@ -302,11 +304,12 @@ def test_a_vehicle_has_the_limits_and_the_solution_of_its_thrusters():
     np.testing.assert_array_equal([low, high], [[-1.0] * 3, [2.0] * 3])
     asked = np.array([[3.0, -3.0, 0.5]])
     states = {name: np.zeros((1, length)) for name, length in vehicle.states(G).items()}
-    found = vehicle.solution(G, asked, states)
+    tick = {"command": asked, "acts": True}
+    found = solution(ports(vehicle, G, states, **tick, solved=np.zeros((1, 3))))
     np.testing.assert_allclose(found, [[1.5, -1.0, 0.5]], atol=1e-12)
-    after = vehicle.after_instant(G, asked, states)
+    after = ports(vehicle, G, states, **tick).stepped()
     np.testing.assert_allclose(after["actuators_2"], found, atol=1e-12)
-    after = vehicle.after_instant(G, asked, states, solved=0.5 * found)  # by an engine
+    after = ports(vehicle, G, states, **tick, solved=0.5 * found).stepped()  # by an engine
     np.testing.assert_array_equal(after["actuators_2"], 0.5 * found)
     np.testing.assert_array_equal(after["actuators_0"], [[2.0, -2.0, 0.5]])
 

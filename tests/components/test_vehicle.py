@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from case_tables import from_yaml
+from ports import ports
 from small_loops import expressions
 
 from eqt_cli.base.errors import Problems
@@ -19,6 +20,7 @@ from eqt_cli.components.actuators import (
     RateLimit,
     Scaled,
 )
+from eqt_cli.components.blocks import beyond_limits, signals
 from eqt_cli.components.estimators import Complementary, Invariant, Schedule
 from eqt_cli.components.forces import ConstantForce, Drag, GravityGradient, Gust, Restoring
 from eqt_cli.components.groups import group_named
@@ -426,19 +428,18 @@ class Stateless(Actuator):
 
 def test_an_actuator_without_states_is_handed_none():
     vehicle, command = Vehicle(actuators=(Stateless(), Stateless())), np.array([1.0, 2.0, 3.0])
-    torque, rates = vehicle.passed(SO3, command, {})
-    np.testing.assert_array_equal(torque, command)
-    assert not rates and not vehicle.at_limit(SO3, command, {})
-    assert vehicle.thrust(SO3, command, {}).shape == Stateless().thrust(SO3, command, {}).shape
-    assert vehicle.thrust(SO3, command, {}).shape == (0,)
+    now = ports(vehicle, SO3, {}, command=command)
+    np.testing.assert_array_equal(now["forces.torque"], command)
+    assert not now.rates() and not beyond_limits(now)
     clocked = dataclasses.replace(vehicle, control=Sampling(0.1))
     states = {name: np.zeros(count) for name, count in clocked.states(SO3).items()}
-    found = clocked.after_instant(SO3, command, states)
-    np.testing.assert_array_equal(found["held"], command)
-    assert clocked.thrust(SO3, command, states).shape == (0,)
+    now = ports(clocked, SO3, states, command=command, acts=True)
+    np.testing.assert_array_equal(now.stepped()["held"], command)
     wheels = Thrusters(matrix=np.eye(3).tolist())
     behind = Vehicle(actuators=(Stateless(), wheels)).of_run(SO3)
-    np.testing.assert_array_equal(behind.thrust(SO3, command, {}), command)
+    np.testing.assert_array_equal(
+        signals(ports(behind, SO3, {}, command=command))["thrust"], command
+    )
 
 
 @pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
@@ -452,7 +453,7 @@ def test_a_vehicle_is_at_a_limit_where_any_actuator_is(shape, control):
         given = np.broadcast_to(command, (*shape, 3))
         queue = np.concatenate([given, 0.0 * given], axis=-1)
         states = {} if control is None else {"commands": queue}
-        found = vehicle.at_limit(SO3, given if control is None else 0.0 * given, states)
+        found = beyond_limits(ports(vehicle, SO3, states, command=given))
         assert found.shape == shape and (found == at).all()
 
 

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
 from eqt_cli.base.errors import ConfigError, Problems
+from eqt_cli.components.blocks import signals
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.wheels import Bias, Friction, Wheels
 from eqt_cli.config.remarks import along_reference, limits_below_reference, wheels_needed
@@ -42,7 +43,8 @@ def states_of(solved, text):
     problem, solution = solved(text, label="lee2010")
     assert not any(solution.messages)
     s = problem.loop.tracking(problem.times, solution.states)
-    h, speed, _ = problem.loop.vehicle.wheel_states(s.G, s.V, s.vehicle)
+    found = signals(problem.loop.now(s))
+    h, speed = found["wheel_momentum"], found["wheel_speed"]
     return s, h[0], speed[0]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from ci_cases import mostly_ci
 
+from eqt_cli.base.errors import EqtError
 from eqt_cli.base.yaml_source import load
 from eqt_cli.components.groups import ProductGroup, groups
 from eqt_cli.config import shipped
@@ -185,3 +186,13 @@ def test_inertia_of_the_bluerov2_is_that_of_its_source(name):
     order = [3, 4, 5, 0, 1, 2]
     law = next(iter(experiment(name).loops.values())).inertia
     np.testing.assert_allclose(law.at(0.0).matrix, fossen[np.ix_(order, order)], atol=1e-15)
+
+
+def test_a_folder_of_other_files_does_not_hide_a_shipped_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("paper").mkdir()
+    Path("paper", "paper.tex").touch()
+    assert read_config(Path("paper")).source.name == str(shipped.folder() / "paper.yaml")
+    Path("paper", "mine.yaml").touch()
+    with pytest.raises(EqtError, match=r"^paper: is a folder without a result; give one of its"):
+        read_config(Path("paper"))

@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from ports import after_measuring
 
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
@@ -54,7 +55,7 @@ def flown(flying, moving, errors, convert=lambda values: values):
     for k, (Q, V) in enumerate(moving):
         at = Errors(*(convert(part[..., k, :, :] if part is errors.pose else part[..., k, :])
                       for part in errors[:4]))  # fmt: skip
-        states = states | flying.after_measuring(G, convert(Q), convert(V), at, states)
+        states = states | after_measuring(flying, G, convert(Q), convert(V), at, states)
         yield states
 
 
@@ -90,7 +91,7 @@ def test_what_is_measured_without_errors_is_estimated_without_errors(estimator_c
     flying = vehicle(make(estimator_class, G.dimension))
     errors = none_of(errors_of(flying, 0))
     for states, (Q, V) in zip(flown(flying, motion(0), errors), motion(0), strict=True):
-        Q_hat, V_hat = flying.estimated(G, states)
+        Q_hat, V_hat = G.unpack(states["estimator_pose"]), states["estimator_velocity"]
         np.testing.assert_allclose(Q_hat, Q, rtol=0, atol=ROUNDING)
         np.testing.assert_allclose(V_hat, V, rtol=0, atol=ROUNDING)
         np.testing.assert_allclose(states["estimator_error"], 0, rtol=0, atol=ROUNDING)
@@ -119,7 +120,7 @@ def test_it_has_as_many_numbers_as_it_says_on_every_group(estimator_class, make,
     errors = Errors(
         other.identity, np.zeros(m), np.full(len(still.holding(other)), 2.0), np.zeros(m)
     )
-    found = still.after_measuring(other, other.identity, np.zeros(m), errors, states)
+    found = after_measuring(still, other, other.identity, np.zeros(m), errors, states)
     assert {name: values.shape for name, values in found.items()} == {
         name: states[name].shape for name in found
     }

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from ports import after_measuring, ports
 
-from eqt_cli.components.actuators import Limit
+from eqt_cli.components.actuators import Limit, Solving
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.sensors import Errors, Noise
@@ -62,7 +63,8 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
 def test_an_actuator_hides_no_command_that_is_not_a_number(actuator_class, make):
     actuator = of_run(make(actuator_class, 6))
     command, x = np.full((1, 6), np.nan), np.zeros((1, actuator.states(G)))
-    taken = actuator.solution(G, command) if actuator.solves else command
+    solves = isinstance(actuator, Solving) and actuator.solves
+    taken = actuator.solution(G, command) if solves else command
     after = actuator.step(G, taken, x, 0.1)
     found = actuator.output(G, command, x), actuator.output(G, command, after), after
     rates = [actuator.state_rate(G, command, x)] if x.size else []
@@ -76,7 +78,7 @@ def test_no_limit_makes_a_command_finite(kind, value):
     actuator = of_run(kind(**{Limit: {"limit": 2.0}, Thrusters: thrusters}[kind]))
     vehicle = Vehicle(actuators=(actuator,))
     with np.errstate(invalid="ignore"):
-        torque, _ = vehicle.passed(G, np.array([1.0, value, 0, 0, 0, 0]), {})
+        torque = ports(vehicle, G, {}, command=np.array([1.0, value, 0, 0, 0, 0]))["forces.torque"]
     assert np.isnan(torque).any()
 
 
@@ -154,7 +156,7 @@ def test_an_estimator_takes_any_leading_axes(estimator_class, make):
             Q, V, E, n = np.split(numbers[k, chosen].reshape(*shape, 12), 4, axis=-1)
             flags = np.full((*shape, 1), arrived[k])
             errors = Errors(SE2.exp(0.1 * E), 0.1 * n, flags, 0.1 * n)
-            states |= vehicle.after_measuring(SE2, SE2.exp(Q), V, errors, states)
+            states |= after_measuring(vehicle, SE2, SE2.exp(Q), V, errors, states)
         return states
 
     flat = estimates(slice(None), (6,))
@@ -174,8 +176,13 @@ def test_an_actuator_takes_any_leading_axes(actuator_class, make, shape):
     def spread(values):
         return np.broadcast_to(values, (*shape, *np.shape(values)))
 
-    for name, rest in {"step": (0.1,), "thrust": ()}.items():
-        found = getattr(actuator, name)(G, spread(command), spread(x), *rest)
-        one = getattr(actuator, name)(G, command[None], x[None], *rest)
-        assert found.shape == (*shape, *one[0].shape)
-        np.testing.assert_allclose(found, spread(one[0]), rtol=0, atol=ROUNDING)
+    def values(command, x):
+        shown = actuator.signals(G, 0.0 * command, command, x)
+        assert set(shown) == set(actuator.shows)
+        return {"step": actuator.step(G, command, x, 0.1), **shown}
+
+    alone = values(command[None], x[None])
+    for name, found in values(spread(command), spread(x)).items():
+        [one] = alone[name]
+        assert found.shape == (*shape, *np.shape(one))
+        np.testing.assert_allclose(found, spread(one), rtol=0, atol=ROUNDING)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.engines import compiler, library
+from eqt_cli.engines import compiler, library, native
 from eqt_cli.engines.engine import Engine
 from eqt_cli.results.quantity import ValuePer
 from eqt_cli.runs.compute_part import compute_part, shared_reference
@@ -16,7 +16,7 @@ if missing := compiler.missing():
     pytest.skip(missing, allow_module_level=True)
 
 FEW = {
-    "ensemble.runs": 11,
+    "ensemble.runs": native.FEW_RUNS + 1,
     "time.duration": 6.0,
     "time.samples": 31,
     "controllers": ["eqt"],
@@ -72,11 +72,38 @@ def test_numbers_are_those_of_trajectories(changed, expected, threads, monkeypat
     assert expected.data["status"].any() == ("solver.max_steps" in changed[1])
 
 
+def test_numbers_of_few_runs_are_those_of_many(changed, expected, monkeypatch):
+    path, changes = changed
+    monkeypatch.setattr(native, "running", None)  # which measures on the way
+    few = part_of(path, changes | {"ensemble.runs": 3})
+    for name in ("error_estimate", "effort", "unstable_distance", "status"):
+        np.testing.assert_array_equal(few.data[name], expected.data[name][:3], err_msg=name)
+
+
+@pytest.mark.parametrize("runs", [3, native.FEW_RUNS + 2])
+def test_only_runs_to_check_keep_their_signals(runs, monkeypatch):
+    path, kept = Path(__file__).parents[2] / "configs" / "paper.yaml", []
+    measured = native.Native.measured
+
+    def noted(engine, *given):
+        solution = measured(engine, *given)
+        kept.append((len(solution.status), len(solution.arrays), solution.states.shape[1] > 2))
+        return solution
+
+    monkeypatch.setattr(native.Native, "measured", noted)
+    part = part_of(path, FEW | {"ensemble.runs": runs, "solver.cross_check": 1})
+    (checked, signals, states), second, (others, motion, none), _ = kept
+    assert (checked, signals > 10, states, second[1]) == (1, True, True, 0)
+    assert (others, motion, none) == (runs - 1, 1, False)
+    assert np.isfinite(part.data["effort"]).all()
+    assert np.isfinite(part.check_states).all()
+
+
 @pytest.mark.ci("compiles the loop anew")
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_lanes_change_no_bit(changed, expected, lanes, monkeypatch):
     monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
-    for name in ("integration", "_evaluate"):
+    for name in ("_integrator", "_evaluate"):
         monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
     assert_same(part_of(*changed), expected)
 
@@ -105,13 +132,13 @@ def test_laws_that_differ_in_numbers_are_compiled_once(monkeypatch, tmp_path, to
     compiled, compile_ = [], compiler._compiled
     monkeypatch.setattr(compiler, "user_cache", lambda: None)
     monkeypatch.setattr(compiler, "_compiled", lambda *of: compiled.append(0) or compile_(*of))
-    few = FEW | {"ensemble.runs": 2, "time.duration": 1.0, "time.samples": 3}
+    few = FEW | {"time.duration": 1.0, "time.samples": 3}
     laws = [
         {"kind": "eqt", "gains": {"kp": [1.0, 2.0, 3.0]}},
         {"kind": "eqt", "label": "b", "gains": {"kp": [1.0, 2.5, 3.5], "kd": 1.0}},
     ]
     compiler._library.cache_clear()
-    library.integration.cache_clear()
+    library._integrator.cache_clear()
     library._evaluate.cache_clear()
     study = eqt_cli.load_experiment("configs/paper.yaml", few | {"controllers": laws})
     shared = shared_reference(study)

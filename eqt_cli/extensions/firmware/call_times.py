@@ -33,9 +33,6 @@ CALLS = 500
 SHORTEST = 5e-4
 """CPU time below which calls are repeated in a loop, s; Python takes 1e-5 to begin it."""
 
-NEAR = 1e-6
-"""Part of a control period by which a sample may miss an instant."""
-
 spent_on = partial(timeit, timer=thread_time, number=1)
 """The CPU time of a function, s."""
 
@@ -110,13 +107,12 @@ def _has_changed(law: Code) -> bool:
 def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], str]:
     """Return the CPU time of a call at each input, s, and how it was called."""
     law, repeats, seconds = loop.controller, 1, list[float]()
-    times, states = _states(result, label, loop)
     drained = law.drained if isinstance(law, RunsCode) else list
     prepare, how = _caller(loop)
     drained()  # of what was tried before
-    for run in states:
+    for run in _states(result, label, loop):
         memory: Arrays = {name: z[None] for name, z in loop.memory(run[0]).items()}
-        for t, state in zip(times, run, strict=True):
+        for t, state in zip(result.times, run, strict=True):
             here = loop.holding(t)
             inputs = here.law_input(t, state[None])
             _, later = here.answer(inputs, memory, loop.period)
@@ -131,25 +127,19 @@ def _timed(result: Result, label: str, loop: ClosedLoop) -> tuple[list[float], s
     return seconds, how
 
 
-def _states(result: Result, label: str, loop: ClosedLoop) -> tuple[Array, Array]:
-    """Return the times of samples, s, and the states of good runs there, ``(runs, times, n)``.
-
-    A law in code that keeps something is called at control instants.
-    """
+def _states(result: Result, label: str, loop: ClosedLoop) -> Array:
+    """Return the states of good runs at the samples, ``(runs, samples, n)``."""
     law, times, place = loop.controller, result.times, result.position_of(label)
-    if isinstance(law, RunsCode) and (law.memory(loop.group) or law.in_order) and loop.period:
-        ticks = result.times / loop.period
-        times = times[np.abs(ticks - np.rint(ticks)) < NEAR]
-        if (np.diff(times) > 1.5 * loop.period).any():
-            sparse = "starts from what it kept at the last sample, not a period before"
-            reporter().remark(EqtWarning(f"{label} {sparse}; store a sample per control.period"))
-    at, runs = np.searchsorted(result.times, times), -(-CALLS // len(times))
-    Q, V = (result.trajectories(name, place, runs)[:, at] for name in ("pose", "velocity"))
-    Qd, Vd = (result[name][at] for name in ("desired_pose", "desired_velocity"))
-    states = loop.initial_state(Q, V, Qd, Vd, times)
+    keeps = isinstance(law, RunsCode) and (law.memory(loop.group) or law.in_order)
+    if keeps and 0 < 1.5 * loop.period < np.diff(times).max():
+        sparse = "starts from what it kept at the last sample, not a period before"
+        reporter().remark(EqtWarning(f"{label} {sparse}; store a sample per control.period"))
+    runs = -(-CALLS // len(times))
+    Q, V = (result.trajectories(name, place, runs) for name in ("pose", "velocity"))
+    states = loop.initial_state(Q, V, result["desired_pose"], result["desired_velocity"], times)
     if not len(states):
         raise result.error(f"stores no run of '{label}' that did not fail")
-    return times, states
+    return states
 
 
 Caller = Callable[[LawInput, Arrays, int], Callable[[], object]]

@@ -12,6 +12,9 @@ from eqt_cli.base.arrays import Array, Arrays, norm
 from eqt_cli.base.errors import EqtError, EqtWarning, Remedy, suggestion
 from eqt_cli.base.registry import description
 from eqt_cli.base.reporting import reporter, step
+from eqt_cli.base.stored import THRUSTER
+from eqt_cli.components.actuators import Solving
+from eqt_cli.components.blocks import Now, blocks_of, body
 from eqt_cli.components.estimators import Estimator, Measurement
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import Stream, generator, generator_at
@@ -19,7 +22,7 @@ from eqt_cli.components.laws import RunsCode
 from eqt_cli.components.mechanics import LawInput
 from eqt_cli.components.references import ClosedReference, references
 from eqt_cli.components.sensors import CHANNEL_MEASURED as ARRIVED
-from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle import ESTIMATOR, Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
 from eqt_cli.engines.native import compiled_if_faster, law_of
@@ -188,18 +191,20 @@ def _flown(G: MatrixLieGroup, flying: Vehicle, seed: int) -> tuple[dict[str, Arr
     V = 0.3 * random_of("the motion of an exported filter").standard_normal(G.dimension)
     states = {name: np.zeros(count) for name, count in flying.states(G).items()}
     flown: dict[str, list[Array]] = {"pose": [], "velocity": [], "arrived": []}
-    estimates, holding = [], [channel.name for channel in flying.holding(G)]
+    blocks, estimates = blocks_of(flying, G), list[Array]()
+    holding = [channel.name for channel in flying.holding(G)]
     for k in range(INSTANTS):
         at = errors.measured(G, 0, k)
         Q = G.exp(k * flying.tick * V)
-        states = states | flying.after_measuring(G, Q, V, at, states)
-        measured = Q @ at.pose, V + at.velocity, *at[4:]
-        Q_m, V_m, *_ = flying.as_arrived(G, measured, states)
+        before = Now(blocks, body(G, Q, V, states), {}, acts=True, errors=at)
+        states = {**states, **before.after("arrived"), **before.after(ESTIMATOR)}
+        now = Now(blocks, body(G, Q, V, states), {}, errors=at)
+        Q_m, V_m = now["arrived.pose"], now["arrived.velocity"]
         new = dict(zip(holding, 1.0 * (at.arrived >= ARRIVED), strict=True))
         fresh = np.array([new.get(part.name, 1.0) for part in flying.schedule(G).timed])
         for name, values in zip(flown, (Q_m, V_m, fresh), strict=True):
             flown[name].append(values.ravel())
-        Q_hat, V_hat = flying.estimated(G, states)
+        Q_hat, V_hat = now[f"{ESTIMATOR}.pose"], now[f"{ESTIMATOR}.velocity"]
         estimates.append(np.concatenate([Q_hat.ravel(), V_hat]))
     return {name: np.array(rows) for name, rows in flown.items()}, np.array(estimates)
 
@@ -514,7 +519,9 @@ class ExportedLaw:
         for actuator in () if other else self.loop.vehicle.actuators:
             if (matrices := actuator.allocation_matrix) is not None:
                 inverse, low, high = matrices
-                what = "thrusts, N," if actuator.thruster_names else "torques of the wheels, N m,"
+                what = (
+                    "thrusts, N," if THRUSTER in actuator.members else "torques of the wheels, N m,"
+                )
                 both = ("low", "<", low), ("high", ">", high)
                 limits = [(name, sign, x) for name, sign, x in both if x is not None]
                 # Each number is rounded, multiplied and added up: m + 1 errors of relative size u.
@@ -522,7 +529,7 @@ class ExportedLaw:
                 rounding = u / (1 - u) * size.sum(axis=1).max()
                 carried = (1 + 2 * u) * (size @ self.torque_bound).max()
                 return Allocation(what, inverse, limits, float(rounding), float(carried))
-            if actuator.sampled and actuator.thruster_names and not actuator.solves:
+            if actuator.sampled and isinstance(actuator, Solving) and not actuator.solves:
                 return self._by_program(actuator)
         return None
 

@@ -15,6 +15,7 @@ from eqt_cli.base.files import text_of
 from eqt_cli.base.option_types import Real, shown, validated
 from eqt_cli.base.units import size_of
 from eqt_cli.base.yaml_source import load
+from eqt_cli.components.blocks import acting_force
 from eqt_cli.components.forces import Restoring
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
@@ -126,7 +127,7 @@ class Model:
         wrench = apply_matrix(self.columns, states.inputs)
         if parts is not None and parts.spin is not None:
             wrench = wrench + parts.reaction(self.group, states.V, self.speeds(states.inputs))[0]
-        acting = self.loop.vehicle.acting(s, wrench)
+        acting = acting_force(self.loop.vehicle, s, wrench)
         return s.inertia.velocity(lie_poisson(self.group, s.Q, s.P, s.V, acting)[1])
 
     def speeds(self, thrusts: Array) -> Array:

@@ -26,6 +26,7 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import InputError, Problems, TraceError
 from eqt_cli.base.option_types import Count, Positive, Real
+from eqt_cli.base.stored import THRUSTER
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import (
     MOST_AHEAD,
@@ -541,11 +542,11 @@ class Network(RunsCode, Previews):
         said, k = self.commands_, self.network.commands
         names, B, of_rotors = G.directions, np.eye(G.dimension), said.as_ == "rotors"
         if of_rotors:
-            rotors = [each for each in plant.actuators if each.thruster_names]
+            rotors = [each for each in plant.actuators if THRUSTER in each.members]
             if not rotors:
                 problems.add("as: rotors, and actuators has no thrusters")
                 return np.empty((0, 0)), np.empty((0, 0))
-            names, B = rotors[0].thruster_names, np.asarray(rotors[0].matrix)
+            names, B = rotors[0].members[THRUSTER], np.asarray(rotors[0].matrix)
         order = list(names) if said.order is None else said.order
         for index, name in enumerate(order):
             if name not in names:

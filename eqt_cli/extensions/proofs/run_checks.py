@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
+from eqt_cli.components.blocks import inputs
 from eqt_cli.components.forces import ConstantForce
 from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
@@ -764,15 +765,17 @@ class MomentumBalance(LargestExcess):
             return
         loop, times = windows.loop, windows.problem.times
         s = loop.tracking(times, windows.states)
-        G, vehicle = s.G, loop.vehicle
-        body, stored = vehicle.inertia_at(s).momentum(s.V), vehicle.stored(G, s.V, s.vehicle)
+        G, vehicle, now = s.G, loop.vehicle, loop.now(s)
+        body, stored = vehicle.inertia_at(s).momentum(s.V), 0.0 * s.V
+        if vehicle.wheels:
+            stored = now[f"{vehicle.wheels[0]}.momentum"]
         momentum = body + stored
         force = G.ad_star(s.V, momentum)
         if not vehicle.wheels:
-            reactions = (of_rotors for _, of_rotors, _ in vehicle.reactions(G, s.V, s.vehicle))
-            force = force + sum(reactions, loop.torque(s))
+            force = force + now["forces.with_reactions"]
         if vehicle.wheels and vehicle.magnet:
-            force = force + vehicle.at(s).magnet.output(G, 0.0 * s.V, s.V)
+            magnets = (x for x, _, _ in inputs(now) if hasattr(x, "in_body"))
+            force = force + next(magnets).output(G, 0.0 * s.V, s.V)
         for each in vehicle.forces:
             force = force + each.in_body(G, s.t, s.Q, s.V)
         force = force + vehicle.inertia_at(s).leaving(s.V)

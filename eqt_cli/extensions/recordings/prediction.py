@@ -13,6 +13,7 @@ from eqt_cli.base.arrays import Array, apply_matrix, as_array, norm
 from eqt_cli.base.errors import EqtError, Problems
 from eqt_cli.base.reporting import Block, TextTable, reporter, significant, step
 from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.blocks import COMMAND, Now, blocks_of, body
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.mechanics import Tracking
@@ -204,7 +205,8 @@ def commanded(loop: ClosedLoop) -> Callable[[float], Array]:
 
     def rates(command: Array, x: Array) -> Array:
         states = dict(zip(vehicle.states(G), np.split(x, ends[:-1], axis=-1), strict=True))
-        moved = vehicle.passed(G, command, states)[1]
+        still = body(G, G.identity, 0.0 * command, states)
+        moved = Now(blocks_of(vehicle, G), still, {COMMAND: command}).rates()
         return np.concatenate([moved[name] for name in states], axis=-1)
 
     b, eye = rates(u, np.zeros((len(u), n))), np.eye(n)

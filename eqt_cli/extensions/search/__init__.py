@@ -12,4 +12,4 @@ def register(extension: Extension) -> None:
     for record in ("tuning.json", "worst.json"):
         extension.add_function(f"conclusion of a result beside {record}", "conclusion.conclusion")
     extension.add_function("answer of compare beside tuning.json", "fronts.equal_cost")
-    extension.add_function("check of a configuration", "api.check")
+    extension.add_function("check of a configuration", "sections.check")

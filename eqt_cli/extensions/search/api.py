@@ -8,7 +8,6 @@ from typing import Any
 
 from eqt_cli.api.loading import Configuration, document_from
 from eqt_cli.api.running import choose_executor
-from eqt_cli.config.document import Document
 from eqt_cli.config.study import Study
 from eqt_cli.extensions.search.search import Searched, Searches, carry_out
 from eqt_cli.extensions.search.tune import Search
@@ -135,10 +134,3 @@ def _searched(
     search = search if force else search.begun_in(folder)
     executor = executor or choose_executor(Study(None, search.base), workers)
     return carry_out(search, folder, executor, force=force)
-
-
-def check(document: Document) -> None:
-    """Check the sections for searches of a configuration; they may raise a `ConfigError`."""
-    for kind in (Search, WorstSearch):
-        if document.data.get(kind.kind.command):
-            kind.read(document)

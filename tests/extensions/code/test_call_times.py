@@ -68,7 +68,7 @@ def test_times_are_those_of_the_calls(flown, invoke):
     hows = {label: row["how"] for label, row in laws.items()}
     in_c = dict.fromkeys(("eqt", "short", "long"), "C, in loops")
     assert hows == in_c | {"ours": "Python, one by one"}
-    # The law that keeps something is called at control instants alone, of 4 samples at all.
+    # At all samples, of one run.
     assert {label: row["calls"] for label, row in laws.items()} == dict.fromkeys(laws, 4)
     assert times["late"] == [
         "ours flew as if it took none; `control: {delay: 1}` gives it a period"

@@ -463,7 +463,7 @@ def compare(tmp_path, law, group):
     at = {INPUT + each.name: told[each.name][:, 0] for each in found.program.inputs}
     at |= {MEMORY + each.name: memory[each.source] for each in found.program.memory}
     for run, (torque, kept) in enumerate(zip(*answers(found, path, at), strict=True)):
-        asked = loop.vehicle.last_command(loop.group, loop.tracking(0.0, after[run]).vehicle)
+        asked = loop.command(loop.tracking(0.0, after[run]))
         assert torque.tobytes() == asked.tobytes()
         assert np.abs(torque).max() > 1e-3
         for z in later.values():

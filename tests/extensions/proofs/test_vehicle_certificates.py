@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from eqt_cli.components import blocks
 from eqt_cli.components.sensors import Noise
-from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import RelativeInertia
 from eqt_cli.components.wheels import Wheels
 from eqt_cli.config.document import read_config
@@ -110,7 +110,7 @@ def with_the_momentum_of_the_model(vehicle, s, torque):
     return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - s.G.ad_star(s.V, s.P)
 
 
-def with_forces_of_the_other_sign(vehicle, s, torque, exact=Vehicle.acting):
+def with_forces_of_the_other_sign(vehicle, s, torque, exact=blocks.acting_force):
     for force in vehicle.forces:
         torque = torque - 2 * force.in_body(s.G, s.t, s.Q, s.V)
     return exact(vehicle, s, torque)
@@ -127,9 +127,9 @@ def with_the_rate_of_the_model(part, model, t, exact=RelativeInertia.at):
 @pytest.mark.parametrize(
     ("owner", "method", "fault"),
     [
-        (Vehicle, "acting", without_the_rate_of_the_inertia),
-        pytest.param(Vehicle, "acting", with_the_momentum_of_the_model, marks=OF_MANY),
-        pytest.param(Vehicle, "acting", with_forces_of_the_other_sign, marks=OF_MANY),
+        (blocks, "acting_force", without_the_rate_of_the_inertia),
+        pytest.param(blocks, "acting_force", with_the_momentum_of_the_model, marks=OF_MANY),
+        pytest.param(blocks, "acting_force", with_forces_of_the_other_sign, marks=OF_MANY),
         pytest.param(RelativeInertia, "at", with_the_inverse_of_the_model, marks=OF_MANY),
         (RelativeInertia, "at", with_the_rate_of_the_model),
     ],

@@ -1,0 +1,688 @@
+"""The parts of a vehicle as blocks of a block diagram, and the one way in which they are evaluated.
+
+A block has states, and ports that others read. A port is computed where it is first read, from the
+ports that its block reads. At a tick a block first takes its states to those after it.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, Arrays, absolute, less, stack, where
+from eqt_cli.components.accelerometer import felt
+from eqt_cli.components.actuators import Actuator, Solving
+from eqt_cli.components.estimators import Estimator, Measurement, Schedule
+from eqt_cli.components.forces import GRAVITY
+from eqt_cli.components.groups import MatrixLieGroup
+from eqt_cli.components.inertia import Inertia
+from eqt_cli.components.mechanics import Gains, Tracking
+from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
+from eqt_cli.components.sensors import Channel, DynamicSensor, Errors
+from eqt_cli.components.vehicle import (
+    ACTUATORS,
+    CLOCKS,
+    COMMANDS,
+    CONTROL,
+    ESTIMATOR,
+    HELD,
+    PROPELLANT,
+    SENSOR,
+    SIGNALS,
+    TAKEN,
+    Vehicle,
+    estimator_states,
+    moving_sensors,
+)
+
+COMMAND = "law.command"
+"""The port with the command of the law."""
+
+SOLVED = "solved"
+"""The port with the `solution` of an actuator, where it is known."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block; each of its ports is a method, ``"commands.last"`` that of the block `commands`.
+
+    Attributes
+    ----------
+    stretches
+        The names of its states.
+    """
+
+    name: str
+    stretches: tuple[str, ...]
+
+    def port(self, key: str) -> Callable[["Now"], Any]:
+        """Return the function of a port."""
+        port: Callable[[Now], Any] = getattr(self, key)
+        return port
+
+    def rates(self, now: "Now", x: Arrays) -> Arrays:
+        """Return the time derivatives of its states."""
+        return {name: 0.0 * values for name, values in x.items()}
+
+    def step(self, now: "Now", x: Arrays) -> Arrays:
+        """Return its states after a tick."""
+        return x
+
+
+class Blocks:
+    """Blocks by their names, the last of which is what the law reads."""
+
+    def __init__(self, blocks: Iterable[Block]) -> None:
+        self.named = {block.name: block for block in blocks}
+        self.moving = [block for block in self.named.values() if block.stretches]
+        self.actuated = [block for block in self.named.values() if isinstance(block, Actuated)]
+        clocks = self.named.get(CLOCKS)
+        self._places = [*clocks.every] if isinstance(clocks, Clocks) else []
+        self._ports: dict[str, Callable[[Now], Any]] = {}
+
+    def port(self, port: str) -> Callable[["Now"], Any]:
+        """Return the function of a port."""
+        if port not in self._ports:
+            name, _, key = port.partition(".")
+            self._ports[port] = self.named[name].port(key)
+        return self._ports[port]
+
+    def due(self, states: Arrays, place: str) -> Any:
+        """Return whether law or actuator acts at the tick of these states; None: at every one."""
+        if place not in self._places:
+            return None
+        k = self._places.index(place)
+        return less(states[CLOCKS][..., k : k + 1], 0.5)
+
+    @property
+    def read(self) -> str:
+        """The name of the block that the law reads."""
+        return [*self.named][-1]
+
+
+class Now:
+    """The values of all ports of a vehicle in a state.
+
+    Parameters
+    ----------
+    ports
+        Values of ports that are given: `COMMAND`, or the solution `SOLVED`.
+    acts
+        Whether it is a tick. States are then those before it, ports those after it.
+    errors
+        Measurement errors at a tick; None where the law knows the truth.
+    """
+
+    def __init__(
+        self,
+        blocks: Blocks,
+        s: Tracking,
+        ports: Mapping[str, Any] | None = None,
+        acts: bool = False,
+        errors: Errors | None = None,
+    ) -> None:
+        self.blocks, self.s, self.acts, self.errors = blocks, s, acts, errors
+        self._values, self._after = dict(ports or {}), dict[str, Arrays]()
+
+    def __contains__(self, port: str) -> bool:
+        return port in self._values
+
+    def __getitem__(self, port: str) -> Any:
+        if port not in self._values:
+            self._values[port] = self.blocks.port(port)(self)
+        return self._values[port]
+
+    def after(self, name: str) -> Arrays:
+        """Return the states of a block; at a tick, those after it."""
+        if name not in self._after:
+            block, states = self.blocks.named[name], self.s.vehicle
+            x = {stretch: states[stretch] for stretch in block.stretches if stretch in states}
+            self._after[name] = block.step(self, x) if self.acts else x
+        return self._after[name]
+
+    def stepped(self) -> dict[str, Array]:
+        """Return the states of all blocks after a tick."""
+        return {k: x for block in self.blocks.moving for k, x in self.after(block.name).items()}
+
+    def rates(self) -> dict[str, Array]:
+        """Return the time derivatives of the states of all blocks."""
+        rates: dict[str, Array] = {}
+        for block in self.blocks.moving:
+            rates |= block.rates(self, self.after(block.name))
+        return rates
+
+    def if_due(self, place: str, new: Array, old: Array) -> Array:
+        """Return new values of law or actuator at a tick at which it acts, else the old ones."""
+        acts = self.blocks.due(self.s.vehicle, place)
+        return new if acts is None else where(acts, new, old)
+
+
+# From the command to the force that changes the momentum ------------------------------------------
+
+
+@dataclass(frozen=True)
+class Commands(Block):
+    """The commands on their way, the first to arrive first."""
+
+    def arrived(self, now: Now) -> Array:
+        """Return the command that has arrived."""
+        return now.after(self.name)[COMMANDS][..., : now.s.G.dimension]
+
+    def step(self, now: Now, x: Arrays) -> Arrays:
+        """Return the commands with that of the law, if it acts."""
+        queue, m = x[COMMANDS], now.s.G.dimension
+        command = now.if_due(CONTROL, now[COMMAND], queue[..., -m:])
+        return {COMMANDS: np.concatenate([queue[..., m:], command], axis=-1)}
+
+
+@dataclass(frozen=True)
+class Clocks(Block):
+    """The ticks that are left to each part with a clock of its own.
+
+    Attributes
+    ----------
+    every
+        Ticks from one time at which a part acts to the next, by its name.
+    """
+
+    every: Mapping[str, int]
+
+    def step(self, now: Now, x: Arrays) -> Arrays:
+        """Return the ticks that are left a tick later."""
+        left, every = x[CLOCKS], np.array([*self.every.values()], float)
+        return {CLOCKS: where(less(left, 0.5), every + 0.0 * left, left) - 1.0}
+
+
+@dataclass(frozen=True)
+class Held(Block):
+    """The output of the last actuator that acts at ticks only, between them.
+
+    Attributes
+    ----------
+    source
+        The port that is held.
+    """
+
+    source: str
+
+    def output(self, now: Now) -> Array:
+        """Return the torque that is held."""
+        return now.after(self.name)[HELD]
+
+    def step(self, now: Now, x: Arrays) -> Arrays:
+        """Return the output of the actuator at this tick."""
+        return {HELD: now[self.source]}
+
+
+@dataclass(frozen=True)
+class Actuated(Block):
+    """An actuator, with the command that it gets.
+
+    Attributes
+    ----------
+    part
+        The actuator.
+    source
+        The port with its command.
+    stored
+        The port with the momentum that wheels store; "" without wheels.
+    period
+        Time between ticks at which it takes its command, s; 0 where it takes none at ticks.
+    held
+        Whether it acts at ticks only.
+    clips
+        Whether limits behind it must not hide a command that is not finite.
+    """
+
+    part: Actuator
+    source: str
+    stored: str = ""
+    period: float = 0.0
+    held: bool = False
+    clips: bool = False
+
+    @cached_property
+    def taken(self) -> str:
+        """The name of the command that it has taken, if it has a clock."""
+        return f"{self.name}_{TAKEN}"
+
+    def state(self, now: Now, like: Array) -> Array:
+        """Return the states of the actuator."""
+        return now.after(self.name).get(self.name, like[..., :0])
+
+    def input(self, now: Now) -> Array:
+        """Return its command."""
+        x = now.after(self.name)
+        command: Array = x[self.taken] if self.taken in x else now[self.source]
+        return command
+
+    def driven(self, now: Now) -> Array:
+        """Return its command; NaN where it is infinite and limits would hide it."""
+        u: Array = now[f"{self.name}.input"]
+        return u - (u - u) if self.clips else u
+
+    def at(self, now: Now) -> Actuator:
+        """Return the actuator at this time and state."""
+        if not self.part.changes:
+            return self.part
+        return self.part.at(now.s, now[self.stored] if self.stored else 0.0 * now.s.V)
+
+    def output(self, now: Now) -> Array:
+        """Return what it makes of its command."""
+        u, part = now[f"{self.name}.driven"], now[f"{self.name}.at"]
+        torque: Array = part.output(now.s.G, u, self.state(now, u))
+        return torque
+
+    def reaction(self, now: Now) -> tuple[Array, Array] | None:
+        """Return its force that depends on the velocity, and the rates that go with it."""
+        return self.part.reaction(now.s.G, now.s.V, self.state(now, now.s.V))
+
+    def signals(self, now: Now) -> Arrays:
+        """Return its signals over time."""
+        u, part = now[f"{self.name}.input"], now[f"{self.name}.at"]
+        values: Arrays = part.signals(now.s.G, now.s.V, u, self.state(now, u))
+        return values
+
+    def momentum(self, now: Now) -> Array:
+        """Return the momentum A h of wheels in the body frame."""
+        wheels: Any = self.part
+        momentum: Array = wheels.stored(self.state(now, now.s.V))
+        return momentum
+
+    def rates(self, now: Now, x: Arrays) -> Arrays:
+        """Return the rates by its command, and those of its reaction."""
+        rates = {name: 0.0 * values for name, values in x.items()}
+        if self.name not in x:
+            return rates
+        if not self.held:
+            part, u = now[f"{self.name}.at"], now[f"{self.name}.driven"]
+            rates[self.name] = part.state_rate(now.s.G, u, x[self.name])
+        if (reaction := now[f"{self.name}.reaction"]) is not None:
+            rates[self.name] = rates[self.name] + reaction[1]
+        return rates
+
+    def step(self, now: Now, x: Arrays) -> Arrays:
+        """Return its states after it has taken its command, if it does at ticks."""
+        if not self.period or not x:
+            return x
+        after, u, G = dict(x), now[self.source], now.s.G
+        if self.taken in x:
+            u = after[self.taken] = now.if_due(self.name, u, x[self.taken])
+        if self.name in x:
+            if isinstance(self.part, Solving) and self.part.solves:
+                u = now[SOLVED] if SOLVED in now else self.part.solution(G, u)
+            later = self.part.step(G, u, x[self.name], self.period)
+            after[self.name] = now.if_due(self.name, later, x[self.name])
+        return after
+
+
+@dataclass(frozen=True)
+class Burning(Block):
+    """The propellant that thrusters burn.
+
+    Attributes
+    ----------
+    thrusters
+        The name of their block.
+    """
+
+    thrusters: str
+
+    def rates(self, now: Now, x: Arrays) -> Arrays:
+        """Return Σ|f|/(g₀ isp)."""
+        thrust = now[f"{self.thrusters}.signals"]["thrust"]
+        flow = absolute(thrust) / (GRAVITY * now[f"{self.thrusters}.at"].isp)
+        return {PROPELLANT: stack([flow.sum(axis=-1)])}
+
+
+@dataclass(frozen=True)
+class Forces(Block):
+    """All that acts on the body.
+
+    Attributes
+    ----------
+    vehicle
+        The vehicle, with the forces of the environment and the true inertia.
+    source
+        The port with the torque of the actuators.
+    """
+
+    vehicle: Vehicle
+    source: str
+
+    def torque(self, now: Now) -> Array:
+        """Return the torque of the last actuator, or the command that has arrived."""
+        torque: Array = now[self.source]
+        return torque
+
+    def with_reactions(self, now: Now) -> Array:
+        """Return the torque with the reactions of all actuators."""
+        torque = now[self.source]
+        for block in now.blocks.actuated:
+            if (reaction := now[f"{block.name}.reaction"]) is not None:
+                torque = torque + reaction[0]
+        return torque
+
+    def acting(self, now: Now) -> Array:
+        """Return the force that would move the law's model as the true plant moves."""
+        return acting_force(self.vehicle, now.s, now["forces.with_reactions"])
+
+
+def acting_force(vehicle: Vehicle, s: Tracking, torque: Array) -> Array:
+    """Return the force that would move the law's model as the true plant moves.
+
+    It is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
+    """
+    G = s.G
+    for force in vehicle.forces:
+        torque = torque + force.in_body(G, s.t, s.Q, s.V)
+    if vehicle.inertia is None:
+        return torque
+    true = vehicle.inertia_at(s)
+    free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
+    V_dot = true.velocity(free + torque)
+    return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
+
+
+def solution(now: Now) -> Array:
+    """Return the solution of the actuator that `solves`, at a tick, ``(runs, n)``."""
+    for block in now.blocks.actuated:
+        if isinstance(block.part, Solving) and block.part.solves:
+            return block.part.solution(now.s.G, now[f"{block.name}.input"])
+    return now.s.P[..., :0]
+
+
+# What signals read of actuators -------------------------------------------------------------------
+
+
+def inputs(now: Now) -> list[tuple[Actuator, Array, Array]]:
+    """Return the actuators at this time, each with its command and its states."""
+    listed = []
+    for block in now.blocks.actuated:
+        u = now[f"{block.name}.input"]
+        listed.append((now[f"{block.name}.at"], u, block.state(now, u)))
+    return listed
+
+
+def signals(now: Now) -> dict[str, Array]:
+    """Return the signals of the actuators' own, by name."""
+    named: dict[str, Array] = {}
+    for block in now.blocks.actuated:
+        if block.part.shows:
+            named |= now[f"{block.name}.signals"]
+    return named
+
+
+def beyond_limits(now: Now) -> Array:
+    """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
+    beyond = np.zeros(now.s.P.shape[:-1])
+    for actuator, u, x in inputs(now):
+        if (flags := actuator.at_limit(now.s.G, u, x)) is not None:
+            beyond = where(less(0.5, flags), 1.0, beyond)
+    return beyond
+
+
+def cut_axes(now: Now, limits: bool) -> Array:
+    """Return 1 along axes where limits change the input of any actuator, else 0, ``(..., m)``.
+
+    A difference of the size of rounding is none.
+    """
+    flags = 0.0 * now.s.P
+    for actuator, u, x in inputs(now) if limits else ():
+        most = 1e-12 * (1 + absolute(u))
+        flags = where(less(most, absolute(u - actuator.within(now.s.G, u, x))), 1.0, flags)
+    return flags
+
+
+# Measurements and estimate ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Reading(Block):
+    """A sensor of the velocity whose state follows the motion.
+
+    Attributes
+    ----------
+    sensor
+        The sensor.
+    source
+        The port with the velocity that it reads; "" for the true one.
+    """
+
+    sensor: DynamicSensor
+    source: str
+
+    def _read(self, now: Now) -> Array:
+        V: Array = now[self.source] if self.source else now.s.V
+        return V
+
+    def velocity(self, now: Now) -> Array:
+        """Return the velocity as it is read."""
+        V, axes = self._read(now).copy(), self.sensor.axes(now.s.G)
+        V[..., axes] = self.sensor.reading(V[..., axes], now.after(self.name)[self.name])
+        return V
+
+    def rates(self, now: Now, x: Arrays) -> Arrays:
+        """Return the rate of its state."""
+        part = self._read(now)[..., self.sensor.axes(now.s.G)]
+        return {self.name: self.sensor.state_rate(part, x[self.name])}
+
+
+@dataclass(frozen=True)
+class Feeling(Block):
+    """The accelerometer, whose sensors have the states, before errors.
+
+    Attributes
+    ----------
+    vehicle
+        Its vehicle.
+    """
+
+    vehicle: Vehicle
+
+    def force(self, now: Now) -> Array:
+        """Return the specific force."""
+        return felt(self.vehicle, now.s, now["forces.acting"])[0]
+
+    def rates(self, now: Now, x: Arrays) -> Arrays:
+        """Return the rates of the states."""
+        return felt(self.vehicle, now.s, now["forces.acting"])[1]
+
+
+@dataclass(frozen=True)
+class Noisy(Block):
+    """The measurements with their errors.
+
+    Attributes
+    ----------
+    source
+        The port with the velocity behind all sensors that follow the motion; "" for the true one.
+    """
+
+    source: str
+
+    def pose(self, now: Now) -> Array:
+        """Return Q_m."""
+        return now.s.Q if now.errors is None else now.s.Q @ now.errors.pose
+
+    def velocity(self, now: Now) -> Array:
+        """Return V_m."""
+        V: Array = now[self.source] if self.source else now.s.V
+        return V if now.errors is None else V + now.errors.velocity
+
+    def magnetometer(self, now: Now) -> Array | None:
+        """Return B_m; None without a field."""
+        B: Array | None = now.s.flux
+        return B if B is None or now.errors is None else B + now.errors.flux
+
+    def accelerometer(self, now: Now) -> Array:
+        """Return f_m."""
+        force: Array = now["felt.force"]
+        noise = None if now.errors is None else now.errors.felt
+        return force if noise is None or not noise.shape[-1] else force + noise
+
+
+@dataclass(frozen=True)
+class Arrived(Block):
+    """The measurements that have arrived, by `SIGNALS`: of parts that hold, the last one.
+
+    Attributes
+    ----------
+    holding
+        The channels whose last measurement is held.
+    """
+
+    holding: Sequence[Channel]
+
+    def port(self, key: str) -> Callable[[Now], Any]:
+        """Return the function of a measurement."""
+        channels = [channel for channel in self.holding if channel.signal == key]
+
+        def arrived(now: Now) -> Any:
+            value = now[f"noisy.{key}"]
+            for channel in channels if now.errors else ():
+                value = channel.read(value, now.after(self.name)[channel.name])
+            return value
+
+        return arrived
+
+    def step(self, now: Now, x: Arrays) -> Arrays:
+        """Return the measurements on their way, or held."""
+        if now.errors is None:
+            return x
+        after = {}
+        for k, channel in enumerate(self.holding):
+            value, flags = now[f"noisy.{channel.signal}"], now.errors.arrived[..., k]
+            after[channel.name] = channel.measured(value, x[channel.name], flags)
+        return after
+
+
+@dataclass(frozen=True)
+class Estimating(Block):
+    """An estimator, from which the law reads pose and velocity, and other things as they arrive.
+
+    Attributes
+    ----------
+    estimator
+        The filter.
+    schedule
+        When what is measured.
+    holding
+        The names of the channels whose last measurement is held.
+    """
+
+    estimator: Estimator
+    schedule: Schedule
+    holding: Sequence[str]
+
+    def port(self, key: str) -> Callable[[Now], Any]:
+        """Return the function of a measurement, or of its estimate."""
+
+        def estimated(now: Now) -> Any:
+            if now.errors is None or key not in SIGNALS[:2]:
+                return now[f"arrived.{key}"]
+            estimate = now.after(self.name)[f"{self.name}_{key}"]
+            return now.s.G.unpack(estimate) if key == "pose" else estimate
+
+        return estimated
+
+    def step(self, now: Now, x: Arrays) -> Arrays:
+        """Return its states after the measurements of this tick."""
+        if (errors := now.errors) is None:
+            return x
+        fresh = [
+            where(
+                less(0.5 * MEASURED, errors.arrived[..., self.holding.index(part.name)]), 1.0, 0.0
+            )
+            if part.holds
+            else 1.0
+            for part in self.schedule.timed
+        ]
+        flags = stack([flag + 0.0 * now.s.V[..., 0] for flag in fresh])
+        arrived = now["arrived.pose"], now["arrived.velocity"]
+        measured = Measurement(*arrived, flags, now.s.Q, errors.bias)
+        after = self.estimator.after(self.schedule, measured, estimator_states(x))
+        return {f"{self.name}_{name}": values for name, values in after.items()}
+
+
+def body(G: MatrixLieGroup, Q: Array, V: Array, states: Arrays) -> Tracking:
+    """Return the state of a body of unit inertia, for parts of which only the motion counts."""
+    one, still = np.eye(G.dimension), 0.0 * V
+    inertia, gains = Inertia(one, one), Gains(np.eye(G.size), one)
+    return Tracking(G, inertia, gains, 0.0, Q, V, Q, still, still, vehicle=states)
+
+
+# The blocks of a vehicle --------------------------------------------------------------------------
+
+
+def blocks_of(vehicle: Vehicle, G: MatrixLieGroup, *others: Block) -> Blocks:
+    """Return the blocks of a vehicle, wired as its parts are joined, behind some others."""
+    blocks = [*others]
+    free = vehicle.states(G)
+
+    def stretches_of(*names: str) -> tuple[str, ...]:
+        return tuple(name for name in names if free.pop(name, None))
+
+    velocity, source, control = "", COMMAND, vehicle.control
+    if control is not None:
+        blocks.append(Commands("commands", stretches_of(COMMANDS)))
+        source = "commands.arrived"
+    if vehicle.clocks:
+        every = {place: clock.every for place, clock in vehicle.clocks.items()}
+        blocks.append(Clocks(CLOCKS, stretches_of(CLOCKS), every))
+    held = len(vehicle.actuators) - len(vehicle.moving)
+    stored = f"{vehicle.wheels[0]}.momentum" if vehicle.wheels else ""
+    for k, part in enumerate(vehicle.actuators):
+        place = f"{ACTUATORS}_{k}"
+        period = 0.0
+        if control is not None and k <= held:
+            clock = vehicle.clocks.get(place)
+            period = control.tick if clock is None else clock.every * control.tick
+        clips = k == 0 and control is None and vehicle.limits
+        stretches = stretches_of(f"{place}_{TAKEN}", place)
+        blocks.append(Actuated(place, stretches, part, source, stored, period, k < held, clips))
+        source = f"{place}.output"
+        if k == held - 1:
+            blocks.append(Held(HELD, stretches_of(HELD), source))
+            source = f"{HELD}.output"
+        if part is vehicle.burns:
+            blocks.append(Burning("burning", stretches_of(PROPELLANT), place))
+    blocks.append(Forces("forces", (), vehicle, source))
+    for k, sensor in moving_sensors(vehicle):
+        name = f"{SENSOR}_{k}"
+        blocks.append(Reading(name, stretches_of(name), sensor, velocity))
+        velocity = f"{name}.velocity"
+    feeling = stretches_of(*(f"{SENSOR}_{k}" for k, _ in moving_sensors(vehicle, "accelerometer")))
+    blocks += [Feeling("felt", feeling, vehicle), Noisy("noisy", (), velocity)]
+    estimate = stretches_of(*vehicle.estimator_lengths(G))
+    holding = vehicle.holding(G)
+    blocks.append(Arrived("arrived", stretches_of(*free), holding))
+    if vehicle.estimator is not None and estimate:
+        names = [channel.name for channel in holding]
+        schedule = vehicle.schedule(G)
+        blocks.append(Estimating(ESTIMATOR, estimate, vehicle.estimator, schedule, names))
+    return Blocks(blocks)
+
+
+def at_start(now: Now) -> dict[str, Array]:
+    """Return states at the start of a run that follow from its first command.
+
+    It has then been given before, too.
+    """
+    states, passed = dict[str, Array](), now[COMMAND]
+    for block in now.blocks.actuated:
+        part = now[f"{block.name}.at"]
+        if part.takes == "rates":
+            x = now.after(block.name)
+            passed = part.output(now.s.G, passed, x.get(block.name, passed[..., :0]))
+        elif part.runs:
+            states[block.name] = part.running(now.s.G, passed)
+        states |= dict.fromkeys(set(block.stretches) & {block.taken}, now[COMMAND])
+    if (queue := now.s.vehicle.get(COMMANDS)) is not None:
+        count = queue.shape[-1] // now.s.G.dimension
+        states[COMMANDS] = np.concatenate([now[COMMAND]] * count, axis=-1)
+    if HELD in now.s.vehicle:
+        states[HELD] = now[COMMAND]
+    return states

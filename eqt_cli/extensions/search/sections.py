@@ -1,0 +1,15 @@
+"""The check of the sections for searches; it loads no search for a configuration without one."""
+
+from eqt_cli.config.document import Document
+
+
+def check(document: Document) -> None:
+    """Check the sections for searches of a configuration; they may raise a `ConfigError`."""
+    if document.data.get("tune"):
+        from eqt_cli.extensions.search.tune import Search
+
+        Search.read(document)
+    if document.data.get("worst"):
+        from eqt_cli.extensions.search.worst import WorstSearch
+
+        WorstSearch.read(document)
