@@ -20,8 +20,8 @@ MIXED = "mixed"
 """The unit of a signal whose units differ between parts of the coordinates."""
 
 MATRIX, VECTOR = ("row", "col"), ("axis",)
-THRUSTER, WHEEL = "thruster", "wheel"
-"""Names of the dimensions of thrusters and of wheels."""
+THRUSTER, WHEEL, GYRO = "thruster", "wheel", "gyro"
+"""Names of the dimensions of thrusters, wheels and gyros."""
 
 LAW_OUTPUT, OUTPUT = "law_output", "output"
 """Name of the signal with the stored numbers of a law, and of their dimension."""
@@ -109,6 +109,8 @@ _ROWS = (
     _signal("wheel_momentum", "N m s", "h", dims=(WHEEL,), words=_MOMENTUM),
     _signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,), words=_SPEED),
     _signal("stored_momentum", "N m s", r"\|A h\|", "‖A h‖", words=_STORED),
+    _signal("gimbal_angle", "rad", r"\delta", "δ", dims=(GYRO,), words="angle of each gimbal"),
+    _signal("gimbal_rate", "rad/s", r"\dot\delta", "δ̇", dims=(GYRO,), words="rate of each gimbal"),
     _signal("law_output", MIXED, "z", dims=(OUTPUT,)),
     _signal("estimated_pose", "pose_unit", r"\hat{Q}", "Q̂", dims=MATRIX),
     _signal("estimated_velocity", "velocity_unit", r"\hat{V}", "V̂", dims=VECTOR),

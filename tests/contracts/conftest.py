@@ -55,6 +55,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "quantisation": {"resolution": 0.4},
     "momentum_limit": {"momentum": 0.5},
     "wheels": {"pyramid": 0.95, "limit": 0.5, "momentum": 2.0, "start": 0.1},
+    "gyros": {"pyramid": 0.95, "momentum": 0.5, "inertia": 0.1, "gain": 0.4, "limit": 0.5},
     "gravity_gradient": {"rate": 0.3, "inertia": [[1.0, 0.1, 0], [0.1, 2.0, 0], [0, 0, 2.5]]},
     "magnetorquers": {"limit": 0.2, "flux": ["2e-5", "3e-5*cos(t)", "3e-5*sin(t)"]},
     "b_dot": {"k": 4e4},

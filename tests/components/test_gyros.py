@@ -1,0 +1,129 @@
+"""Control-moment gyros against a plain program, by conservation, and their messages."""
+
+import numpy as np
+import pytest
+from plain import hat
+from plain_satellite import exp
+from scipy.integrate import solve_ivp
+
+from eqt_cli.base.errors import ConfigError, Problems
+from eqt_cli.components.blocks import signals
+from eqt_cli.components.groups import group_named
+from eqt_cli.components.gyros import Gyros
+
+INERTIA = np.array([[12.0, 0.4, 0.0], [0.4, 10.0, -0.3], [0.0, -0.3, 6.0]])
+MOMENTA, GIMBAL, GAIN = np.array([2.0, 2.1, 1.9, 2.0]), 0.02, 0.5
+START = [0.1, -0.2, 0.3, 0.0]
+TEXT = """
+group: SO3
+inertia: {inertia}
+gains: {{kp: 2, kd: 8}}
+reference: {{kind: torque, torque: [0, 0, 0]}}
+controllers: [lee2010]
+actuators:
+  - {{kind: gyros, pyramid: 54.7 deg, momentum: {momenta}, inertia: {gimbal}, gain: {gain},
+     start: {start}, limit: 1.0}}
+initial:
+  pose: {{kind: exp_normal, std: 0.0, centre: [0.9, -0.5, 0.7]}}
+  velocity: {{kind: normal, std: 0.1}}
+ensemble: {{runs: 1, seed: 1}}
+time: {{duration: 2.5, samples: 11}}
+solver: {{engine: {engine}, rtol: 1.0e-12, atol: 1.0e-14}}
+"""
+
+
+def axes():
+    """Gimbal and spin axes of a pyramid of 54.7°, as columns."""
+    rows, tilt = [], np.radians(54.7)
+    for at in np.radians([45, 135, 225, 315]):
+        g = [np.sin(tilt) * np.cos(at), np.sin(tilt) * np.sin(at), np.cos(tilt)]
+        rows.append([g, [-np.sin(at), np.cos(at), 0.0]])
+    return np.moveaxis(np.array(rows), 0, -1)
+
+
+def plain(times, start):
+    """R, ω, δ and p by SciPy, with Newton's and Euler's laws for each gyro by itself."""
+    g, s0 = axes()
+    across = np.cross(g, s0, axis=0)
+
+    def rate(t, y):
+        R, w, angle, p = y[:9].reshape(3, 3), y[9:12], y[12:16], y[16:]
+        s = np.cos(angle) * s0 + np.sin(angle) * across
+        A = MOMENTA * (np.cos(angle) * across - np.sin(angle) * s0)
+        error = np.array([(R - R.T)[2, 1], (R - R.T)[0, 2], (R - R.T)[1, 0]])
+        command = -2.0 * error - 8.0 * w + np.cross(w, INERTIA @ w)
+        regular = A @ A.T + 0.01 * np.mean(MOMENTA**2) * np.eye(3)
+        wanted = np.clip(-A.T @ np.linalg.solve(regular, command), -1.0, 1.0)
+        turning = p / GIMBAL - g.T @ w
+        H, p_dot = s @ MOMENTA + g @ p, GAIN * (wanted - turning) + A.T @ w
+        total = INERTIA @ w + H
+        w_dot = np.linalg.solve(INERTIA, -np.cross(w, total) - A @ turning - g @ p_dot)
+        return np.concatenate([(R @ hat(w)).ravel(), w_dot, turning, p_dot])
+
+    how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "t_eval": times}
+    return solve_ivp(rate, (0, times[-1]), start, **how).y.T
+
+
+SLOW = pytest.mark.ci("solves by NumPy")
+
+
+@pytest.fixture(params=["native", pytest.param("solve_ivp", marks=SLOW)])
+def flown(request, solved):
+    values = {"inertia": INERTIA.tolist(), "momenta": MOMENTA.tolist(), "gimbal": GIMBAL}
+    text = TEXT.format(**values, gain=GAIN, start=START, engine=request.param)
+    problem, solution = solved(text, label="lee2010")
+    assert solution.messages == [""]
+    return problem, problem.loop.tracking(problem.times, solution.states)
+
+
+def test_states_are_those_of_a_plain_program(flown):
+    problem, s = flown
+    w = s.V[0, 0]
+    momenta = GIMBAL * axes()[0].T @ w  # gimbals rest in the body
+    y = np.concatenate([exp([0.9, -0.5, 0.7]).ravel(), w, START, momenta])
+    np.testing.assert_allclose(s.Q[0, 0].ravel(), y[:9], rtol=0, atol=1e-15)
+    expected = plain(problem.times, y)
+    found = signals(problem.loop.now(s))
+    np.testing.assert_allclose(s.Q[0].reshape(-1, 9), expected[:, :9], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(s.V[0], expected[:, 9:12], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found["gimbal_angle"][0], expected[:, 12:16], rtol=0, atol=1e-9)
+    rates = expected[:, 16:] / GIMBAL - expected[:, 9:12] @ axes()[0]
+    np.testing.assert_allclose(found["gimbal_rate"][0], rates, rtol=0, atol=1e-8)
+    assert np.abs(expected[:, 12:16] - START).max() > 0.3  # they turn far
+    assert np.linalg.norm(s.Q[0, -1] - np.eye(3)) < np.linalg.norm(s.Q[0, 0] - np.eye(3))
+
+
+def test_total_momentum_stays(flown):
+    """R(𝕁ω + H), by the tolerance of the solver."""
+    s = flown[1]
+    x = s.vehicle["actuators_0"][0]
+    g, s0 = axes()
+    turned = np.cos(x[:, None, :4]) * s0 + np.sin(x[:, None, :4]) * np.cross(g, s0, axis=0)
+    H = turned @ MOMENTA + x[:, 4:] @ g.T
+    total = np.einsum("tij,tj->ti", s.Q[0], s.V[0] @ INERTIA + H)
+    np.testing.assert_allclose(total, total[:1] + 0 * total, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"start": [0.1]}, "expected 4 entries, one for each gyro, got 1"),
+        ({"momentum": -1.0}, "greater than 0"),
+        ({"gain": 0.0}, "greater than 0"),
+    ],
+)
+def test_what_is_wrong_is_said(options, said):
+    problems = Problems(str)
+    numbers = {"pyramid": 1.0, "momentum": 1.0, "inertia": 0.1, "gain": 0.5} | options
+    Gyros(**numbers).check(group_named("SO3"), problems)
+    with pytest.raises(ConfigError, match=said):
+        problems.raise_if_any()
+
+
+def test_a_singularity_loses_torque_and_stays_finite():
+    """With upright gimbals at equal angles from x, all t are e_y: A Aᵀ = 4 e_y e_yᵀ."""
+    part = Gyros(pyramid=0.0, momentum=1.0, inertia=0.1, gain=0.5).of_run(group_named("SO3"), None)
+    command, angles = np.array([1.0, 2.0, 3.0]), -np.radians([135.0, 225.0, 315.0, 405.0])
+    x = np.concatenate([angles, np.zeros(4)])
+    _, torques = np.split(part.state_rate(group_named("SO3"), command, x), 2)
+    np.testing.assert_allclose(torques / 0.5, [-2.0 / 4.01] * 4, rtol=0, atol=1e-14)
