@@ -31,7 +31,7 @@ def test_a_group_as_people_write_it(written, name):
     [
         ("SO(4)", "unknown group 'SO(4)'; did you mean 'SO3'?"),
         ("R10", "unknown group 'R10'; did you mean 'R1'?"),
-        ("SO3**R3", "group 'SO3**R3': a factor is missing beside '*'"),
+        ("SO3**R3", "group 'SO3**R3': a factor is missing next to '*'"),
     ],
 )
 def test_another_name_is_refused_and_the_nearest_said(written, said):
