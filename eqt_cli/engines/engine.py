@@ -826,6 +826,9 @@ class Engine(Component):
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             arrays = self.evaluate(function, problem, solution.states, *rows)
             numbers = dict(reduction(SampledRuns(problem.times), arrays))
+        if returned is not None:  # the others take several times the memory of the states
+            arrays = {name: arrays[name] for name in returned}
+            solution = replace(solution, states=solution.states[:, :0].copy())
         return replace(solution, numbers=numbers, arrays=arrays)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from contextvars import copy_context
@@ -127,8 +127,8 @@ def compute_part(
     with working_for(which):
         for batch in batches(study, slab.label, slab.entries[left]):
             batch = replace(batch, rows=left[batch.rows])
-            for runs in batch.engine.blocks(batch.problem, context.threads):
-                block, reference = batch.select(runs), shared
+            for block in slab.blocks(batch, context.threads):
+                reference = shared
                 if desired is not None:
                     where = np.searchsorted(slab.points, block.points)
                     reference = {name: values[where] for name, values in desired.items()}
@@ -257,6 +257,14 @@ class Slab:
     def failed(self) -> int:
         """The number of failed runs."""
         return int(np.count_nonzero(self.data["status"]))
+
+    def blocks(self, batch: Batch, threads: int) -> Iterator[Batch]:
+        """Divide a batch into blocks; compiled runs of which numbers suffice are by themselves."""
+        whole = (self._stored[batch.rows] >= 0) | (self._checked[batch.rows] >= 0)
+        whole |= not batch.engine.threads  # whose runs may share their steps
+        for some in (batch.select(np.flatnonzero(kind)) for kind in (whole, ~whole)):
+            if some.problem.runs:
+                yield from map(some.select, some.engine.blocks(some.problem, threads))
 
     def wanted(self, batch: Batch) -> tuple[list[str], bool]:
         """Return the quantities to store of a batch: signals only if it has stored trajectories.

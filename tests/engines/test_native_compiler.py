@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -163,6 +164,21 @@ def test_a_result_can_tell_version_flags_and_processor(on_path, without_zig):
 def test_an_unknown_compiler_is_known_by_its_version(on_path, without_zig):
     on_path("cc", "echo '#define __VERSION__ \"9.1 beta\"'")
     assert compiler.compiler().version == "C compiler 9.1"
+
+
+def test_different_sources_are_compiled_side_by_side(cc, monkeypatch):
+    both, compiled = threading.Barrier(2, timeout=10), compiler._compiled
+
+    def met(*given):
+        both.wait()  # in turn, the first would wait in vain
+        return compiled(*given)
+
+    monkeypatch.setattr(compiler, "_compiled", met)
+    sources = [SOURCE, SOURCE.replace("1.0", "2.0")]
+    with ThreadPoolExecutor(4) as pool:
+        libraries = [*pool.map(compiler.library, [*sources, *sources])]
+    assert libraries[:2] == libraries[2:]
+    assert not both.broken
 
 
 def test_on_windows_a_command_may_have_backslashes_and_quotes(monkeypatch):

@@ -80,6 +80,25 @@ def test_numbers_of_few_runs_are_those_of_many(changed, expected, monkeypatch):
         np.testing.assert_array_equal(few.data[name], expected.data[name][:3], err_msg=name)
 
 
+@pytest.mark.parametrize("runs", [3, native.FEW_RUNS + 2])
+def test_only_runs_to_check_keep_their_signals(runs, monkeypatch):
+    path, kept = Path(__file__).parents[2] / "configs" / "paper.yaml", []
+    measured = native.Native.measured
+
+    def noted(engine, *given):
+        solution = measured(engine, *given)
+        kept.append((len(solution.status), len(solution.arrays), solution.states.shape[1] > 2))
+        return solution
+
+    monkeypatch.setattr(native.Native, "measured", noted)
+    part = part_of(path, FEW | {"ensemble.runs": runs, "solver.cross_check": 1})
+    (checked, signals, states), second, (others, motion, none), _ = kept
+    assert (checked, signals > 10, states, second[1]) == (1, True, True, 0)
+    assert (others, motion, none) == (runs - 1, 1, False)
+    assert np.isfinite(part.data["effort"]).all()
+    assert np.isfinite(part.check_states).all()
+
+
 @pytest.mark.ci("compiles the loop anew")
 @pytest.mark.parametrize("lanes", [1, 4])
 def test_lanes_change_no_bit(changed, expected, lanes, monkeypatch):
