@@ -90,7 +90,7 @@ def built(monkeypatch):
         chosen = dataclasses.replace(compiler.compiler(), **compiled_by)
         monkeypatch.setattr(compiler, "compiler", lambda: chosen)
         monkeypatch.setattr(compiler.Compiler, "lanes", lanes)
-        for name in ("integration", "_evaluate", "_walk"):
+        for name in ("_integrator", "_evaluate"):
             monkeypatch.setattr(library, name, getattr(library, name).__wrapped__)
 
     return by
@@ -227,7 +227,7 @@ def stored(study):
 
 def forget():
     """Let all laws be compiled, or loaded, as in another process."""
-    library.integration.cache_clear()
+    library._integrator.cache_clear()
     library._evaluate.cache_clear()
 
 
