@@ -158,7 +158,7 @@ def batches_at(study: Study, label: str, points: Array, runs: Array) -> Iterator
     """Group runs of one controller, each at its point."""
     kinds: dict[Hashable, list[int]] = {}
     for point in dict.fromkeys(points.tolist()):
-        kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
+        kinds.setdefault(kind_of(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members))
         problem = _problem(study, label, points[rows], runs[rows], kind)
@@ -274,7 +274,7 @@ class Draws:
         return Errors(*map(np.stack, zip(*(errors[key] for key in keys), strict=True)))
 
 
-def _kind(experiment: Experiment, label: str) -> Hashable:
+def kind_of(experiment: Experiment, label: str) -> Hashable:
     """Return a key of all that the runs of one problem share: all but leaves and initial states."""
     loop, config = experiment.loops[label], experiment.config
     parts = [structure(x) for x in (loop.inertia, loop.gains, loop.vehicle, *loop.known_forces)]

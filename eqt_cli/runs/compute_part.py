@@ -8,6 +8,7 @@ from contextlib import suppress
 from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Self
 
@@ -38,6 +39,7 @@ from eqt_cli.runs.batches import (
     Batch,
     batches,
     chosen_entries,
+    kind_of,
     largest,
     references,
     squares,
@@ -774,11 +776,13 @@ class PartTask:
         """
         if self.chosen is None:
             self.stopped.update((item, path) for item, (path, _) in self.files.stopped().items())
+        base, piece = self.study.base, self.study.piece(0)
+        kinds = {kind_of(piece.experiment(0), label): label for label in base.loops}
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            for label in (
-                self.study.base.loops if threads and self.study.base.engine.threads else ()
-            ):
-                pool.submit(copy_context().run, _compile, self.study.piece(0), label)
+            for label in kinds.values() if threads and base.engine.threads else ():
+                pool.submit(copy_context().run, _compile, piece, label)
+                if base.solver.judgement.cross_check:  # by LSODA, which is slow to import
+                    pool.submit(import_module, "scipy.integrate")
             self._save_references()
 
     def _save_references(self) -> None:
