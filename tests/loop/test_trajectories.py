@@ -219,8 +219,8 @@ def test_signals_are_the_norms_they_are_named_after(G):
     norms = [s.name for s in here if s.norm in ("axes", "entries") and len(G.parts) > 1]
     parts = {f"{norm}_{part.name}" for norm in norms for part in G.parts}
     parts |= {f"cut_{name}".replace(" ", "_") for name in G.directions}
-    # Of a vehicle that has thrusters or wheels.
-    names = {signal.name for signal in here} - {"thrust", "wheel_momentum", "wheel_speed"}
+    of_actuators = {"thrust", "wheel_momentum", "wheel_speed", "gimbal_angle", "gimbal_rate"}
+    names = {signal.name for signal in here} - of_actuators
     names -= {"law_output"}  # of a law with memory
     assert set(found) == names | parts | {"energy_balance"}
     assert {values.shape[:2] for values in found.values()} == {(RUNS, len(TIMES))}
