@@ -202,7 +202,10 @@ def compare_map(
     """
     chosen = list(range(len(result.labels))) if laws is None else list(laws)
     if len(chosen) < 2:
-        raise result.error("a map needs at least two laws, and this result has one")
+        raise result.error(
+            "a map needs at least two laws, and this result has one; `eqt plot --figure settled` "
+            "draws its points"
+        )
     quantity = result.quantity(metric)
     if quantity.better == "neither":
         raise EqtError(f"{metric}: is neither better low nor better high, so no law can win")
