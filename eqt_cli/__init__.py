@@ -20,7 +20,6 @@ those of `eqt_cli.api`, are provisional: any release may change them, and its ch
 import sys
 from importlib import import_module
 from typing import Any
-from warnings import warn
 
 STABLE = {
     "load_experiment": "eqt_cli.api.loading",
@@ -39,9 +38,6 @@ STABLE = {
 }
 """The public names, and the modules that define them."""
 
-RENAMED = {"write_report": "report"}
-"""Earlier names, and those that replace them."""
-
 __all__ = [*STABLE]
 
 
@@ -51,10 +47,6 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     """Return the object of a name, and import its module, for example Matplotlib, only now."""
-    if name in RENAMED:
-        new = RENAMED[name]
-        warn(f"eqt_cli.{name} is now eqt_cli.{new}", DeprecationWarning, stacklevel=2)
-        return __getattr__(new)
     module = import_module(STABLE.get(name, "eqt_cli.api"))
     if name not in STABLE and name not in module.__all__:
         message = f"module 'eqt_cli' has no attribute {name!r}"

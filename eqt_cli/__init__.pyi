@@ -16,4 +16,3 @@ from eqt_cli.extensions.search.api import tune as tune
 from eqt_cli.extensions.search.api import worst as worst
 
 STABLE: dict[str, str]
-RENAMED: dict[str, str]

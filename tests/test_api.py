@@ -80,14 +80,9 @@ def test_importing_eqt_loads_no_module_of_its_own():
     assert done.stdout == "eqt_cli\n"
 
 
-def test_an_earlier_name_warns_and_works():
-    with pytest.warns(DeprecationWarning, match=r"^eqt_cli.write_report is now eqt_cli.report$"):
-        assert eqt_cli.write_report is eqt_cli.report
-
-
 def test_no_package_takes_the_name_of_a_function():
     """Importing one would put it in the place of the function."""
-    names = {*eqt_cli.api.__all__, *eqt_cli.STABLE, *eqt_cli.RENAMED}
+    names = {*eqt_cli.api.__all__, *eqt_cli.STABLE}
     for package in (eqt_cli, eqt_cli.api):
         assert not {module.name for module in iter_modules(package.__path__)} & names
 
