@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import plain_filters as plain
 import pytest
+from ports import after_measuring
 from scipy.linalg import solve_discrete_are
 
 from eqt_cli.components.estimators import Complementary, Eqf, Invariant
@@ -270,7 +271,7 @@ def states_of(vehicle, bodies):
     for k in range(INSTANTS):
         now = errors.measured(SE2, slice(None), k)
         Q, V = (np.stack([each[part][k] for each in bodies]) for part in range(2))
-        states = states | flown.after_measuring(SE2, Q, V, now, states)
+        states = states | after_measuring(flown, SE2, Q, V, now, states)
         yield states
 
 
