@@ -509,6 +509,7 @@ def test_every_file_is_written_in_one_way():
         ("base/files.py", "FileIO"),  # the one way
         ("runs/lock.py", "open"),  # a file that is locked cannot be replaced
         ("figures/render.py", "savefig"),  # into memory
+        ("figures/layout.py", "savefig"),
         ("figures/style.py", "savefig"),
         ("base/store_writer.py", "File"),  # into the one way
         ("base/process.py", "open"),  # the null device
