@@ -1,5 +1,8 @@
 """Names of groups and laws as people write them."""
 
+import subprocess
+import sys
+
 import pytest
 from said import error_of
 
@@ -61,3 +64,12 @@ def test_no_two_components_are_written_alike(kind):
 def test_a_law_is_selected_by_label_or_title(name, label):
     titled = {"gt": "GT", "eqt": "EqT", "mine": "Law", "MINE": "law"}
     assert label_named(name, titled) == label
+
+
+def test_a_name_that_needs_no_other_spelling_loads_no_other_law():
+    code = (
+        "import sys; from eqt_cli.components.laws import controllers as c; "
+        "print(c.written('gt'), 'eqt_cli.components.lqr' in sys.modules, c.written('LQR'))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "gt False lqr\n"
