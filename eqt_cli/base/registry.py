@@ -161,7 +161,7 @@ class Registry(Generic[T]):
         ComponentError
             If there is none; the message names the closest, or else all components.
         """
-        component = self._called(name)
+        component = self._shipped(name) or self._installed.get(name) or self._plugins.get(name)
         if component is None:
             names = self.names()
             hint = suggestion(name, names) or f"; known: {', '.join(names)}"
@@ -170,12 +170,9 @@ class Registry(Generic[T]):
 
     def written(self, name: str) -> str:
         """Return the name of the component that a person calls `name`: gt of GT, else `name`."""
-        if self._called(name):  # without an import of all others
+        if self._shipped(name) or name in (names := self.names()):  # the first imports no other
             return name
-        return next((same for same in self.names() if bare(same) == bare(name)), name)
-
-    def _called(self, name: str) -> type[T] | None:
-        return self._shipped(name) or self._installed.get(name) or self._plugins.get(name)
+        return next((same for same in names if bare(same) == bare(name)), name)
 
     def core(self) -> list[type[T]]:
         """Return the components of eqt itself, without extensions and other distributions."""
