@@ -47,6 +47,7 @@ _SYMBOLS: dict[str, tuple[float, Dimension]] = {
     "uN": (1e-6, _FORCE),
     **{f"{prefix}Nm": (size, _TORQUE) for prefix, size in (("", 1.0), ("k", 1e3), ("m", 1e-3))},
     "uNm": (1e-6, _TORQUE),
+    **{f"{prefix}Nms": (size, (1, 2, -1, 0, 0)) for prefix, size in (("", 1.0), ("m", 1e-3))},
     "1": (1.0, (0, 0, 0, 0, 0)),
 }
 

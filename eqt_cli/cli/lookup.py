@@ -280,7 +280,7 @@ def check(
         f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
     wheels = wheels_needed(experiment, shown)
-    needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, by the reference"]
+    needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, for the reference"]
     poles = _poles(experiment, gains_flown(experiment, shown))
     rows, gains = _gains(experiment)
     said = [*gains, *poles, *_skipped_ticks(experiment), *needed]

@@ -650,8 +650,8 @@ class ErrorStateFilter(Estimator):
             return f"expected deviations greater than 0 for the {part}, got 0"
         signal = name.partition("_")[0]
         return (
-            f"sensors.{signal} has no noise of the {part}, whose deviation is the default; give "
-            "deviations greater than 0"
+            f"sensors.{signal} has no noise of the {part}, so the filter would take it as exact; "
+            "add noise there, or give deviations greater than 0"
         )
 
     def first(self, G: MatrixLieGroup, pose: Array) -> Estimate:

@@ -131,7 +131,7 @@ class Wheels(Actuator):
     Attributes
     ----------
     axes
-        Axis of each wheel in the body frame, of any length.
+        Row i: the axis of wheel i in the body frame, of any length.
     pyramid
         Instead of `axes`: the angle of four axes from z; seen from above, at 45°, 135°, 225° and
         315° from x.
@@ -685,7 +685,7 @@ class Magnetorquers(Actuator):
         share, across = (each.round(2) for each in np.linalg.eigh(np.eye(3) - b.T @ b / len(b)))
         yield (
             f"give no torque along the field, {b[0].round(2)} in space at t = 0; in the mean over "
-            f"{span:.0f} s, {share[0]} of one about {across[:, 0]}, {share[1]}, {share[2]} across"
+            f"{span:.0f} s, {share[0]} of a torque about {across[:, 0]} remains, {share[1]} and {share[2]} across it"
         )
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:

@@ -351,7 +351,7 @@ def _word(option: Schema, schema: Schema) -> str:
     kind = option.get("type")
     if kind == "array":
         inner = value_of(option.get("items", {}), schema)
-        plural = re.sub(r"(name|number|list|mapping|expression)\b", r"\1s", inner)
+        plural = re.sub(r"(?<!`)(name|number|list|mapping|expression)\b", r"\1s", inner)
         return _LISTS.get(inner, f"list of {plural}")
     if kind == "string" and "constant expression" in option.get("description", ""):
         return "constant"

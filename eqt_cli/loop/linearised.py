@@ -868,7 +868,8 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
         loses = ["dropout"] if getattr(sensor, "dropout", None) else []
         if isinstance(sensor, DynamicSensor | Lever) and not loses:
             continue  # it is part of the loop
-        yield LeftOut(f"{place} ({', '.join([sensor.departs, *loses])})", bool(loses), bool(loses))
+        errors = f"only its {sensor.departs.removeprefix('measurements with ')}"
+        yield LeftOut(f"{place} ({', '.join([errors, *loses])})", bool(loses), bool(loses))
     if vehicle.estimator is not None and not (linear and linear.about.loop.vehicle.estimator):
         yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")
     elif linear and not linear.about.is_settled:

@@ -114,7 +114,7 @@ def along(loop: ClosedLoop, times: Array, poses: Callable[[], Array | None]) -> 
     slowest, in_space = flown.poles[:, 0], nominal.changes(flown)
     worst = int(slowest.real.argmax())
     first, last, least = map(_in_words, slowest[[0, -1, worst]])
-    poles = f"{first} rad/s all along"
+    poles = f"{first} rad/s at all times"
     if {last, least} != {first}:
         poles = f"{first} rad/s at the start, {last} at the end, {least} at worst"
         poles += f" ({times[worst]:.3g} s)"

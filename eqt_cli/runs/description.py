@@ -81,11 +81,14 @@ def loop_in_words(config: Mapping[str, Any]) -> tuple[str, str]:
         departures.append(f"forces: {', '.join(forces)}")
     stages.append(f"plant ({', '.join(inside)})" if inside else "plant")
     sensors = (config.get("sensors") or {}).items()
-    if measured := [f"{name} ({_measured(entries)})" for name, entries in sensors if entries]:
-        stages.append(", ".join(measured))
-        departures += [f"measured {words}" for words in measured]
-    for kind in _kinds([config.get("estimator")]):
-        stages.append(f"estimate ({kind})")
+    measured = {name: f"{name} ({_measured(entries)})" for name, entries in sensors if entries}
+    departures += [f"measured {words}" for words in measured.values()]
+    fields, estimators = ("magnetometer", "accelerometer"), _kinds([config.get("estimator")])
+    beside = [measured.pop(x) for x in fields if estimators and x in measured]  # of no estimator
+    if measured:
+        stages.append(", ".join(measured.values()))
+    for kind in estimators:
+        stages.append(", ".join([f"estimate ({kind})", *beside]))
         departures.append(f"estimate: {kind}")
     if not departures:
         return "", ""

@@ -88,7 +88,7 @@ def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
     assert (done.code, done.err) == (0, "")
     first, rows, [poles] = checked(done.out)
     assert first[0] == "✓ mine.yaml: valid"
-    assert (rows, poles.endswith(" all along")) == (gains, True)  # also where a slew ends
+    assert (rows, poles.endswith(" at all times")) == (gains, True)  # also where a slew ends
 
 
 @from_yaml
@@ -138,7 +138,7 @@ def test_check_says_what_would_run(eqt, folder):
     assert rows == ["EqT, GT ωx 1 0.12", "EqT, GT ωy 1.41 0.18", "EqT, GT ωz 0.816 0.1"]
     assert gains == [
         "EqT, GT: kp 1, kd 0.5 (k_R 2, k_Omega 0.5)",
-        "slowest pole of EqT, GT at rest: −0.0833 ± 0.812i rad/s all along",
+        "slowest pole of EqT, GT at rest: −0.0833 ± 0.812i rad/s at all times",
     ]
     assert not (folder / "results").exists()
 

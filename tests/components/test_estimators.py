@@ -151,6 +151,15 @@ def test_a_part_that_nothing_measures_is_told_before_the_run(tmp_path):
     ]
 
 
+def test_a_filter_without_a_gyro_is_told_to_read_an_exact_velocity(tmp_path):
+    path = tmp_path / "flight.yaml"
+    path.write_text(text("{kind: complementary, kp: 0.7}", velocity=""), encoding="utf-8")
+    assert [str(each) for each in remarks(study(read_config(path)).base)] == [
+        f"{path}:13:1: estimator: reads the velocity exactly, as from a perfect gyro; add its "
+        "errors to sensors.velocity"
+    ]
+
+
 def test_a_run_whose_covariance_loses_definiteness_ends_and_harms_no_other(solved, monkeypatch):
     problem, whole = solved(text())
     chosen = whole.states[1, 4, problem.loop.layout.slices["vehicle.estimator_pose"]]

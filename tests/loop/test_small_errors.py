@@ -59,7 +59,7 @@ def test_gains_in_space_meet_turned_axes(law, degrees):
 
 def test_what_is_said_of_poles_on_the_way():
     small = gains_flown(eqt_cli.load_experiment(SATELLITE).base)
-    assert small["lee2010"].poles == small["quaternion"].poles == "−0.1 rad/s all along"
+    assert small["lee2010"].poles == small["quaternion"].poles == "−0.1 rad/s at all times"
     assert small["eqt"].poles == (
         "−0.1 rad/s at the start, −0.0476 ± 0.0499i at the end, −0.0476 ± 0.0499i at worst (57 s)"
     )
@@ -75,7 +75,7 @@ def test_what_is_said_of_poles_on_the_way():
 def test_equal_gains_about_all_axes_keep_their_poles():
     same = {**SATELLITE, "gains": {"kp": 0.02, "kd": 1.0}}
     small = gains_flown(eqt_cli.load_experiment(same).base)
-    assert all(not each.departs and "all along" in each.poles for each in small.values())
+    assert all(not each.departs and "at all times" in each.poles for each in small.values())
     assert not any(one.differs_from(two) for one, two in pairwise(small.values()))
 
 

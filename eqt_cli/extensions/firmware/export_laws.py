@@ -138,8 +138,8 @@ def exported_filter(loop: ClosedLoop, label: str, seed: int) -> ExportedFilter |
     if vehicle.clocks:
         reporter().remark(
             EqtWarning(
-                f"{label}: the filter acts every {vehicle.tick:g} s, other parts at other "
-                "instants; only the law is written as C, which reads pose and velocity"
+                f"the C of '{label}' has no filter, which acts every {vehicle.tick:g} s; it has "
+                "one if all periods and delays of sensors are multiples of control.period"
             )
         )
         return None

@@ -257,11 +257,14 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
         moves = result.experiment.reference_over_horizon().velocity.any()
         proof = "--certified, which tries to prove a rate for all such references, or "
         proof *= result.experiment.loop.vehicle.is_ideal
+        remedy = "--set plant.forces=[], which gives the margins without forces"
+        if moves:
+            remedy = "--set 'reference={kind: constant}', which gives the margins at rest"
         yield (
             f"{'The reference moves' if moves else 'A force varies'}, so the loop of "
             f"{listed([titles[law.label] for law in varying])} varies in time: eigenvalues at "
             "single times are no rates, and do not decide whether it is stable. For a sure answer, "
-            f"add {proof}--set 'reference={{kind: constant}}', which gives the margins at rest."
+            f"add {proof}{remedy}."
         )
     if grown := [f"{titles[x.label]} at {x.growth.at:.3g} s" for x in varying if x.delay is None]:
         yield f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}."
@@ -313,11 +316,11 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
             yield f"{titles[law.label]} stays {beside} away from its reference; linearised there"
     for cycle in sorted({law.cycle for law in result.laws if law.cycle} - {result.period}):
         of = ", ".join(titles[law.label] for law in result.laws if law.cycle == cycle)
-        yield f"eigenvalues of {of}: of {cycle:g} s, after which all that is slower is due together"
+        yield f"eigenvalues of {of}: over {cycle:g} s, when all clocks coincide again"
     if any(law.is_indicative and not law.changes for law in result.laws):
         yield (
-            "indicative: the loop without the parts that are left out decides nothing about the "
-            "whole loop"
+            "indicative: the numbers hold for the loop without the parts that are left out, not "
+            "for the whole loop"
         )
     single = [titles[law.label] for law in result.laws if law.delay_is_frozen and not law.changes]
     if single:

@@ -199,7 +199,7 @@ class AdjointBounded(Hypothesis):
 class LawCovered(Hypothesis):
     """The law claims that L falls: c + n = 1 in the family, feedforward when stabilising."""
 
-    name: ClassVar[str] = "the law is covered"
+    name: ClassVar[str] = "theorem for the law"
     statement: ClassVar[str] = "Theorems 3.2, 6.2, §7"
     section: ClassVar[float] = 6.44
 

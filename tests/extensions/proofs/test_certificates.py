@@ -198,7 +198,7 @@ class Limited(EqT):
 def test_a_subclass_with_a_torque_of_its_own_claims_nothing():
     loop = closed_loop(group_named("SO3"), Limited())
     assert not [row for row in identities(loop) if row.controller]
-    assert hypothesis("the law is covered", loop).verdict == "unknown"
+    assert hypothesis("theorem for the law", loop).verdict == "unknown"
 
 
 @dataclass(frozen=True)
@@ -641,5 +641,5 @@ def test_a_varying_inertia_shows_its_bounds(entry, verdict, rate):
     ],
 )
 def test_laws_that_the_paper_covers(law, verdict):
-    row = hypothesis("the law is covered", closed_loop(group_named("SO3"), law))
+    row = hypothesis("theorem for the law", closed_loop(group_named("SO3"), law))
     assert row.verdict == verdict

@@ -70,3 +70,7 @@ def test_the_signal_path_goes_through_the_filter():
         f"reference → law → hold 0.1 s → plant → {pose} → estimate (invariant) → law",
         f"Loop: sampled every 0.1 s; measured {pose}; estimate: invariant.",
     )
+    config["sensors"]["magnetometer"] = [{"kind": "noise", "std": 1}]  # which no filter reads
+    assert loop_in_words(config)[0].endswith(
+        f" → plant → {pose} → estimate (invariant), magnetometer (noise) → law"
+    )

@@ -540,7 +540,7 @@ def test_a_fast_lag_does_not_hide_a_slow_rate(kd: float, lags: list[float], stab
         pytest.param({"sensors": {"pose": [{"kind": "noise", "std": 0.1, "dropout": 0.1}]}}, True,
             marks=pytest.mark.ci("another part")),
         ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]}}, False),
-        ({"sensors": {"pose": [{"kind": "noise", "std": 0.1}]},
+        ({"sensors": {name: [{"kind": "noise", "std": 0.1}] for name in ("pose", "velocity")},
          "estimator": {"kind": "complementary", "kp": 0.7, "ki": 0.2}}, False),
     ],
 )  # fmt: skip

@@ -68,11 +68,10 @@ def test_margins_of_a_sampled_loop(eqt, folder):
     assert " ".join(second[:2]) == "sliding mode"
     assert " ".join(second[-4:]) == "not used any indicative"
     assert done.out.endswith(
-        NOTES + "eigenvalues of EqT, sliding mode: of 1 s, after which all that is slower is due "
-        "together\n"
-        "indicative: the loop without the parts that are left out decides nothing about the whole "
-        "loop\n"
-        "left out: actuators[0] (torque limited), sensors.velocity[0] (measurements with noise)\n"
+        NOTES + "eigenvalues of EqT, sliding mode: over 1 s, when all clocks coincide again\n"
+        "indicative: the numbers hold for the loop without the parts that are left out, not for "
+        "the whole loop\n"
+        "left out: actuators[0] (torque limited), sensors.velocity[0] (only its noise)\n"
     )
 
 
@@ -91,7 +90,7 @@ def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt, folder):
         "eqt: --set controllers=[eqt]: controllers: the loop of 'eqt' is unstable: small "
         "errors grow at 0.0539 "
         "1/s (eigenvalue 1.055 in 1 s), leaving out actuators[0] (torque limited), "
-        "sensors.velocity[0] (measurements with noise); check the signs and sizes of its "
+        "sensors.velocity[0] (only its noise); check the signs and sizes of its "
         "gains, and the delays; `eqt margins` shows more\n",
     )
     assert "unstable" not in eqt("config", "check", "late.yaml").err

@@ -202,7 +202,7 @@ def test_verify_finds_the_wrench_and_covers_no_theorem():
         ("indi", "felt", "observer"), "holds"
     )
     assert not found.failures
-    covered = [row for row in found.rows if row.name == "the law is covered"]
+    covered = [row for row in found.rows if row.name == "theorem for the law"]
     assert {row.verdict.value for row in covered} == {"not covered"}
     assert all("disturbance observer in the law" in row.remark for row in covered)
 

@@ -278,7 +278,7 @@ def test_hypotheses_in_doubt_stand_in_the_summary(eqt):
     assert done.code == 0
     summary, *lines = done.out.split("\n\n")[0].splitlines()
     assert summary.endswith(" unclaimed   0 fail")
-    assert {"? growing: V_d is bounded", "? violated: the law is covered (off)"} < set(lines)
+    assert {"? growing: V_d is bounded", "? violated: theorem for the law (off)"} < set(lines)
     legend = done.out.split("\n\n")[4].splitlines()
     assert "violated: the theorems do not cover this experiment." in legend
     assert "unclaimed: the paper does not claim this for the law." in legend

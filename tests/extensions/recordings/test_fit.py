@@ -435,7 +435,7 @@ def test_theorems_do_not_cover_it(recorded):
     recorded(noise=0.0)
     found = eqt_cli.verify(replayed(plant=None, time={"duration": 0.2, "samples": 5}))
     said = {row.name: row.verdict for row in found.rows if row.controller == "replay"}
-    assert {said[name] for name in ("decrease of L", "Q → Q_d", "the law is covered")} == {
+    assert {said[name] for name in ("decrease of L", "Q → Q_d", "theorem for the law")} == {
         "not covered"
     }
     assert not found.failures
