@@ -685,7 +685,8 @@ class Magnetorquers(Actuator):
         share, across = (each.round(2) for each in np.linalg.eigh(np.eye(3) - b.T @ b / len(b)))
         yield (
             f"give no torque along the field, {b[0].round(2)} in space at t = 0; in the mean over "
-            f"{span:.0f} s, {share[0]} of a torque about {across[:, 0]} remains, {share[1]} and {share[2]} across it"
+            f"{span:.0f} s, {share[0]} of a torque about {across[:, 0]} remains, {share[1]} and "
+            f"{share[2]} across it"
         )
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:

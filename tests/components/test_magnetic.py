@@ -230,8 +230,8 @@ def test_a_check_names_the_direction_and_the_mean(experiment_of):
     shares = np.linalg.eigvalsh(np.eye(3) - b.T @ b / 2000).round(2)
     first = f"magnetorquers give no torque along the field, {b[0].round(2)} in space at t = 0; "
     assert first in said
-    assert f"over {2 * np.pi / RATE:.0f} s, {shares[0]} of one about [" in said
-    assert said.endswith(f"], {shares[1]}, {shares[2]} across")
+    assert f"over {2 * np.pi / RATE:.0f} s, {shares[0]} of a torque about [" in said
+    assert said.endswith(f"] remains, {shares[1]} and {shares[2]} across it")
 
 
 def rotated(q, x, y, z, B):
