@@ -34,6 +34,22 @@ from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 # A(V_d), exactly ----------------------------------------------------------------------------------
 
 
+def departures(loop: ClosedLoop) -> str:
+    """Say why a loop has no certified rate, whatever its equations are: parts of it; else ""."""
+    G, law, vehicle = loop.group, loop.controller, loop.vehicle
+    varies = not isinstance(loop.inertia, Inertia) or law.held(G, 0.0) is not None
+    reasons = {
+        f"leaves {loop.free} free, so that not all small errors decay": bool(loop.axis),
+        "is sampled": vehicle.control is not None,
+        "acts through actuators that lag": vehicle.control is None and bool(vehicle.states(G)),
+        "is a cascade": law.reads_flat_output,
+        "has forces or an inertia unknown to it, or time-varying numbers": (
+            bool(vehicle.forces) or vehicle.inertia is not None or varies
+        ),
+    }
+    return "; ".join(why for why, holds in reasons.items() if holds)
+
+
 def affine(loop: ClosedLoop) -> Array:
     """Return the fractions of A(V_d) = A₀ + Σ V_d,k A_k, ``(1 + m, n, n)``, in the law's own chart.
 
@@ -45,14 +61,8 @@ def affine(loop: ClosedLoop) -> Array:
         If there is no such A; the message goes on from the name of the law.
     """
     loop = off_limits(loop)
-    G, law, vehicle = loop.group, loop.controller, loop.vehicle
-    if loop.axis:
-        raise InputError(f"leaves {loop.free} free, so that not all small errors decay")
-    if vehicle.control is not None or vehicle.states(G) or law.reads_flat_output:
-        raise InputError("is sampled, acts through actuators that lag, or is a cascade")
-    varies = not isinstance(loop.inertia, Inertia) or law.held(G, 0.0) is not None
-    if vehicle.forces or vehicle.inertia is not None or varies:
-        raise InputError("has forces or an inertia unknown to it, or time-varying numbers")
+    if why := departures(loop):
+        raise InputError(why)
     # The decimal numbers of a configuration, and not the floats next to them.
     numbers = {p: entrywise(lambda x: _exact(repr(float(x))), v) for p, v in leaves(loop).items()}
     numbers[INVERSE] = exact.inverse(numbers[MATRIX])

@@ -24,6 +24,7 @@ from eqt_cli.config.preflight import build
 from eqt_cli.config.schema import TuneSection
 from eqt_cli.extensions.proofs.margins import CutLoop, delay_margin, known_reference
 from eqt_cli.loop.closed_loop import ClosedLoop
+from eqt_cli.loop.linearised import off_limits
 from eqt_cli.results.origin import law_title
 
 ROOM = 1e-3  # Share of each bound that the search leaves free, so that rounded gains keep it.
@@ -227,6 +228,13 @@ class ProvedObjective(NamedTuple):
         with problems.catching("proof", "velocity"):
             _box(section, base)
         proofs.check_push_and_start(section.proof.push, 0.0)
+        whys = {label: proofs.departures(off_limits(x)) for label, x in base.loops.items()}
+        if all(whys.values()):
+            first, why = next(iter(whys.items()))
+            problems.at("objective").add(
+                f"no law has a proof: '{first}' {why}; take a copy without control, sensors, "
+                "estimator, actuators and plant"
+            )
 
     def gains(self, law: Any, section: TuneSection, base: Experiment) -> dict[str, Any]:
         """Return the record of the best gains of a law within the ranges and bounds.

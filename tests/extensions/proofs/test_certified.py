@@ -182,8 +182,11 @@ def test_a_stiffness_in_space_is_refused() -> None:
 
 
 def test_sampled_and_lagging_loops_are_refused() -> None:
-    why = "is sampled, acts through actuators that lag, or is a cascade"
-    assert refusal(SPIN, control={"period": 0.1}) == why
+    why = "acts through actuators that lag"
+    assert refusal(SPIN, control={"period": 0.1}) == "is sampled"
+    drag = {"forces": [{"kind": "drag", "linear": 0.1}]}
+    unknown = "has forces or an inertia unknown to it, or time-varying numbers"
+    assert refusal(SPIN, control={"period": 0.1}, plant=drag) == f"is sampled; {unknown}"
     assert refusal(SPIN, actuators=LAG) == why
     assert refusal(SPIN, actuators=LAG, controllers=["lee2010"]) == why
     assert refusal(SPIN, actuators=[{"kind": "limit", "limit": 1.0}]) == ""

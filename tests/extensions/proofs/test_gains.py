@@ -276,6 +276,14 @@ def test_a_stiffness_in_space_is_refused_by_its_reason() -> None:
     assert law["why"] == "has a stiffness or damping in space that depends on the desired pose R_d"
 
 
+def test_a_loop_without_any_proof_is_refused_before_runs() -> None:
+    [said] = refused(tuning("gt", "eqt") | {"control": {"period": 0.1}})
+    assert said == (
+        "tune.objective: no law has a proof: 'gt' is sampled; take a copy without control, "
+        "sensors, estimator, actuators and plant"
+    )
+
+
 def test_what_does_not_go_with_a_proof_is_refused_at_its_place() -> None:
     names = "step_torque, bandwidth, delay_margin, damping"
     why = f"certified_rate has no runs; expected a number above 0 of {names}"
