@@ -126,13 +126,9 @@ FALSE = {
         lambda random, size: random.choice([-1, 1], size) + 0.2 * random.normal(size=size),
         0.0,
     ),
-    "30 % ties": (
-        lambda random, size: np.where(random.random(size) < 0.3, 0.0, random.normal(size=size)),
-        0.0,
-    ),
     "Cauchy": (lambda random, size: random.standard_cauchy(size), 0.0),
 }
-"""Ten distributions of the difference of two laws, with their medians."""
+"""Distributions of the difference of two laws, with their medians."""
 
 
 def words_of(quantity, first, second):
