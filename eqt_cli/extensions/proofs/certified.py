@@ -46,8 +46,8 @@ def affine(loop: ClosedLoop) -> Array:
     """
     loop = off_limits(loop)
     G, law, vehicle = loop.group, loop.controller, loop.vehicle
-    if loop.axis:
-        raise InputError(f"leaves {loop.free} free, so that not all small errors decay")
+    if free := loop.task.words(loop.gains):
+        raise InputError(f"leaves {free} free, so that not all small errors decay")
     if vehicle.control is not None or vehicle.states(G) or law.reads_flat_output:
         raise InputError("is sampled, acts through actuators that lag, or is a cascade")
     varies = not isinstance(loop.inertia, Inertia) or law.held(G, 0.0) is not None
