@@ -519,7 +519,11 @@ def check_sensors(
 
 
 def _check_agreement(sensors: Sequence[Sensor], part: str, problems: Problems) -> None:
-    """Note timing in which two entries of one part differ."""
+    """Note timing in which two entries of one part differ, and a second place of a sensor."""
+    levers = [(k, sensor.at) for k, sensor in enumerate(sensors) if isinstance(sensor, Lever)]
+    for k, at in levers[1:]:  # their terms would add to that of one lever at r₁ + r₂
+        expected = f"expected one place of the accelerometer, {levers[0][1]} or {at}"
+        problems.at(k, "at").add(f"{expected}; remove one lever")
     for name in TIMING:
         of_part = [k for k, sensor in enumerate(sensors) if sensor.of in (None, part)]
         values = {k: x for k in of_part if (x := getattr(sensors[k], name)) is not None}
