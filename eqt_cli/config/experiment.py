@@ -453,10 +453,10 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     known = sections.known_forces(config, vehicle, G)
     laws, desired = with_model(config, laws, gains, G, inertia, vehicle, known, desired, problems)
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
-    over_time: dict[str, Any] = {"reference": desired.reference}
-    over_time |= {f"controllers[{law.index}]": law.law for law in laws.values()}
-    for place, component in over_time.items():
-        sections.check_horizon(component, place, G, time.duration, problems)
+    sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
+    for law in laws.values():
+        place = f"controllers[{law.index}]"
+        sections.check_horizon(law.law, place, G, time.duration, problems)
     config = with_runs_of(config, start, problems)
     problems.raise_if_any()
     assert start
@@ -465,10 +465,9 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         bare = vehicle.more_sensors[0], ()
         unfelt = replace(vehicle.configured or vehicle, more_sensors=bare).of_run(G)
         if not any(reads_specific_force(law.law) for law in laws.values()):
-            said = (
+            problems.at("sensors", "accelerometer").add(
                 "is read by no law; write `linear: accelerometer` in one of kind indi, or remove it"
             )
-            problems.at("sensors", "accelerometer").add(said)
     loops = {
         label: ClosedLoop(
             *(G, inertia, gains[label], desired.reference, law.law),
