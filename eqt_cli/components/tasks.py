@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import reduce
+from math import degrees, hypot
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -142,6 +143,15 @@ class Task:
             return threshold
         turn = float(turn_of_distance(np.array(threshold)))
         return {part.name: turn for part in G.parts if part.turns}
+
+    def bound(self, threshold: Any, G: MatrixLieGroup) -> float:
+        """Return the bound of the pose error: by parts, the norm of theirs; of an axis, deg."""
+        if not isinstance(threshold, dict):
+            return float(threshold)
+        if not self.is_whole:
+            return degrees(threshold.get("rotation", 0.0))
+        parts = (part for part in G.parts if part.name in threshold)
+        return hypot(*(as_distance(part, threshold[part.name]) for part in parts))
 
     # What it leaves free, and what is claimed.
 

@@ -30,7 +30,7 @@ from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, PROPELLANT, Vehicle
-from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
+from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop, StateLayout
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
 
@@ -378,14 +378,11 @@ class _About:
     @cached_property
     def others(self) -> dict[str, slice]:
         """The slice in x of each stretch besides pose and momentum."""
-        places, begin = {}, 2 * self.loop.group.dimension
-        for name, length in self.loop.layout.lengths.items():
-            if name in _ELSEWHERE or name in _NOT_COPIED or name in self._counts[0]:
-                continue
-            length = self.loop.group.dimension if name in _POSES else length
-            places[name] = slice(begin, begin + length)
-            begin += length
-        return places
+        m, elsewhere = self.loop.group.dimension, {*_ELSEWHERE, *_NOT_COPIED, *self._counts[0]}
+        lengths = self.loop.layout.lengths.items()
+        copied = {x: m if x in _POSES else length for x, length in lengths if x not in elsewhere}
+        slices = StateLayout({"motion": 2 * m} | copied).slices
+        return {name: slices[name] for name in copied}
 
     @property
     def dimension(self) -> int:

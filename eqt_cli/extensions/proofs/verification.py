@@ -1,6 +1,5 @@
 """Checks the certificates of a configuration, by a few runs, or of a result, by its content."""
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -19,7 +18,7 @@ from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
 from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT, RunsCode
-from eqt_cli.components.mechanics import Gains, as_distance
+from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import Experiment
@@ -269,7 +268,7 @@ class _Verifier:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
         solution = self._engine(batch).solve(batch.problem, self.workers, reporter().advance)
         loop, threshold = batch.problem.loop, self.experiment.config.settling_threshold
-        by_parts = isinstance(threshold, dict) and bool(threshold)
+        by_parts = isinstance(threshold, dict)
         names = (*JUDGED, "settling_time") if by_parts else JUDGED
         of_estimate = OF_ESTIMATE if loop.vehicle.knows_covariance else ()
         optional = (*SHOWN, *of_estimate, *loop.task.errors.values())
@@ -293,7 +292,7 @@ class _Verifier:
             label=label,
             claims_decrease=loop.claims_decrease,
             rtol=batch.engine.rtol,
-            threshold=self._threshold,
+            threshold=loop.task.bound(threshold, loop.group),
             settled=np.isfinite(values["settling_time"][good]) if by_parts else None,
             times=values["time"],
             **{"lyapunov": None, **signals},
@@ -309,17 +308,6 @@ class _Verifier:
             barrier=loop.task.barrier(loop.controller, loop.gains, loop.reference),
             leaves_spin=len(loop.task.free(loop.gains)) > 1,
         )
-
-    @property
-    def _threshold(self) -> float:
-        """Threshold of the pose error: as configured, or the norm of the thresholds by part."""
-        threshold = self.experiment.config.settling_threshold
-        if not isinstance(threshold, dict):
-            return threshold
-        if not self.experiment.loop.task.is_whole:  # deg, as its errors
-            return math.degrees(threshold.get("rotation", 0.0))
-        parts = (part for part in self.experiment.group.parts if part.name in threshold)
-        return math.hypot(*(as_distance(part, threshold[part.name]) for part in parts))
 
     def _engine(self, batch: Batch) -> Engine:
         """The engine of the runs of a batch; noted for the summary."""
