@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import reduce
-from math import degrees, hypot
+from math import degrees, hypot, pi
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydantic import WrapValidator
 
 from eqt_cli.base.arrays import Array, apply_matrix, frobenius, maximum, norm
 from eqt_cli.base.errors import Problems
-from eqt_cli.base.option_types import Real, shown
+from eqt_cli.base.option_types import Real, shown, unknown_key
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import BODY_ENERGY, Controller, controllers
 from eqt_cli.components.matrix_groups import turn_of_distance
@@ -137,12 +137,19 @@ class Task:
         """Return the pose error of which K is the weight."""
         return s.Q_E if self.is_whole or law.weight != "body" else s.relative.Q
 
-    def threshold(self, threshold: Any, G: MatrixLieGroup) -> Any:
-        """Return a threshold of settling: one of the whole pose as the angle of the axis."""
-        if self.is_whole or not isinstance(threshold, float):
-            return threshold
-        turn = float(turn_of_distance(np.array(threshold)))
-        return {part.name: turn for part in G.parts if part.turns}
+    def threshold(self, threshold: Any, G: MatrixLieGroup, problems: Problems) -> Any:
+        """Return the threshold of settling, of an axis as an angle; note what is wrong by parts."""
+        parts = {part.name: part for part in G.parts}
+        if isinstance(threshold, float):
+            turn = float(turn_of_distance(np.array(threshold)))
+            return threshold if self.is_whole else {x: turn for x in parts if parts[x].turns}
+        for name, most in threshold.items():
+            here = problems.at(name)
+            if name not in parts and not (name == "rate" and G.parts[0].turns):
+                here.add(unknown_key(name, parts))
+            elif name in parts and parts[name].turns and most > pi:
+                here.add(f"expected an angle of at most 180 deg, got {degrees(most):.6g} deg")
+        return threshold
 
     def bound(self, threshold: Any, G: MatrixLieGroup) -> float:
         """Return the bound of the pose error: by parts, the norm of theirs; of an axis, deg."""

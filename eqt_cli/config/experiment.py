@@ -19,15 +19,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
-from eqt_cli.base.option_types import (
-    MISSING,
-    Kind,
-    as_section,
-    known_keys,
-    shown,
-    unknown_key,
-    validated,
-)
+from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
@@ -64,22 +56,6 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 from eqt_cli.loop.signals import Metric, metrics
 from eqt_cli.numbers.leaves import with_fields
-
-# The section `settling_threshold`: when a run has settled -----------------------------------------
-
-
-def check_thresholds(
-    thresholds: Mapping[str, float], G: MatrixLieGroup, problems: Problems
-) -> None:
-    """Note unknown parts, and angles beyond a half-turn, among thresholds by part."""
-    parts = {part.name: part for part in G.parts}
-    for name, threshold in thresholds.items():
-        here = problems.at(name)
-        if name not in parts and not (name == "rate" and G.parts[0].turns):
-            here.add(unknown_key(name, parts))
-        elif name in parts and parts[name].turns and threshold > math.pi:
-            here.add(f"expected an angle of at most 180 deg, got {math.degrees(threshold):.6g} deg")
-
 
 # A checked experiment: the loops of its laws, the initial states, and the solver ------------------
 
@@ -413,7 +389,8 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
     G, config = _validated(document, problems, last)
     task, time = task_of(config.task), config.time
-    threshold = task.threshold(config.settling_threshold, G)
+    at_threshold = problems.at("settling_threshold")
+    threshold = task.threshold(config.settling_threshold, G, at_threshold)
     config = config.model_copy(update={"settling_threshold": threshold})
 
     def take(name: str, make: Callable[[], Any], *parts: Any) -> Any:
@@ -444,8 +421,6 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         for law in laws.values():
             sections.check_calls(law.law, calls, problems.at("controllers", law.index))
     config, gains = gains_of(config, laws, G, problems)
-    if isinstance(threshold, dict):
-        check_thresholds(threshold, G, problems.at("settling_threshold"))
     problems.raise_if_any()
     assert desired
     assert inertia

@@ -714,14 +714,8 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     m, still = G.dimension, np.zeros(G.dimension)
     bias = still if loop.vehicle.estimator is not None else np.empty(0)
     flux = np.zeros(3 if loop.vehicle.magnet else 0)
-    return Errors(
-        G.identity,
-        still,
-        np.array(flags),
-        bias,
-        flux,
-        still[: m * bool(loop.vehicle.more_sensors[1])],
-    )
+    force = still[: m * bool(loop.vehicle.more_sensors[1])]
+    return Errors(G.identity, still, np.array(flags), bias, flux, force)
 
 
 # Whether small errors of a linearised loop decay --------------------------------------------------

@@ -245,12 +245,8 @@ class Slab:
     def save(self, path: Path) -> None:
         """Write all arrays, whole or not at all."""
         texts = {name: x.astype(str) for name, x in self.data.items() if x.dtype == object}
-        more = {
-            CHECKED: self.check_states,
-            ENDED: self.ended,
-            STUDY: np.array([_digest(self.study)]),
-            SECONDS: self.seconds,
-        }
+        more = {CHECKED: self.check_states, ENDED: self.ended, SECONDS: self.seconds}
+        more[STUDY] = np.array([_digest(self.study)])
         write_arrays(path, self.data | texts | more)
 
     @property
