@@ -294,13 +294,16 @@ def test_the_reference_at_rest_is_the_shortest_turn(at):
     assert turn == pytest.approx(angle(A, b), abs=1e-5)
 
 
-def test_a_run_that_starts_opposite_is_decided_by_rounding(invoke, tmp_path):
+@pytest.mark.parametrize("at", [[0, 0, 1], [0.6, 0, 0.8]])
+def test_a_run_that_starts_opposite_is_decided_by_rounding(invoke, tmp_path, at):
+    """Where R_d turns, R_dᵀR is a half-turn across the axis, and R R_dᵀ is none."""
     over = "{pose: {kind: fixed, coordinates: [3.141592653589793, 0, 0]}, velocity: fixed}"
-    changes = {"task": "{kind: point, axis: [0, 0, 1], at: [0, 0, 1]}", "initial": over}
+    changes = {"task": f"{{kind: point, axis: [0, 0, 1], at: {at}}}", "initial": over}
     changes |= {"time": "{duration: 20}", "controllers": "[lee2010]", "ensemble": "{runs: 1}"}
     changes |= {"solver": "{rtol: 1.0e-6}"}
     with ran(invoke, tmp_path, code=3, **changes) as result:
         assert (result.status == Status.BY_ROUNDING).all()
+        assert result["unstable_distance"].max() < 1e-9
 
 
 def test_the_answer_begins_with_the_pointing_error(invoke, tmp_path):
