@@ -20,6 +20,7 @@ import eqt_cli
 from eqt_cli.api import loading
 from eqt_cli.api.loading import open_at
 from eqt_cli.base.errors import ConfigError, EqtError, ResultError
+from eqt_cli.config.remarks import remarks
 from eqt_cli.extensions.proofs import verification
 
 pytestmark = pytest.mark.usefixtures("unarranged")
@@ -139,17 +140,39 @@ def test_problems_of_overrides_are_named_as_python_has_them():
     ) == ("overrides['ensemble.runs']: ensemble.runs: expected a whole number, got 'many'")
 
 
-def test_problems_of_a_mapping_have_their_place():
-    config = eqt_cli.load_experiment(PAPER).resolved | {"inertia": [1, 2]}
-    with pytest.raises(ConfigError) as caught:
-        eqt_cli.load_experiment(config)
-    (problem,) = caught.value.problems
-    assert problem.message == "expected 3 diagonal entries for SO3, got 2"
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"inertia": [1, 2]}, "inertia: expected 3 diagonal entries for SO3, got 2"),
+        ({"time": {}}, "time.duration: missing; this key is required: "),
+        ({"controllers": ["eqt", {"kind": "gt", "gain": 1}]}, "controllers[1].gain: unknown key"),
+        (
+            {"sweep": [{"grid": {"gains.kp": [1, -1]}}]},
+            "sweep[0].grid.gains.kp[1]: gains.kp: must be positive",
+        ),
+        ({"sweep": 2}, "sweep: expected a list"),
+    ],
+)
+def test_problems_of_a_mapping_are_at_their_keys(change, said):
+    """No line: the user never sees the text that eqt makes of the mapping."""
+    config = eqt_cli.load_experiment(PAPER).resolved | change
+    assert error_of(eqt_cli.load_experiment, config, kind=ConfigError).startswith(said)
 
 
-def test_configurations_hold_plain_data():
-    with pytest.raises(EqtError, match=r"a configuration holds numbers, text, lists and mappings$"):
-        eqt_cli.load_experiment(PAPER, {"gains.kd": object()})
+def test_a_remark_on_a_mapping_is_at_its_key():
+    config = eqt_cli.load_experiment(PAPER, FEW).resolved | {"inertia": [1, 1, 3]}
+    said = [str(remark) for remark in remarks(eqt_cli.load_experiment(config).base)]
+    assert any(text.startswith("inertia: not the inertia of a rigid body") for text in said)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"), [(1j, "1j"), ([1.0, {2.0}], "{2.0}"), ({(1, 2): 3}, "keys must be str")]
+)
+def test_configurations_hold_plain_data(value, shown):
+    """The message names the part that is none, not the whole configuration."""
+    said = error_of(eqt_cli.load_experiment, {"group": "SO3", "inertia": value})
+    assert said.startswith(shown)
+    assert said.endswith(": a configuration holds numbers, text, lists and mappings")
 
 
 def test_a_gate_takes_lists_of_rules_and_two_results(computed):

@@ -82,7 +82,7 @@ def load_experiment(
     Raises
     ------
     ConfigError
-        With all problems and their places.
+        With all problems and their places; those of a mapping are its keys.
     EqtError
         If the file does not exist.
 
@@ -132,7 +132,7 @@ def document_from(
     text = yaml_source.dump(
         json.loads(yaml_source.flow({**config, "name": config.get("name") or "experiment"}))
     )
-    source = yaml_source.load(text, "config")
+    source = yaml_source.load(text, "config", located=False)
     return overridden(Document(source, source.data, Place(Path.cwd())), overrides)
 
 

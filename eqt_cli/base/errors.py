@@ -153,7 +153,7 @@ class InputProblem:
 
     def located(self, word: Word) -> str:
         """Return the place and the path, followed by the text of `with_advice`."""
-        before = "".join(f"{part}: " for part in (self.place, self.path) if part)
+        before = "".join(f"{x}: " for x in dict.fromkeys((self.place, self.path)) if x)
         return printable(before) + self.with_advice(word)
 
 

@@ -53,6 +53,8 @@ class Source:
         Dicts with text keys, lists, str, int, float, bool and None; no two parts are shared.
     comment : str
         The comment at the top, with its `#` and line breaks; empty if there is none.
+    located : bool
+        Whether its user has the text; else, a key has its path for a place.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Source:
     _values: dict[KeyPath, _Position] = field(repr=False)
     _keys: dict[KeyPath, _Position] = field(repr=False)
     comment: str = field(default="", repr=False)
+    located: bool = True
 
     def place(self, path: KeyPath) -> str:
         """Return ``name:line:column`` of the value at `path`, or of its nearest ancestor."""
@@ -69,10 +72,12 @@ class Source:
 
     def key_place(self, path: KeyPath) -> str:
         """Return ``name:line:column`` of the last key of `path`; without a key, as `place`."""
+        if not self.located:
+            return dotted(path)
         return _place(self.name, self._keys[path]) if path in self._keys else self.place(path)
 
 
-def load(text: str | bytes, name: str) -> Source:
+def load(text: str | bytes, name: str, *, located: bool = True) -> Source:
     """Read one YAML document whose top level is a mapping; an empty document is an empty mapping.
 
     Raises
@@ -80,7 +85,7 @@ def load(text: str | bytes, name: str) -> Source:
     ConfigError
         With every error of the content, or the first one of the syntax.
     """
-    reader = _Reader(name, located=True)
+    reader = _Reader(name, located=located)
     data = reader.read(text)
     if not reader.values:
         data = {}
@@ -89,7 +94,7 @@ def load(text: str | bytes, name: str) -> Source:
         got = "text" if isinstance(data, str) else "a single value"
         got = "a list" if isinstance(data, list) else got
         reader.stop((), f"expected lines of 'key: value', got {got}", reader.values[()])
-    return Source(name, data, reader.values, reader.keys, _comment(reader.text))
+    return Source(name, data, reader.values, reader.keys, _comment(reader.text), located)
 
 
 def heading(text: str) -> str:
@@ -509,7 +514,7 @@ def flow(value: Any) -> str:
         return json.dumps(value, default=_listed)
     except TypeError as error:
         raise EqtError(
-            f"{value!r}: a configuration holds numbers, text, lists and mappings"
+            f"{error}: a configuration holds numbers, text, lists and mappings"
         ) from error
 
 
@@ -520,7 +525,7 @@ def _listed(value: Any) -> Any:
         return dict(value)
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    raise TypeError
+    raise TypeError(repr(value))
 
 
 class _Dumper(yaml.SafeDumper):

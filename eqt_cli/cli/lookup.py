@@ -323,10 +323,11 @@ def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
         multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
         if multiples and all(part.turns for part in inner.group.parts):
             words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
-        if loop.axis:
-            claimed = loop.barrier and loop.claims_decrease
-            claim = f"claimed: from L < 2k = {loop.barrier:.4g} J the axis arrives"
-            words += [f"{loop.free} is free", claim if claimed else "nothing is claimed"]
+        if free := loop.task.words(loop.gains):
+            barrier = loop.task.barrier(loop.controller, loop.gains, loop.reference)
+            claim = f"claimed: from L < 2k = {barrier:.4g} J the axis arrives"
+            claimed = barrier and loop.claims_decrease
+            words += [f"{free} is free", claim if claimed else "nothing is claimed"]
         lines.setdefault("; ".join(words), []).append(title)
     rows = [[", ".join(titles), *row] for row, titles in laws.items()]
     return rows, [f"{', '.join(titles)}: {words}" for words, titles in lines.items() if words]

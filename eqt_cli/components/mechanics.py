@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from eqt_cli.base.arrays import (
-    Array,
-    Arrays,
-    apply_matrix,
-    dot,
-    frobenius,
-    maximum,
-    norm,
-    times,
-    transpose,
-)
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, dot, times, transpose
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.inertia import Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import distance_of_turn
@@ -146,46 +136,6 @@ class Semidirect:
         """
         _, tau = self.Ad(self.inverse(X_d), U_E)
         return tau_d + tau
-
-
-ZERO = np.zeros(3)
-"""An error of a velocity that does not count."""
-
-
-def settling_error(
-    G: MatrixLieGroup, Q: Array, Qd: Array, most: Mapping[str, float], axis: Any = (), V: Any = ZERO
-) -> Array:
-    """Return max_i ‖(Q − Q_d)_i‖_F / s_i over the parts i with a threshold; at most 1 if settled.
-
-    For a translation this is ‖p − p_d‖, for a rotation ‖R − R_d‖_F = 2√2 sin(θ/2) with the angle θ
-    of the error. Unlike p − R_E p_d in Q_E, both do not depend on the choice of the spatial frame.
-
-    Parameters
-    ----------
-    most
-        Thresholds by the names of parts: an angle, rad, for a rotation, a distance for other parts;
-        and ``rate``, of the first part of the velocity, rad/s.
-    axis
-        The body axis a whose error alone counts of a rotation; () where all counts.
-    V
-        Error of the velocity; 0 where it does not count.
-    """
-    parts = [part for part in G.parts if part.name in most]
-    shares = [norm(V[..., G.parts[0].axes]) / most.get("rate", np.inf)]
-    shares += [part_error(Q, Qd, part, axis) / as_distance(part, most[part.name]) for part in parts]
-    return reduce(maximum, shares)
-
-
-def part_error(Q: Array, Qd: Array, part: Part, axis: Sequence[float] = ()) -> Array:
-    """Return ‖(Q − Q_d)_i‖_F of a part, ``(...)``.
-
-    Of a rotation of which an axis a alone counts, √2 ‖(R − R_d)a‖: the ‖I − R_E‖_F of the shortest
-    turn from R_d a to R a.
-    """
-    apart = (Q - Qd)[(..., *part.entries)]
-    if not (axis and part.turns):
-        return frobenius(apart)
-    return math.sqrt(2) * norm(apply_matrix(apart, np.array(axis)))
 
 
 def as_distance(part: Part, threshold: float) -> float:

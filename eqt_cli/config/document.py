@@ -106,11 +106,18 @@ class Document:
         return self.source.name.removesuffix(_STORED)
 
     def place(self, path: KeyPath) -> str:
-        """Return ``file:line:column`` of a path, or the place of the change."""
+        """Return ``file:line:column`` of a path, or the place of the change.
+
+        Of a mapping in Python, it is the path itself, which messages do not repeat.
+        """
         for depth in range(len(path), 0, -1):
             if path[:depth] in self.changes:
                 return self.changes[path[:depth]]
         return self.source.key_place(path)
+
+    def problem(self, path: KeyPath, message: str) -> InputProblem:
+        """Return an error, or a remark, of a path with its place."""
+        return InputProblem(dotted(path), message, self.place(path))
 
 
 def read_config(

@@ -19,15 +19,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, ordered_product
 from eqt_cli.base.errors import InputError, KeyPath, Problems, alike
-from eqt_cli.base.option_types import (
-    MISSING,
-    Kind,
-    as_section,
-    known_keys,
-    shown,
-    unknown_key,
-    validated,
-)
+from eqt_cli.base.option_types import MISSING, Kind, as_section, known_keys, shown, validated
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.stored import distinct_titles
 from eqt_cli.components.accelerometer import reads_specific_force
@@ -44,17 +36,18 @@ from eqt_cli.components.initial_states import (
     generator,
     pose_distributions,
 )
-from eqt_cli.components.laws import Controller, Designed, OuterLoop, RunsCode, controllers
-from eqt_cli.components.matrix_groups import FARTHEST, turn_of_distance
+from eqt_cli.components.laws import Controller, Designed, OuterLoop, RunsCode
+from eqt_cli.components.matrix_groups import FARTHEST
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.motions import PlantModel, only_direction
 from eqt_cli.components.pose_notation import ANGLES, many_turns
 from eqt_cli.components.pose_tables import MAPPING, LogMapping, MappingError, read_starts
 from eqt_cli.components.references import ClosedReference
+from eqt_cli.components.tasks import task_of
 from eqt_cli.components.vehicle import ACTUATORS, Vehicle
 from eqt_cli.config import schema, sections
 from eqt_cli.config.document import Document, Place, data_file, load_plugins, with_data
-from eqt_cli.config.schema import Config, GainsSection, InitialSection, PointSection
+from eqt_cli.config.schema import Config, GainsSection, InitialSection
 from eqt_cli.config.sections import DesiredTrajectory
 from eqt_cli.engines.choice import Solver
 from eqt_cli.engines.engine import Engine
@@ -63,22 +56,6 @@ from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.loop.linearised import designed
 from eqt_cli.loop.signals import Metric, metrics
 from eqt_cli.numbers.leaves import with_fields
-
-# The section `settling_threshold`: when a run has settled -----------------------------------------
-
-
-def check_thresholds(
-    thresholds: Mapping[str, float], G: MatrixLieGroup, problems: Problems
-) -> None:
-    """Note unknown parts, and angles beyond a half-turn, among thresholds by part."""
-    parts = {part.name: part for part in G.parts}
-    for name, threshold in thresholds.items():
-        here = problems.at(name)
-        if name not in parts and not (name == "rate" and G.parts[0].turns):
-            here.add(unknown_key(name, parts))
-        elif name in parts and parts[name].turns and threshold > math.pi:
-            here.add(f"expected an angle of at most 180 deg, got {math.degrees(threshold):.6g} deg")
-
 
 # A checked experiment: the loops of its laws, the initial states, and the solver ------------------
 
@@ -411,22 +388,21 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     plugins = load_plugins(document, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
     G, config = _validated(document, problems, last)
-    task, time = config.task, config.time
-    threshold = config.settling_threshold
-    if isinstance(task, PointSection) and isinstance(threshold, float):  # of the axis
-        turn = {"rotation": float(turn_of_distance(np.array(threshold)))}
-        config = config.model_copy(update={"settling_threshold": turn})
+    task, time = task_of(config.task), config.time
+    at_threshold = problems.at("settling_threshold")
+    threshold = task.threshold(config.settling_threshold, G, at_threshold)
+    config = config.model_copy(update={"settling_threshold": threshold})
 
     def take(name: str, make: Callable[[], Any], *parts: Any) -> Any:
         return last.take(name, problems, make, G, *parts)
 
     laws: dict[str, Law] = take(
-        "laws", lambda: laws_of(config, G, home, problems), task, config.controllers
+        "laws", lambda: laws_of(config, G, home, problems), config.task, config.controllers
     )
     desired: DesiredTrajectory | None = take(
         "desired",
         lambda: sections.desired_from(config, G, home, problems),
-        *(task, config.reference, config.target),
+        *(config.task, config.reference, config.target),
     )
     at_inertia = problems.at("inertia")
     inertia: InertiaLaw | None = take(
@@ -445,8 +421,6 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
         for law in laws.values():
             sections.check_calls(law.law, calls, problems.at("controllers", law.index))
     config, gains = gains_of(config, laws, G, problems)
-    if isinstance(thresholds := config.settling_threshold, dict):
-        check_thresholds(thresholds, G, problems.at("settling_threshold"))
     problems.raise_if_any()
     assert desired
     assert inertia
@@ -454,27 +428,26 @@ def assemble(document: Document, last: LastPoint | None = None) -> Experiment:
     known = sections.known_forces(config, vehicle, G)
     laws, desired = with_model(config, laws, gains, G, inertia, vehicle, known, desired, problems)
     start = start_from(config.initial, G, desired, home, problems.at("initial"))
-    over_time: dict[str, Any] = {"reference": desired.reference}
-    over_time |= {f"controllers[{law.index}]": law.law for law in laws.values()}
-    for place, component in over_time.items():
-        sections.check_horizon(component, place, G, time.duration, problems)
+    sections.check_horizon(desired.reference, "reference", G, time.duration, problems)
+    for law in laws.values():
+        place = f"controllers[{law.index}]"
+        sections.check_horizon(law.law, place, G, time.duration, problems)
     config = with_runs_of(config, start, problems)
     problems.raise_if_any()
     assert start
-    axis, unfelt = tuple(task.axis) if isinstance(task, PointSection) else (), vehicle
+    unfelt = vehicle
     if vehicle.more_sensors[1]:  # other laws do not pay for an accelerometer
         bare = vehicle.more_sensors[0], ()
         unfelt = replace(vehicle.configured or vehicle, more_sensors=bare).of_run(G)
         if not any(reads_specific_force(law.law) for law in laws.values()):
-            said = (
+            problems.at("sensors", "accelerometer").add(
                 "is read by no law; write `linear: accelerometer` in one of kind indi, or remove it"
             )
-            problems.at("sensors", "accelerometer").add(said)
     loops = {
         label: ClosedLoop(
             *(G, inertia, gains[label], desired.reference, law.law),
             vehicle if reads_specific_force(law.law) else unfelt,
-            axis=axis,
+            task=task,
             known_forces=known if law.known_forces and law.law.counteracts else (),
         )
         for label, law in laws.items()
@@ -533,22 +506,16 @@ def _group(data: dict[str, Any], problems: Problems) -> MatrixLieGroup | None:
 
 def laws_of(config: Config, G: MatrixLieGroup, home: Place, problems: Problems) -> dict[str, Law]:
     """Return the control laws by label, checked for the group and the task."""
-    task, laws = config.task, dict[str, Law]()
+    task, laws = task_of(config.task), dict[str, Law]()
     for index, entry in enumerate(config.controllers):
         here = problems.at("controllers", index)
         law, files = with_data(entry.law, home, G, here)
         ready, code = law.loaded(home, G, here)
         if ready is None:
             continue
-        law, refusal = ready, ""
-        if isinstance(task, PointSection):
-            refusal = task.refusal(law, G)
-        elif law.tasks and task not in law.tasks:
-            fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
-            refusal = f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} "
-            refusal += f"use {fitting}"
+        law = ready
         label = law.name if entry.label is None else entry.label
-        if refusal:
+        if refusal := task.refusal(law, G):
             here.add(refusal)
         elif not isinstance(label, str) or not label.strip() or not label.isprintable():
             here.at("label").add(f"expected text on one line, got {shown(label)}")
@@ -566,7 +533,7 @@ def gains_of(
     config: Config, laws: Mapping[str, Law], G: MatrixLieGroup, problems: Problems
 ) -> tuple[Config, dict[str, Gains]]:
     """Return the gains of every law, and the configuration with the section as `kp` and `kd`."""
-    here, task = problems.at("gains"), config.task
+    here = problems.at("gains")
     section = sections.kp_and_kd(config.gains, G, here)
     if config.gains is not None:
         for name in [] if here else {"kp", "kd"} - section.keys():
@@ -577,17 +544,15 @@ def gains_of(
     shared = cache(partial(sections.gains_from, section, G, here))
     by_label = {}
     for label, law in laws.items():
-        axes = task.axes(law.law) if isinstance(task, PointSection) else None
+        axes = task_of(config.task).axes(law.law)
         at_law = problems.at("controllers", law.index, "gains")
         group = law.law.gains_group(G)
-        if group is G and not law.gains:
-            gains = shared(axes)
-            if gains is None and not law.law.reads_gains:
-                gains = _unread_gains(G)
-        elif group is G:
+        if group is not G:
+            gains = _gains_of_inner(law, group, axes, at_law)
+        elif law.gains:
             gains = sections.gains_from(section | law.gains, G, at_law, axes)
         else:
-            gains = _gains_of_inner(law, group, axes, at_law)
+            gains = shared(axes) or (None if law.law.reads_gains else _unread_gains(G))
         if gains is not None:
             by_label[label] = gains
     return config, by_label
@@ -654,9 +619,7 @@ def with_model(
         outer = laws[label].law.formula
         push = outer.direction if isinstance(outer, OuterLoop) else ()
         directions.append(push)
-        turned = config.task.axis if isinstance(config.task, PointSection) else None
-        if turned and push and abs(np.dot(turned, push)) < 1 - 1e-9:
-            problems.at("task", "axis").add(f"expected the direction of the push, {list(push)}")
+        task_of(config.task).check_push(push, problems.at("task"))
     if problems:
         return laws, desired
     along = next(filter(None, directions), None)

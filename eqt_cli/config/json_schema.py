@@ -97,8 +97,7 @@ class _Generator(GenerateJsonSchema):
 
     def model_schema(self, schema: core_schema.ModelSchema) -> dict[str, Any]:
         """Return the keys of a section, each with its meaning."""
-        section = _with_meanings(super().model_schema(schema), schema["cls"])
-        return section | {"description": summary(schema["cls"])}
+        return _with_meanings(super().model_schema(schema), schema["cls"])
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> dict[str, Any]:
         """Return `anyOf` for `oneOf`, because a list of numbers may fit several members."""
@@ -106,12 +105,12 @@ class _Generator(GenerateJsonSchema):
 
 
 def _with_meanings(schema: dict[str, Any], kind: type) -> dict[str, Any]:
-    """Add the meanings in a class's docstring to the keys of its schema."""
+    """Add the summary and the meanings in a class's docstring to its schema and to its keys."""
     texts = {option_of_field(name): text for name, text in meanings(kind).items()}
     for name, option in schema["properties"].items():
         if name in texts:
             schema["properties"][name] = {"description": texts[name]} | option
-    return schema
+    return schema | {"description": summary(kind)}
 
 
 @cache

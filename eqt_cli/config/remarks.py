@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.base.arrays import Array, apply_matrix
-from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, dotted, parse_key
+from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, parse_key
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import THRUSTER, SmallErrors
@@ -58,8 +58,7 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
         *_numerical_remarks(experiment, shown),
         *limits_below_reference(experiment, shown),
     ]
-    place = experiment.document.place
-    return [EqtWarning(f"{place(key)}: {dotted(key)}: {text}") for key, text in placed]
+    return [EqtWarning(str(experiment.document.problem(key, text))) for key, text in placed]
 
 
 def remark_on(experiment: Experiment) -> None:

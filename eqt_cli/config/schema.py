@@ -12,7 +12,6 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -64,7 +63,6 @@ from eqt_cli.base.option_types import (
 from eqt_cli.components.actuators import Actuator, actuators
 from eqt_cli.components.estimators import Estimator, estimators
 from eqt_cli.components.forces import Force, forces
-from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.initial_states import (
     PoseDistribution,
     PoseKind,
@@ -72,13 +70,13 @@ from eqt_cli.components.initial_states import (
     pose_distributions,
     velocity_distributions,
 )
-from eqt_cli.components.laws import Controller, OuterLoop, controllers
+from eqt_cli.components.laws import Controller, controllers
 from eqt_cli.components.matrix_groups import distance_of_turn
-from eqt_cli.components.motions import unit_vector
 from eqt_cli.components.pose_notation import pose_from, vector
 from eqt_cli.components.pose_tables import LogMapping
 from eqt_cli.components.references import Reference, references
 from eqt_cli.components.sensors import Sensor, sensors
+from eqt_cli.components.tasks import Point
 from eqt_cli.components.vehicle_parts import Matrix as DrawnMatrix
 from eqt_cli.components.vehicle_parts import Number, PartKind, periods_in
 from eqt_cli.config.designs import DrawnRange
@@ -109,16 +107,13 @@ def _distance_of_angle(value: Any) -> Any:
     return distance_of_turn(angle)
 
 
-def _threshold_kind(value: Any) -> str | None:
-    if isinstance(value, dict):
-        return "parts"
-    return "number" if rank(value) == "scalar" else None
-
-
 SettlingThreshold = Annotated[
-    Annotated[Annotated[Positive, BeforeValidator(_distance_of_angle)], Tag("number")]
+    Annotated[Annotated[Positive, BeforeValidator(_distance_of_angle)], Tag("scalar")]
     | Annotated[dict[str, Positive], Unit(POSE), Field(min_length=1), Tag("parts")],
-    one_of(_threshold_kind, "a number, an angle such as 2 deg, or {part: threshold, …}"),
+    one_of(
+        lambda value: "parts" if isinstance(value, dict) else rank(value),
+        "a number, an angle such as 2 deg, or {part: threshold, …}",
+    ),
 ]
 """Bound of the pose error, or of its parts by name: angles of rotations, and distances."""
 
@@ -331,70 +326,15 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
 
 
-def _direction(value: list[float]) -> list[float]:
-    if len(value) != 3 or not any(value):
-        raise ValueError(f"expected a direction of 3 numbers, got {value}")
-    return list(unit_vector(value))
+def _task_kind(value: Any) -> str | None:
+    if isinstance(value, dict | Point):
+        return "point"
+    return "word" if value in ("track", "stabilise") else None
 
 
-Direction = Annotated[list[Real], AfterValidator(_direction)]  # of length 1
-
-
-class PointSection(Section):
-    """The task on the sphere S² to turn an axis of the body; the turn about it stays free.
-
-    The weight K = k c cᵀ makes Υ(Q_E) = k(1 − cos θ), with θ the angle between R a and R_d a: of
-    errors in the body, R_dᵀR, with c = a; of errors in space, R R_dᵀ, with c = R_d a, which has to
-    stay where it is.
-
-    Attributes
-    ----------
-    kind
-        `point`.
-    axis
-        The axis a, in the body.
-    at
-        Where it is to point, in space, and to come to rest; then there is no reference.
-    along
-        `reference`: instead of `at`, it is to point along the reference's axis R_d a.
-    """
-
-    kind: Literal["point"]
-    axis: Direction
-    at: Direction | None = None
-    along: Literal["reference"] | None = None
-
-    @property
-    def pose(self) -> Array:
-        """R_d of the shortest turn from the axis to where it is to point: two half-turns."""
-        a, b = np.array(self.axis), np.array(self.at)
-        middle = a + b if abs(a + b).max() > 1e-8 else np.cross(a, np.eye(3)[abs(a).argmin()])
-        last, first = (2 * np.outer(u, u) / (u @ u) - np.eye(3) for u in (middle, a))
-        return last @ first
-
-    def axes(self, law: Controller) -> tuple[tuple[float, ...], ...]:
-        """Return the axis in the frames of a law's weight K and of its damping K_d."""
-        frames = law.weight, getattr(law, "damping", None) or "body"
-        axes = (self.at if frame == "spatial" else self.axis for frame in frames)
-        return tuple(tuple(axis or self.axis) for axis in axes)
-
-    def refusal(self, law: Controller, G: MatrixLieGroup) -> str:
-        """Return why a law cannot do it; "" if it can."""
-        G_of, remedy = law.gains_group(G), "use a law with its error in the body, such as lee2010"
-        inner = law.inner if isinstance(law, OuterLoop) else None
-        weight = (inner or law).weight  # of a cascade, its attitude law's
-        if G_of.dimension != 3 or not G_of.compact or (self.at and G_of is not G):
-            return f"{law.name} on {G.name} does not: use SO3, or a cascade with along: reference"
-        if not weight:
-            return f"{law.name} does not turn one axis alone, as its force is not −dΥ; {remedy}"
-        if weight == "spatial" and self.at is None:
-            return f"{law.name} has K in space, where R_d a moves; give `at`, or {remedy}"
-        return ""
-
-
-Task = Annotated[
-    Annotated[Literal["track", "stabilise"], Tag("word")] | Annotated[PointSection, Tag("point")],
-    one_of(lambda value: "point" if isinstance(value, dict) else "word", ""),
+AnyTask = Annotated[
+    Annotated[Literal["track", "stabilise"], Tag("word")] | Annotated[Point, Tag("point")],
+    one_of(_task_kind, "track, stabilise or {kind: point, axis: [0, 0, 1], at: [1, 0, 0]}"),
 ]
 
 
@@ -988,7 +928,7 @@ class Config(Section):
     """
 
     name: Annotated[Name | None, NotSwept("names the experiment as a whole"), WORDS] = None
-    task: Annotated[Task, NotSwept("decides which laws can be used")] = "track"
+    task: Annotated[AnyTask, NotSwept("decides which laws can be used")] = "track"
     group: Annotated[str, SHAPES]
     inertia: Annotated[InertiaValue, ON_GROUP, PLANT, DESIRED]
     rigid: Annotated[bool | None, WORDS] = None

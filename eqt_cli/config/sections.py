@@ -32,6 +32,7 @@ from eqt_cli.components.mechanics import Gains, TimeVarying
 from eqt_cli.components.pose_notation import pose_from, square
 from eqt_cli.components.references import ConstantReference, Reference
 from eqt_cli.components.sensors import TIMING, DynamicSensor, Sensor
+from eqt_cli.components.tasks import Point, task_of
 from eqt_cli.components.vehicle import ACTUATORS, CONTROL, SIGNALS, Vehicle
 from eqt_cli.components.vehicle_parts import check_period, common_divisor
 from eqt_cli.config import schema
@@ -42,7 +43,7 @@ from eqt_cli.numbers.rounded import inverse
 # The sections `gains` and `inertia`: checked matrices, and tensors that may vary in time ----------
 
 
-def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = None) -> Gains | None:
+def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = ()) -> Gains | None:
     """Return the gains of a section, or None after noting its problems.
 
     Parameters
@@ -57,15 +58,15 @@ def gains_from(section: Any, G: MatrixLieGroup, problems: Problems, of: Any = No
         with problems.catching("kp"):
             K = _weight(section["kp"], G)
             require_symmetric(K)
-            stiffness = np.ones(1) if of else _eigenvalues(mechanics.hessian_at_identity(G, K))
-            if not _positive(stiffness):  # Υ has no non-degenerate minimum at I
+            if of:
+                K = _of_axis(K, np.array(of[0]), isinstance(section["kp"], list))
+            elif not _positive(stiffness := _eigenvalues(mechanics.hessian_at_identity(G, K))):
+                # Υ has no non-degenerate minimum at I
                 raise InputError(
                     f"must be positive, so that small errors on {G.name} have a positive stiffness "
                     "(on SO3: every sum of two eigenvalues); got the stiffness "
                     f"{_listed(stiffness)}"
                 )
-            if of is not None:
-                K = _of_axis(K, np.array(of[0]), isinstance(section["kp"], list))
     if "kd" in section:
         with problems.catching("kd"):
             K_d = square(section["kd"], G.dimension, G)
@@ -404,9 +405,9 @@ def desired_from(
     config: Config, G: MatrixLieGroup, home: Place, problems: Problems
 ) -> DesiredTrajectory | None:
     """Return the desired trajectory of a configuration, or None after noting its problems."""
-    task, entry = config.task, config.reference
+    task, entry = task_of(config.task), config.reference
     at_reference, at_target = problems.at("reference"), problems.at("target")
-    if task == "stabilise":
+    if task.kind == "stabilise":
         if entry is not None:
             at_reference.add("is a key of task: track; give a target for task: stabilise")
         target = (config.target or schema.TargetSection()).pose
@@ -416,14 +417,14 @@ def desired_from(
         return DesiredTrajectory(ConstantReference(target), pose, np.zeros(G.dimension), section)
     if config.target is not None:
         at_target.add("is a key of task: stabilise; give a reference for task: track")
-    if isinstance(task, schema.PointSection) and task.at:
+    if isinstance(task, Point) and task.at:
         if entry is not None or task.along:
             problems.at("task", "at").add("excludes `along` and a reference; remove these, or it")
         if G.dimension != 3:  # as is said of every law
             return None
         return DesiredTrajectory(ConstantReference(task.pose.tolist()), task.pose, np.zeros(3), {})
     if entry is None:
-        what = "task: track" if isinstance(task, str) else "along: reference"
+        what = "task: track" if task.is_whole else "task: point without `at`"
         at_reference.add(f"missing; {what} needs a reference to follow")
         return None
     reference, texts = with_data(entry.reference, home, G, at_reference)
@@ -518,19 +519,20 @@ def check_sensors(
 
 
 def _check_agreement(sensors: Sequence[Sensor], part: str, problems: Problems) -> None:
-    """Note timing in which two entries of one part differ."""
+    """Note timing in which two entries of one part differ, and a second place of a sensor."""
+    levers = [(k, sensor.at) for k, sensor in enumerate(sensors) if isinstance(sensor, Lever)]
+    for k, at in levers[1:]:  # their terms would add to that of one lever at r₁ + r₂
+        expected = f"expected one place of the accelerometer, {levers[0][1]} or {at}"
+        problems.at(k, "at").add(f"{expected}; remove one lever")
     for name in TIMING:
-        first: tuple[int, Any] | None = None
-        for index, sensor in enumerate(sensors):
-            value = getattr(sensor, name)
-            if value is None or sensor.of not in (None, part):
-                continue
-            if first is None:
-                first = index, value
-            elif first[1] != value:
-                problems.at(index, name).add(
-                    f"entries of one part share their {name}: {problems.at(first[0]).path} gives "
-                    f"{first[1]:g} for the {part}, and this entry {value:g}; give it at one of them"
+        of_part = [k for k, sensor in enumerate(sensors) if sensor.of in (None, part)]
+        values = {k: x for k in of_part if (x := getattr(sensors[k], name)) is not None}
+        for k, value in values.items():
+            first, expected = next(iter(values.items()))
+            if value != expected:
+                problems.at(k, name).add(
+                    f"entries of one part share their {name}: {problems.at(first).path} gives "
+                    f"{expected:g} for the {part}, and this entry {value:g}; give it at one of them"
                 )
 
 

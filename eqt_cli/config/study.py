@@ -391,7 +391,7 @@ def add_grids(document: Document, grids: Mapping[str, str]) -> Document:
     section = document.data.get("sweep")
     if section is not None and not isinstance(section, list):
         message = f"{EXPECTED}, got {shown(section)}"
-        raise ConfigError([InputProblem("sweep", message, document.place(("sweep",)))])
+        raise ConfigError([document.problem(("sweep",), message)])
     for place, grid in grids.items():
         key, equals, text = grid.partition("=")
         if not equals or not key.strip() or not text.strip():

@@ -28,11 +28,12 @@ from eqt_cli.components.estimators import Estimator
 from eqt_cli.components.forces import Force
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia, InertiaLaw
-from eqt_cli.components.laws import BODY_ENERGY, Controller, OuterLoop, Previews, RunsCode
+from eqt_cli.components.laws import Controller, OuterLoop, Previews, RunsCode
 from eqt_cli.components.mechanics import Gains, LawInput, TimeVarying, Tracking, lie_poisson
 from eqt_cli.components.motions import FlatOutput
 from eqt_cli.components.references import Desired, Reference, ReferenceAhead, TorqueReference
 from eqt_cli.components.sensors import Errors, Sensor
+from eqt_cli.components.tasks import TRACK, Task
 from eqt_cli.components.vehicle import COMMANDS, CONTROL, LOST, SIGNALS, Vehicle, moving_sensors
 from eqt_cli.numbers.leaves import STRUCTURE, leaves
 
@@ -109,8 +110,8 @@ class ClosedLoop:
 
     Attributes
     ----------
-    axis
-        The body axis that `task: point` turns, of length 1; () where the whole pose counts.
+    task
+        What it is to do.
     known_forces
         The forces f of the model that the loop takes from the torque of the law.
     held_reference, held_law, held_ahead
@@ -123,7 +124,7 @@ class ClosedLoop:
     reference: Reference = field(metadata=STRUCTURE)
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
-    axis: tuple[float, ...] = field(default=(), kw_only=True, metadata=STRUCTURE)
+    task: Task = field(default=TRACK, kw_only=True, metadata=STRUCTURE)
     known_forces: tuple[Force, ...] = field(default=(), kw_only=True)
     held_reference: Reference | None = field(default=None, kw_only=True)
     held_law: Any = field(default=None, kw_only=True)
@@ -147,30 +148,7 @@ class ClosedLoop:
             return self
         G, inertia = outer.gains_group(self.group), outer.inner_inertia(self.group, self.inertia)
         reference = TorqueReference([0.5] * G.dimension)
-        return ClosedLoop(G, inertia, self.gains, reference, outer.inner, axis=self.axis)
-
-    @property
-    def free_rows(self) -> list[int]:
-        """The places in (ε, e) whose axis `task: point` leaves free: of ε, of e without damping."""
-        spins = np.linalg.cond(self.gains.K_d + np.transpose(self.gains.K_d)) > 1e9
-        return [0, self.group.dimension][: 1 + spins] if self.axis else []
-
-    @property
-    def barrier(self) -> float:
-        """2k of K = k c cᵀ, the least L with the axis opposite; 0 where no arrival is claimed.
-
-        It is not for an L of another form, nor for a spin that is left along a moving reference.
-        """
-        is_usual = self.controller.energy in (Controller.energy, BODY_ENERGY)
-        rests = not np.any(getattr(self.reference, "velocity", 1.0))
-        claims = self.axis and is_usual and (rests or len(self.free_rows) == 1)
-        return 2 * float(np.trace(self.gains.K)) if claims else 0.0
-
-    @property
-    def free(self) -> str:
-        """What `task: point` leaves free, in words."""
-        spin = " and the spin" * (len(self.free_rows) - 1)
-        return f"the turn{spin} about the axis ({', '.join(f'{x:.4g}' for x in self.axis)})"
+        return ClosedLoop(G, inertia, self.gains, reference, outer.inner, task=self.task)
 
     @property
     def period(self) -> float:

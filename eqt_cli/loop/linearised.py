@@ -30,7 +30,7 @@ from eqt_cli.components.mechanics import Tracking, hessian_at_identity
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, PROPELLANT, Vehicle
-from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop
+from eqt_cli.loop.closed_loop import DESIRED, MEMORY, VEHICLE, ClosedLoop, StateLayout
 from eqt_cli.numbers.leaves import leaves, with_fields, with_leaves
 
 
@@ -378,14 +378,11 @@ class _About:
     @cached_property
     def others(self) -> dict[str, slice]:
         """The slice in x of each stretch besides pose and momentum."""
-        places, begin = {}, 2 * self.loop.group.dimension
-        for name, length in self.loop.layout.lengths.items():
-            if name in _ELSEWHERE or name in _NOT_COPIED or name in self._counts[0]:
-                continue
-            length = self.loop.group.dimension if name in _POSES else length
-            places[name] = slice(begin, begin + length)
-            begin += length
-        return places
+        m, elsewhere = self.loop.group.dimension, {*_ELSEWHERE, *_NOT_COPIED, *self._counts[0]}
+        lengths = self.loop.layout.lengths.items()
+        copied = {x: m if x in _POSES else length for x, length in lengths if x not in elsewhere}
+        slices = StateLayout({"motion": 2 * m} | copied).slices
+        return {name: slices[name] for name in copied}
 
     @property
     def dimension(self) -> int:
@@ -465,11 +462,11 @@ class _About:
         errors of a cascade, whose attitude comes first and depends on nothing else. The number of
         coordinates of such an inner loop comes with them, or n.
         """
-        G, n = self.loop.group, self.dimension - len(self.loop.free_rows)
+        G, n = self.loop.group, self.dimension - len(self.loop.task.free(self.loop.gains))
         m, s = G.dimension, self.loop.tracking(self.times, self.states)
         one = np.broadcast_to(np.eye(n), (len(self.times), n, n))
         yield one, np.zeros_like(one), n
-        if self.loop.axis:
+        if not self.loop.task.is_whole:
             return
         F, ad = G.Ad_matrix(s.Qd), G.ad_matrix(s.Vd)
         T, rate = one.copy(), np.zeros_like(one)
@@ -537,14 +534,15 @@ class _About:
         return Linearised(tuple(moving), control.period, offset, is_constant, self)
 
     def _across(self, phases: Iterable[Phase]) -> tuple[Phase, ...]:
-        """Return the phases without what `task: point` leaves free."""
-        T, rows, a = np.eye(self.dimension), self.loop.free_rows, np.array([self.loop.axis])
-        for row in rows:
-            T[row : row + 3, row : row + 3] = np.linalg.svd(a)[2]
+        """Return the phases without what the task leaves free."""
+        T, free = np.eye(self.dimension), self.loop.task.free(self.loop.gains)
+        rows = [0, self.loop.group.dimension][: len(free)]
+        for row, a in zip(rows, free, strict=True):
+            T[row : row + 3, row : row + 3] = np.linalg.svd(a[None])[2]
         within = np.delete(T, rows, axis=0).T
-        for name in _POSES & self.others.keys() if rows else ():  # an estimate turns with the body
+        for name in _POSES & self.others.keys() if free else ():  # an estimate turns with the body
             at = self.others[name].start
-            T[at : at + 3, :3] -= a.T @ a
+            T[at : at + 3, :3] -= np.outer(free[0], free[0])
         T = np.delete(T, rows, axis=0)
         return tuple(Phase(T @ A @ within, T @ B, C @ within) for A, B, C in phases)
 
@@ -716,14 +714,8 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     m, still = G.dimension, np.zeros(G.dimension)
     bias = still if loop.vehicle.estimator is not None else np.empty(0)
     flux = np.zeros(3 if loop.vehicle.magnet else 0)
-    return Errors(
-        G.identity,
-        still,
-        np.array(flags),
-        bias,
-        flux,
-        still[: m * bool(loop.vehicle.more_sensors[1])],
-    )
+    force = still[: m * bool(loop.vehicle.more_sensors[1])]
+    return Errors(G.identity, still, np.array(flags), bias, flux, force)
 
 
 # Whether small errors of a linearised loop decay --------------------------------------------------
@@ -855,8 +847,8 @@ class LeftOut(NamedTuple):
 def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[LeftOut]:
     """Yield the parts that a linearised loop leaves out."""
     vehicle = loop.vehicle
-    if loop.axis:
-        yield LeftOut(f"{loop.free} (task: point leaves it)", False, False)
+    if free := loop.task.words(loop.gains):
+        yield LeftOut(f"{free} (task: {loop.task.kind} leaves it)", False, False)
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.linear_part is not actuator or actuator.limits:
             what = "only the limits of the " * isinstance(actuator.linear_part, type(actuator))
@@ -885,8 +877,7 @@ def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:
     couplings, limits, lags and delays.
     """
     inner, position = loop.inside, getattr(loop.controller, "position", None)
-    K, a = inner.gains.K, np.array(inner.axis)
-    H = hessian_at_identity(inner.group, K.trace() * np.outer(a, a) if inner.axis else K)
+    H = hessian_at_identity(inner.group, inner.task.weight(inner.gains.K))
     J, H, D = map(np.diagonal, (inner.inertia.at(0.0).matrix, H, inner.gains.K_d))
     oscillators = list(zip(inner.group.axis_names, H / J, D / J, strict=True))
     if position is not None:

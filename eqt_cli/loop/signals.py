@@ -21,7 +21,7 @@ from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
 from eqt_cli.components.matrix_groups import heading_of, rigid, rigid_motions, turn_of_distance
-from eqt_cli.components.mechanics import Tracking, part_error
+from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.vehicle import PROPELLANT, Vehicle, estimator_states
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.running import SampledRuns
@@ -60,8 +60,8 @@ class LoopState(NamedTuple):
             attitude = pointing = s.P[..., 0] * 0.0 + np.nan
         if isinstance(law := loop.controller.formula, OuterLoop):
             attitude = law.attitude_error(s)
-        if loop.axis:
-            distance = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis)
+        if not loop.task.is_whole:
+            distance = loop.task.part_error(s.Q, s.Qd, _rotations(s.G)[0])
             pointing = turn_of_distance(distance) * (180 / np.pi)
         limited = beyond_limits(now), cut_axes(now, vehicle.limits)
         acting = torque, pointing, attitude, *limited, signals(now)
@@ -208,17 +208,15 @@ def _rotations(group: MatrixLieGroup) -> list[Part]:
     return [part for part in group.parts if part.turns]
 
 
-def _turns(group: MatrixLieGroup) -> bool:
-    return len(_rotations(group)) == 1
-
-
-@_signal(exists_for=attrgetter("axis"))
+@_signal(exists_for=lambda loop: not loop.task.is_whole)
 def pointing_error(x: LoopState) -> Array:
     """angle between the axis that points and where it is to point."""
     return x.pointing
 
 
-@_signal(exists_on=_turns, exists_for=lambda loop: not loop.axis)
+@_signal(
+    exists_on=lambda group: len(_rotations(group)) == 1, exists_for=attrgetter("task.is_whole")
+)
 def attitude_angle(x: LoopState) -> Array:
     """angle of the rotation R_E = R Rd^T."""
     [rotation] = _rotations(x.s.G)

@@ -69,9 +69,9 @@ def at_rest(loop: ClosedLoop, times: Array, poses: Array) -> AtRest | None:
     """
     inner = loop.inside
     law, G, k, m = inner.controller, inner.group, len(times), inner.group.dimension
-    reads_more = law.reads_flat_output or isinstance(law, RunsCode | Previews)
+    reads_more = law.reads_flat_output or isinstance(law, RunsCode | Previews | Designed)
     # A law that is designed for a plant has its poles with that plant: `margins` has them.
-    if reads_more or isinstance(law, Designed) or law.commands != "torque" or loop.axis:
+    if reads_more or not loop.task.is_whole or law.commands != "torque":
         return None
     x = np.tile(STEP * np.einsum("s,ij->sij", NODES, np.eye(m)).reshape(-1, m), (k, 1))
     t, Qd = np.repeat(times, 4 * m), np.repeat(poses[:, : G.size, : G.size], 4 * m, axis=0)

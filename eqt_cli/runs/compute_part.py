@@ -24,7 +24,8 @@ from eqt_cli.base.stored import LAW_OUTPUT, Status
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import common_weight, distance_to_unstable
 from eqt_cli.components.laws import RunsCode
-from eqt_cli.components.mechanics import Tracking, settling_error
+from eqt_cli.components.mechanics import Tracking
+from eqt_cli.components.tasks import TRACK
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
 from eqt_cli.engines.engine import Solution, Stopped
@@ -212,9 +213,11 @@ class Slab:
         if arrays is None:
             self.check_states = np.full(shapes[CHECKED], np.nan)
             self.ended = np.zeros(len(part), dtype=bool)
-            self.data = {
-                entry.name: _missing(entry, shapes[entry.name]) for entry in self.quantities
-            }
+            self.data = {}
+            for entry in self.quantities:
+                dtype = entry.dtype or np.dtype(object)
+                missing: Any = {"O": "", "f": np.nan}.get(dtype.kind, 0)
+                self.data[entry.name] = np.full(shapes[entry.name], missing, dtype)
             return
         for name, shape in shapes.items():
             if name not in arrays or arrays[name].shape != shape:
@@ -242,12 +245,8 @@ class Slab:
     def save(self, path: Path) -> None:
         """Write all arrays, whole or not at all."""
         texts = {name: x.astype(str) for name, x in self.data.items() if x.dtype == object}
-        more = {
-            CHECKED: self.check_states,
-            ENDED: self.ended,
-            STUDY: np.array([_digest(self.study)]),
-            SECONDS: self.seconds,
-        }
+        more = {CHECKED: self.check_states, ENDED: self.ended, SECONDS: self.seconds}
+        more[STUDY] = np.array([_digest(self.study)])
         write_arrays(path, self.data | texts | more)
 
     @property
@@ -331,12 +330,6 @@ class Slab:
                         file.put(entry.name, block, (box.points, *law, box.runs))
                     else:
                         file.put(entry.name, block[0], (*law, box.runs))
-
-
-def _missing(quantity: Measure, shape: tuple[int, ...]) -> Array:
-    if quantity.dtype is None:
-        return np.full(shape, "", dtype=object)
-    return np.full(shape, np.nan if quantity.dtype.kind == "f" else 0, dtype=quantity.dtype)
 
 
 def _digest(study: Study) -> str:
@@ -452,18 +445,18 @@ class SampledSignals:
         desired
             The flat desired pose, followed by the desired velocity.
         """
-        s, G = loop.tracking(t, states), loop.group
+        s, G, most = loop.tracking(t, states), loop.group, dict(self.most)
         sampled = values_at(loop, s, states, self.names)
         if SETTLING in self.names:
-            sampled[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.most), loop.axis, s.V_tilde)
+            sampled[SETTLING] = loop.task.settling_error(G, s.Q, s.Qd, most, s.V_tilde)
         if ESTIMATE_SETTLING in self.names:
             error = G.exp(of_pose(s))
-            sampled[ESTIMATE_SETTLING] = settling_error(G, error, G.identity, dict(self.most))
+            sampled[ESTIMATE_SETTLING] = TRACK.settling_error(G, error, G.identity, most)
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
         integrated = [s.Vd] if "velocity" in loop.reference.starts_from else []
         return sampled | {
-            POSE_ERROR: s.relative.Q if loop.axis and loop.controller.weight == "body" else s.Q_E,
+            POSE_ERROR: loop.task.pose_error(s, loop.controller),
             DRIFT: G.drift(s.Q),
             VELOCITIES: np.concatenate([s.V_tilde, *integrated], axis=-1),
             RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),

@@ -570,7 +570,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
     about = description(config, experiment.loop.vehicle.departures) | {
         "titles": experiment.titles,
         "decimate": experiment.config.store.decimate,
-        "axis": experiment.loop.axis or None,
+        "axis": experiment.loop.task.axis or None,
         "parts": [] if "group" in swept else [stored_part(x) for x in experiment.group.parts],
         "functions": {label: law.energy for label, law in laws.items()},
         "unclaimed": [k for k, loop in experiment.loops.items() if not loop.claims_decrease],

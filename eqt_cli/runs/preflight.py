@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from eqt_cli.base.arrays import Array, norm
-from eqt_cli.base.errors import ConfigError, InputError, InputProblem, Problems
+from eqt_cli.base.errors import ConfigError, InputError, Problems
 from eqt_cli.config.preflight import TOGETHER, trial
 from eqt_cli.config.remarks import check_steps
 from eqt_cli.config.study import Study
@@ -344,4 +344,4 @@ def size(count: float) -> str:
 
 
 def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:
-    raise ConfigError([InputProblem(".".join(path), message, study.document.place(path))])
+    raise ConfigError([study.document.problem(path, message)])

@@ -337,10 +337,8 @@ SEMI, DEFINITE = "expected a positive semidefinite matrix", "expected a positive
 
 @from_yaml
 def test_weights_that_give_no_regulator_are_refused(options, message):
-    place, _, said = refusal(
-        ConfigError, law_of, controllers=[{"kind": "lqr", **options}]
-    ).partition(": ")
-    assert place.startswith("config:") and said == f"controllers[0]{message}"
+    said = refusal(ConfigError, law_of, controllers=[{"kind": "lqr", **options}])
+    assert said == f"controllers[0]{message}"
 
 
 @pytest.mark.parametrize(
@@ -359,7 +357,7 @@ def test_weights_that_give_no_regulator_are_refused(options, message):
 def test_a_motion_that_does_not_repeat_is_not_periodic(reference, duration, differs, difference):
     law = [{"kind": "lqr", "periodic": True}]
     changes = {"reference": reference, "controllers": law, "time": {"duration": duration}}
-    assert refusal(ConfigError, law_of, **changes).partition(": ")[2] == (
+    assert refusal(ConfigError, law_of, **changes) == (
         f"controllers[0]: periodic: {differs}, a difference of {difference}; leave periodic out, "
         "or give time.duration a period of the reference"
     )
@@ -461,6 +459,5 @@ def test_a_group_without_a_position_is_refused():
     with pytest.raises(ConfigError) as caught:
         eqt_cli.load_experiment({**body, "controllers": ["eqr"]})
     assert str(caught.value) == (
-        "config:5:15: controllers[0]: eqr needs a group of one rotation and one translation, "
-        "SE2 or SE3, got SO3"
+        "controllers[0]: eqr needs a group of one rotation and one translation, SE2 or SE3, got SO3"
     )

@@ -5,7 +5,7 @@ import pytest
 
 from eqt_cli.base.errors import ConfigError
 from eqt_cli.components.groups import group_named
-from eqt_cli.components.mechanics import settling_error
+from eqt_cli.components.tasks import TRACK
 from eqt_cli.numbers.running import SampledRuns
 from eqt_cli.results.metrics import ESTIMATE_SETTLING, QUANTITIES, SETTLING
 from eqt_cli.results.result import open_result
@@ -24,11 +24,11 @@ def test_the_largest_error_of_a_part_counts_in_units_of_its_threshold():
     Q[:3, 3] += [0.0, 0.3, 0.0]
     wide = {"rotation": np.radians(60), "translation": 0.2}
     narrow = {"rotation": np.radians(10), "translation": 3.0}
-    assert settling_error(G, Q, Qd, wide) == pytest.approx(0.3 / 0.2, rel=1e-12)
+    assert TRACK.settling_error(G, Q, Qd, wide) == pytest.approx(0.3 / 0.2, rel=1e-12)
     # 2√2 sin(θ/2) of both angles.
     expected = np.sin(np.radians(15)) / np.sin(np.radians(5))
-    assert settling_error(G, Q, Qd, narrow) == pytest.approx(expected, rel=1e-12)
-    assert settling_error(G, Q, Qd, {"translation": 0.3}) == pytest.approx(1.0, rel=1e-12)
+    assert TRACK.settling_error(G, Q, Qd, narrow) == pytest.approx(expected, rel=1e-12)
+    assert TRACK.settling_error(G, Q, Qd, {"translation": 0.3}) == pytest.approx(1.0, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -110,9 +110,11 @@ def test_an_angular_velocity_counts_in_units_of_its_threshold():
     """‖(0.3, 0.4, 0)‖ over 0.1 beside 0.3 m over 0.2 m; no velocity of the translation counts."""
     G, V = group_named("SE3"), np.array([0.3, 0.4, 0.0, 5.0, 6.0, 7.0])
     Q = G.exp(np.array([0, 0, 0, 0, 0.3, 0]))
-    found = settling_error(G, Q, G.identity, {"rate": 0.1, "translation": 0.2}, V=V)
+    found = TRACK.settling_error(G, Q, G.identity, {"rate": 0.1, "translation": 0.2}, V=V)
     assert found == pytest.approx(5.0, rel=1e-12)
-    assert settling_error(G, Q, G.identity, {"rate": 0.6}, V=V) == pytest.approx(5 / 6, rel=1e-12)
+    assert TRACK.settling_error(G, Q, G.identity, {"rate": 0.6}, V=V) == pytest.approx(
+        5 / 6, rel=1e-12
+    )
 
 
 def test_a_summary_begins_with_the_time_of_a_rate(invoke, folder):

@@ -38,8 +38,9 @@ def departures(loop: ClosedLoop) -> str:
     """Say why a loop has no certified rate, whatever its equations are: parts of it; else ""."""
     G, law, vehicle = loop.group, loop.controller, loop.vehicle
     varies = not isinstance(loop.inertia, Inertia) or law.held(G, 0.0) is not None
+    free = loop.task.words(loop.gains)
     reasons = {
-        f"leaves {loop.free} free, so that not all small errors decay": bool(loop.axis),
+        f"leaves {free} free, so that not all small errors decay": bool(free),
         "is sampled": vehicle.control is not None,
         "acts through actuators that lag": vehicle.control is None and bool(vehicle.states(G)),
         "is a cascade": law.reads_flat_output,

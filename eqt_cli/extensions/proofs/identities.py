@@ -627,7 +627,7 @@ class CriticalPoints(certificates.Identity):
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The gradient there, and the eigenvalues of its derivative along the group."""
         G, K = sample.G, value_of(sample.loop.gains.K)[0]
-        roundings = 16 * len(K) * UNIT * (1.0 if sample.loop.axis else np.linalg.cond(K))
+        roundings = 16 * len(K) * UNIT * (np.linalg.cond(K) if sample.loop.task.is_whole else 1.0)
         for each in critical_sets(G, K) or ():
             Q = lifted(each.Q, roundings * np.abs(each.Q).max())
             yield gradient(G, K, Q), np.zeros(G.dimension)

@@ -100,7 +100,7 @@ class RayleighTensor(Hypothesis):
 
 
 def _definite(matrix: Array, loop: ClosedLoop, free: int) -> tuple[Verdict, float, float, str]:
-    left = len(loop.free_rows) >= free  # the axis that `task: point` leaves free
+    left = len(loop.task.free(loop.gains)) >= free  # the axis that `task: point` leaves free
     smallest = float(np.linalg.eigvalsh(matrix)[int(left)])
     verdict = Verdict.HOLDS if smallest > 0 else Verdict.VIOLATED
     return verdict, smallest, 0.0, "smallest eigenvalue" + " across the axis" * left

@@ -1,6 +1,5 @@
 """Checks the certificates of a configuration, by a few runs, or of a result, by its content."""
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -19,7 +18,7 @@ from eqt_cli.base.reporting import RUNS_DONE, InNotebook, reporter, step
 from eqt_cli.components.cascade import Cascade
 from eqt_cli.components.initial_states import Stream, generator
 from eqt_cli.components.laws import EqT, RunsCode
-from eqt_cli.components.mechanics import Gains, as_distance
+from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.document import document_of
 from eqt_cli.config.experiment import Experiment
@@ -268,8 +267,11 @@ class _Verifier:
         """
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
         solution = self._engine(batch).solve(batch.problem, self.workers, reporter().advance)
-        names = (*JUDGED, *self._by_parts)
-        optional = (*SHOWN, *self._of_estimate, *self._of_axis.values())
+        loop, threshold = batch.problem.loop, self.experiment.config.settling_threshold
+        by_parts = isinstance(threshold, dict)
+        names = (*JUDGED, "settling_time") if by_parts else JUDGED
+        of_estimate = OF_ESTIMATE if loop.vehicle.knows_covariance else ()
+        optional = (*SHOWN, *of_estimate, *loop.task.errors.values())
         if stored is None:
             with np.errstate(all="ignore"):  # runs that failed are NaN, or large
                 values = measured(batch, solution, reference, (*names, *optional))
@@ -279,20 +281,19 @@ class _Verifier:
             names = (*names, "status", *filter(stored.has, optional))
             values = {name: stored.read(name, controller=index) for name in names}
             values["time"] = stored["time"]
-        values |= {name: values[x] for name, x in self._of_axis.items() if x in values}
-        loop = batch.problem.loop
+        values |= {name: values[x] for name, x in loop.task.errors.items() if x in values}
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
         signals, estimate = (
             {name: values[name][good[: len(values[name])]] for name in names if name in values}
-            for names in (SHOWN, self._of_estimate)
+            for names in (SHOWN, of_estimate)
         )
         return certificates.Runs(
             label=label,
             claims_decrease=loop.claims_decrease,
             rtol=batch.engine.rtol,
-            threshold=self._threshold,
-            settled=np.isfinite(values["settling_time"][good]) if self._by_parts else None,
+            threshold=loop.task.bound(threshold, loop.group),
+            settled=np.isfinite(values["settling_time"][good]) if by_parts else None,
             times=values["time"],
             **{"lyapunov": None, **signals},
             **{name: values[name][good] for name in JUDGED},
@@ -301,40 +302,12 @@ class _Verifier:
             vehicle=self._vehicle(batch, solution),
             energy=loop.controller.energy,
             theorem=loop.controller.theorem,
-            estimate=estimate if self._of_estimate else None,
+            estimate=estimate if of_estimate else None,
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
             rate=self._rate(label),
-            barrier=loop.barrier,
-            leaves_spin=len(loop.free_rows) > 1,
+            barrier=loop.task.barrier(loop.controller, loop.gains, loop.reference),
+            leaves_spin=len(loop.task.free(loop.gains)) > 1,
         )
-
-    @property
-    def _by_parts(self) -> tuple[str, ...]:
-        """Additional metrics if settling has thresholds by part."""
-        threshold = self.experiment.config.settling_threshold
-        return ("settling_time",) if isinstance(threshold, dict) and threshold else ()
-
-    @property
-    def _of_axis(self) -> dict[str, str]:
-        """The errors that count in place of others, deg, of `task: point`."""
-        names = ("pose_error", "final_pose_error") if self.experiment.loop.axis else ()
-        return {name: name.replace("pose", "pointing") for name in names}
-
-    @property
-    def _of_estimate(self) -> tuple[str, ...]:
-        """The signals of a filter with a covariance, where the laws read its estimate."""
-        return OF_ESTIMATE if self.experiment.loop.vehicle.knows_covariance else ()
-
-    @property
-    def _threshold(self) -> float:
-        """Threshold of the pose error: as configured, or the norm of the thresholds by part."""
-        threshold = self.experiment.config.settling_threshold
-        if not isinstance(threshold, dict):
-            return threshold
-        if self._of_axis:
-            return math.degrees(threshold.get("rotation", 0.0))
-        parts = (part for part in self.experiment.group.parts if part.name in threshold)
-        return math.hypot(*(as_distance(part, threshold[part.name]) for part in parts))
 
     def _engine(self, batch: Batch) -> Engine:
         """The engine of the runs of a batch; noted for the summary."""

@@ -71,12 +71,12 @@ def config():
 
 @pytest.fixture
 def told():
-    """The error that a configuration makes, without its place."""
+    """The error that a configuration makes."""
 
     def tell(configuration):
         with pytest.raises(EqtError) as caught:
             eqt_cli.load_experiment(configuration)
-        return str(caught.value).partition(": ")[2]
+        return str(caught.value)
 
     return tell
 

@@ -13,7 +13,7 @@ from eqt_cli.base.errors import EqtError
 from eqt_cli.base.stored import Status
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.inertia import critical_sets
-from eqt_cli.config.schema import PointSection
+from eqt_cli.components.tasks import TRACK, Point
 from eqt_cli.engines.native import Native
 from eqt_cli.extensions.proofs.certificates import Verdict
 from eqt_cli.extensions.proofs.verification import verify_experiment
@@ -224,7 +224,7 @@ def test_what_is_left_out_is_one_eigenvalue_also_with_an_estimate(tmp_path):
     """Body and estimate turn together about the axis: of the whole loop, one eigenvalue is 1."""
     one = experiment(tmp_path, **SEEN)
     start = np.zeros(1), one.desired.pose[None], one.desired.velocity[None]
-    whole = linearised(replace(one.loop, axis=()), *start, with_estimator=True)
+    whole = linearised(replace(one.loop, task=TRACK), *start, with_estimator=True)
     across = linearised(one.loop, *start, with_estimator=True)
     every, kept = (np.sort_complex(np.linalg.eigvals(x.closed[0])) for x in (whole, across))
     free = np.abs(every - 1).argmin()
@@ -245,6 +245,13 @@ def test_the_free_turn_is_no_instability(invoke, tmp_path):
     assert "claimed: from L < 2k = 0.2 J the axis arrives" in " ".join(said.split())
 
 
+def barriers(one):
+    return [
+        loop.task.barrier(loop.controller, loop.gains, loop.reference)
+        for loop in one.loops.values()
+    ]
+
+
 def test_what_is_claimed_of_an_axis_whose_spin_is_left(tmp_path):
     """At rest it arrives. Along a reference, laws that do not cancel e × 𝕀e are disturbed by it."""
     left = {"gains": "{kp: 0.1, kd: [0.1, 0.1, 0]}", "inertia": "[0.05, 0.042, 0.03]"}
@@ -254,11 +261,11 @@ def test_what_is_claimed_of_an_axis_whose_spin_is_left(tmp_path):
     moving = {"task": "{kind: point, axis: [0, 0, 1], along: reference}"}
     moving |= {"reference": "{kind: constant, velocity: [0.5, -0.7, 0.3]}"}
     one = experiment(tmp_path, **at_rest)
-    assert [each.barrier for each in one.loops.values()] == [0.2, 0.2]
+    assert barriers(one) == [0.2, 0.2]
     one = experiment(tmp_path, **left | moving)
-    assert [each.barrier for each in one.loops.values()] == [0, 0]
+    assert barriers(one) == [0, 0]
     damped = experiment(tmp_path, **left | moving | {"gains": "{kp: 0.1, kd: 0.1}"})
-    assert [each.barrier for each in damped.loops.values()] == [0.2, 0.2]
+    assert barriers(damped) == [0.2, 0.2]
     rows = [row for row in verify_experiment(one, 2).rows if row.name == "Q → Q_d"]
     assert rows[0].measured < 2 < 10 < rows[1].measured  # deg
     assert rows[1].verdict is Verdict.UNDECIDED
@@ -279,7 +286,7 @@ def test_the_critical_sets_of_an_axis():
 
 @pytest.mark.parametrize("at", [B, A, -A, [0, -0.6, -0.8 - 1e-12]])
 def test_the_reference_at_rest_is_the_shortest_turn(at):
-    R_d = PointSection(kind="point", axis=A.tolist(), at=list(at)).pose
+    R_d = Point(kind="point", axis=A.tolist(), at=list(at)).pose
     b = np.array(at) / np.linalg.norm(at)
     assert np.abs(R_d @ R_d.T - np.eye(3)).max() < 1e-14 and np.linalg.det(R_d) > 0
     assert np.abs(R_d @ A - b).max() < 1e-8
@@ -287,13 +294,16 @@ def test_the_reference_at_rest_is_the_shortest_turn(at):
     assert turn == pytest.approx(angle(A, b), abs=1e-5)
 
 
-def test_a_run_that_starts_opposite_is_decided_by_rounding(invoke, tmp_path):
+@pytest.mark.parametrize("at", [[0, 0, 1], [0.6, 0, 0.8]])
+def test_a_run_that_starts_opposite_is_decided_by_rounding(invoke, tmp_path, at):
+    """Where R_d turns, R_dᵀR is a half-turn across the axis, and R R_dᵀ is none."""
     over = "{pose: {kind: fixed, coordinates: [3.141592653589793, 0, 0]}, velocity: fixed}"
-    changes = {"task": "{kind: point, axis: [0, 0, 1], at: [0, 0, 1]}", "initial": over}
+    changes = {"task": f"{{kind: point, axis: [0, 0, 1], at: {at}}}", "initial": over}
     changes |= {"time": "{duration: 20}", "controllers": "[lee2010]", "ensemble": "{runs: 1}"}
     changes |= {"solver": "{rtol: 1.0e-6}"}
     with ran(invoke, tmp_path, code=3, **changes) as result:
         assert (result.status == Status.BY_ROUNDING).all()
+        assert result["unstable_distance"].max() < 1e-9
 
 
 def test_the_answer_begins_with_the_pointing_error(invoke, tmp_path):
@@ -370,6 +380,7 @@ def test_what_is_no_pointing_is_refused(tmp_path, changes, said):
     with pytest.raises(EqtError) as error:
         experiment(tmp_path, **{"task": POINT, "target": None} | changes)
     assert said in str(error.value)
+    assert len(str(error.value).splitlines()) == 1  # nothing else is said to be wrong
 
 
 def test_weights_of_rank_one_stay_refused_elsewhere(tmp_path):
