@@ -105,6 +105,7 @@ _ROWS = (
     _signal("at_limit", "1", "s"),
     _signal("cut", "1", "c", norm="each"),
     _signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster"),
+    _signal("propeller_speed", "rad/s", "n", dims=(THRUSTER,), words="speed of each propeller"),
     _signal("burnt", "kg", "m"),
     _signal("wheel_momentum", "N m s", "h", dims=(WHEEL,), words=_MOMENTUM),
     _signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,), words=_SPEED),

@@ -295,7 +295,7 @@ actuators = Registry(
     "actuator",
     "actuators",
     Actuator,
-    ("components.actuators", "components.thrusters", "components.wheels", "components.gyros"),
+    tuple(f"components.{name}" for name in "actuators thrusters wheels gyros propellers".split()),
 )
 
 

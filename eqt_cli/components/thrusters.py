@@ -476,15 +476,20 @@ class Thrusters(Solving):
         if not self.moves:
             return self._left(self._opened(command, x))
         x = x[..., -self.count :]
-        return x if self.thrust_constant is None else self.thrust_constant * x * x
+        return x if self.thrust_constant is None else self.pushed(x)
+
+    def pushed(self, speed: Any) -> Array:
+        """Return the thrusts of rotors at some speeds."""
+        thrusts: Array = self.thrust_constant * speed * speed
+        return thrusts
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
         thrusts = self.solution(G, command) if self.sampled else self._commanded(command, command)
-        followed = self._followed(self._left(thrusts))
+        followed = self.followed(self._left(thrusts))
         return np.concatenate([thrusts] * self.sampled + [followed], axis=-1)
 
-    def _followed(self, thrusts: Array) -> Array:
+    def followed(self, thrusts: Array) -> Array:
         """Return what the lag follows: the thrusts asked for, or their speeds."""
         if self.thrust_constant is None:
             return thrusts
@@ -507,7 +512,7 @@ class Thrusters(Solving):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (commanded − x) / T, and 0 for what changes at the next instant."""
         thrusts, lagging = self._left(self._opened(command, x)), x[..., -self.count :]
-        rates = [(self._followed(thrusts) - lagging) / self.time_constant] if self.moves else []
+        rates = [(self.followed(thrusts) - lagging) / self.time_constant] if self.moves else []
         return np.concatenate([0.0 * x, *rates], axis=-1)[..., -self.states(G) :]
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:

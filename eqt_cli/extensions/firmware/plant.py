@@ -135,7 +135,7 @@ class Model:
         constant = getattr(self.thrusters, "thrust_constant", None)
         if constant is None:
             raise EqtError("--plant: speeds need actuators: thrusters with a thrust_constant")
-        return np.asarray(np.sqrt(thrusts / constant))
+        return np.asarray(self.thrusters.followed(thrusts))
 
     def drawn_inputs(self, limits: Any, count: int, random: np.random.Generator) -> Array:
         """Draw inputs within limits; without, thrusts about hovering, or wrenches like 𝕀."""
