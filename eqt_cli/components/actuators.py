@@ -23,6 +23,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
 from eqt_cli.base.registry import Registry
+from eqt_cli.base.stored import Signal
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
@@ -108,9 +109,14 @@ class Actuator(VehiclePart):
         return {}
 
     @property
-    def shows(self) -> tuple[str, ...]:
-        """The names of its `signals`, which have their rows in `base/stored.py`."""
+    def shows(self) -> tuple[Signal, ...]:
+        """The rows of its `signals`."""
         return ()
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """Least and largest values by its limits, of signals by name; in a run."""
+        return {}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return its signals over time by name; `(..., members)`, or `(...)`."""
@@ -573,9 +579,9 @@ class Limit(Actuator):
         return outside(command, self.low, self.high)
 
     @property
-    def torque_range(self) -> tuple[Any, Any] | None:
-        """Least and largest torque along each axis in a run, ``(m,)``; None for a norm."""
-        return None if self.norm else (self.low, self.high)
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """The least and largest torque along each axis, ``(m,)``, but not for a norm."""
+        return {} if self.norm else {"torque": (self.low, self.high)}
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the torque, or its norm times the largest limit, with the limits."""

@@ -21,15 +21,18 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Angle, Scale, Unit
-from eqt_cli.base.stored import GYRO
+from eqt_cli.base.stored import Signal, signal
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
-COUNT = 4
-"""Number of gyros."""
+COUNT, GYRO = 4, "gyro"
+"""Number of gyros, and the name of the dimension of their signals."""
+
+ANGLE = signal("gimbal_angle", "rad", r"\delta", "δ", dims=(GYRO,), words="angle of each gimbal")
+RATE = signal("gimbal_rate", "rad/s", r"\dot\delta", "δ̇", dims=(GYRO,), words="rate of each gimbal")
 
 OF_EACH = ("momentum", "inertia", "gain", "limit", "start")
 """Options with a number for each gyro."""
@@ -103,9 +106,9 @@ class Gyros(Actuator):
         return {GYRO: tuple(f"gyro {k + 1}" for k in range(COUNT))}
 
     @property
-    def shows(self) -> tuple[str, ...]:
+    def shows(self) -> tuple[Signal, ...]:
         """The angles and rates of the gimbals."""
-        return ("gimbal_angle", "gimbal_rate")
+        return ANGLE, RATE
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return δ and δ̇."""

@@ -8,14 +8,17 @@ import numpy as np
 from eqt_cli.base.arrays import Array, Arrays, absolute, clip, less, maximum, sqrt, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Scale, Unit
+from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
-from eqt_cli.components.thrusters import SPEEDS, Thrusters
+from eqt_cli.components.thrusters import SPEEDS, THRUST, Thrusters
 from eqt_cli.components.vehicle_parts import Numbers, drawn
 from eqt_cli.numbers.leaves import with_fields
 
 CURVE = ("thrust_constant", "astern", "dead_speed", "neutral", *SPEEDS)
 """Options of the static curve, with a number for each propeller."""
+
+SPEED = signal("propeller_speed", "rad/s", "n", dims=(THRUSTER,), words="speed of each propeller")
 
 NEUTRAL = 0.01
 """Default of `neutral`, relative to the largest thrust."""
@@ -74,9 +77,9 @@ class Propellers(Thrusters):
         return with_fields(super().linear_part, thrust_constant=None)
 
     @property
-    def shows(self) -> tuple[str, ...]:
+    def shows(self) -> tuple[Signal, ...]:
         """Thrusts and speeds."""
-        return ("thrust", "propeller_speed")
+        return THRUST, SPEED
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return f and n."""

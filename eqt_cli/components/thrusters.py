@@ -27,7 +27,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
-from eqt_cli.base.stored import THRUSTER
+from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import Actuator, Needed, Solving, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
@@ -57,6 +57,8 @@ SMALLEST = 1e-10
 
 NEAR = 1e-12
 """A solved thrust so near its limit, in N and relative to it, is at the limit."""
+
+THRUST = signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster")
 
 MOST = 12
 """Most thrusters of an allocation by priority: the reachable set has many faces."""
@@ -339,9 +341,14 @@ class Thrusters(Solving):
         return {THRUSTER: self.thruster_names}
 
     @property
-    def shows(self) -> tuple[str, ...]:
+    def shows(self) -> tuple[Signal, ...]:
         """The thrusts."""
-        return ("thrust",)
+        return (THRUST,)
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """The least and largest thrusts, but not of jets."""
+        return {"thrust": (self.low, self.high)} if self.limits and self.jets is None else {}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return the thrust of each thruster."""

@@ -31,7 +31,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
-from eqt_cli.base.stored import WHEEL
+from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.forces import column
 from eqt_cli.components.groups import MatrixLieGroup, group_named
@@ -52,6 +52,11 @@ NEAR = 1e-9
 
 FLAT = 1e-9
 """Volume of three unit axes below which they lie in one plane."""
+
+_OF_WHEEL = "absolute momentum of each wheel about its axis"
+_RELATIVE = "speed of each wheel relative to the body"
+MOMENTUM = signal("wheel_momentum", "N m s", "h", dims=(WHEEL,), words=_OF_WHEEL)
+SPEED = signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,), words=_RELATIVE)
 
 OF_EACH = ("limit", "momentum", "inertia", "speed", "start", "gain", "ki")
 """Options with a number for each wheel."""
@@ -226,10 +231,15 @@ class Wheels(Actuator):
         return {WHEEL: self.wheel_names}
 
     @property
-    def shows(self) -> tuple[str, ...]:
-        """Their momenta, and with their inertia their speeds."""
-        speed = () if self.inertia is None else ("wheel_speed",)
-        return ("wheel_momentum", *speed, "stored_momentum")
+    def shows(self) -> tuple[Signal, ...]:
+        """Their momenta, and with their inertia their speeds; and ‖A h‖."""
+        return (MOMENTUM, *[SPEED] * (self.inertia is not None), SIGNALS["stored_momentum"])
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """The least and largest momenta."""
+        most: Any = self.momentum
+        return {} if most is None else {"wheel_momentum": (-most, most)}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return h, the speeds, and ‖A h‖."""

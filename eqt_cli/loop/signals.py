@@ -265,6 +265,12 @@ def burnt(x: LoopState) -> Array:
     return x.s.vehicle.get(PROPELLANT, np.nan * x.s.P)[..., 0]
 
 
+@_signal(stored_of=attrgetter("wheels"))
+def stored_momentum(x: LoopState) -> Array:
+    """momentum that the wheels store together, ||A h||."""
+    return x.of_actuators.get("stored_momentum", 0.0 * x.s.P[..., 0])
+
+
 @_signal()
 def law_output(x: LoopState) -> Array:
     """numbers of the law itself: its memory, and what else it gives."""
@@ -423,21 +429,20 @@ def innovation_correlation(x: LoopState) -> Array:
 # Signals of actuators, whose formulas are in their files ------------------------------------------
 
 
-def _of_actuator(signal: Signal) -> LoopSignal:
-    """Return a signal that an actuator `shows`; 0 without one, if it has no dimension."""
-    name = signal.name
-
-    def formula(x: LoopState) -> Array:
-        return x.of_actuators.get(name, 0.0 * x.s.P[..., 0])
-
-    return LoopSignal(**vars(signal), formula=formula, stored_of=lambda of: name in of.shows)
+FORMULAS = {name: _WRITTEN[name] for name in SIGNALS}
+"""All signals but those of actuators, by name, in the order of `compute`."""
 
 
-FORMULAS = {
-    name: _of_actuator(signal) if signal.words else _WRITTEN[name]
-    for name, signal in SIGNALS.items()
-}
-"""All signals by name, in the order of `compute`."""
+def formulas_of(vehicle: Vehicle) -> dict[str, LoopSignal]:
+    """Return `FORMULAS`, and the signals that the actuators of a vehicle show."""
+
+    def of_actuator(name: str) -> Formula:
+        return lambda x: x.of_actuators[name]
+
+    own = {name: signal for name, signal in vehicle.shows.items() if signal.words}
+    return FORMULAS | {
+        name: LoopSignal(**vars(signal), formula=of_actuator(name)) for name, signal in own.items()
+    }
 
 
 # Evaluation ---------------------------------------------------------------------------------------
@@ -506,9 +511,8 @@ def existing(loop: ClosedLoop) -> dict[str, tuple[LoopSignal, Part | None]]:
     vehicle, lengths = loop.vehicle, {OUTPUT: loop.controller.outputs(loop.group)}
     return {
         f"{signal.name}_{part.name}" if part else signal.name: (signal, part)
-        for signal in FORMULAS.values()
+        for signal in formulas_of(vehicle).values()
         if all(lengths.get(dim, True) for dim in signal.dims) and signal.exists_on(loop.group)
-        if not (signal.words and signal.dims) or signal.name in vehicle.shows
         for part in (None, *signal.parts(loop.group))
     }
 

@@ -192,9 +192,9 @@ def test_limits_along_the_axes_are_the_narrowest_of_all_actuators():
     """The limit of a norm, and what has no limit, have none along an axis."""
     parts = Limit([1.0, 2.0, 3.0]), Lag(0.5), Limit(low=-1.5, high=[0.5, 2.5, 1.0])
     whole = Limit(1.0, norm=True)
-    low, high = Vehicle(actuators=(*parts, whole)).of_run(SO3).torque_limits
+    low, high = Vehicle(actuators=(*parts, whole)).of_run(SO3).range_of("torque")
     np.testing.assert_array_equal([low, high], [[-1.0, -1.5, -1.5], [0.5, 2.0, 1.0]])
-    assert Vehicle(actuators=(whole, Lag(0.5))).of_run(SO3).torque_limits is None
+    assert Vehicle(actuators=(whole, Lag(0.5))).of_run(SO3).range_of("torque") is None
 
 
 def test_a_limit_of_the_norm_counts_in_units_of_the_limits():
