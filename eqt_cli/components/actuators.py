@@ -223,6 +223,18 @@ def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
     return {name: np.full(count, x, dtype=float) for name, x in options.items() if x is not None}
 
 
+def check_members(
+    part: Actuator, count: int, member: str, names: Iterable[str], free: str, problems: Problems
+) -> None:
+    """Note numbers of these names that are wrong or not one for each member; `free` may be ≤ 0."""
+    for name in names:
+        here, value = problems.at(name), getattr(part, name)
+        if value is not None:
+            check_numbers(value, here, name not in free.split())
+        if isinstance(value, list) and len(value) != count:
+            here.add(f"expected {count} entries, one for each {member}, got {len(value)}")
+
+
 # What a law with an integral is told of limits ----------------------------------------------------
 
 

@@ -22,10 +22,10 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Angle, Scale, Unit
 from eqt_cli.base.stored import Signal, signal
-from eqt_cli.components.actuators import Actuator, of_each
+from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
-from eqt_cli.components.vehicle_parts import Numbers, check_numbers
+from eqt_cli.components.vehicle_parts import Numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
 COUNT, GYRO = 4, "gyro"
@@ -192,9 +192,4 @@ class Gyros(Actuator):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and numbers that are wrong."""
         check_turns_in_space(self.name, G, problems)
-        for name in OF_EACH:
-            here, value = problems.at(name), getattr(self, name)
-            if value is not None:
-                check_numbers(value, here, positive=name != "start")
-                if isinstance(value, list) and len(value) != COUNT:
-                    here.add(f"expected {COUNT} entries, one for each gyro, got {len(value)}")
+        check_members(self, COUNT, "gyro", OF_EACH, "start", problems)

@@ -28,18 +28,11 @@ from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
 from eqt_cli.base.stored import THRUSTER, Signal, signal
-from eqt_cli.components.actuators import Actuator, Needed, Solving, of_each
+from eqt_cli.components.actuators import Actuator, Needed, Solving, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.references import instants_of
-from eqt_cli.components.vehicle_parts import (
-    Numbers,
-    check_limits,
-    check_numbers,
-    check_period,
-    drawn,
-    lowest,
-)
+from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_period, drawn, lowest
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, pseudo_inverse
 
@@ -576,12 +569,9 @@ class Thrusters(Solving):
         self._check_rotors(problems)
         self._check_jets(self.jets, problems.at("jets"))
         self._check_changes(problems)
-        for name in ("low", "high", *SPEEDS, *self.positive):
-            here, value = problems.at(name), getattr(self, name)
-            if value is not None:
-                check_numbers(value, here, name in self.positive)
-            if isinstance(value, list) and len(value) != self.count:
-                here.add(f"expected {self.count} entries, one for each thruster, got {len(value)}")
+        ends = ("low", "high", *SPEEDS)
+        names = (*ends, *self.positive)
+        check_members(self, self.count, "thruster", names, " ".join(ends), problems)
         if not problems:
             fast = any(getattr(self, name) is not None for name in SPEEDS)
             low, high = names = SPEEDS if fast else ("low", "high")

@@ -32,7 +32,7 @@ from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
 from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
-from eqt_cli.components.actuators import Actuator, of_each
+from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.forces import column
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import Controller
@@ -221,14 +221,9 @@ class Wheels(Actuator):
         return with_fields(self, **none, allocation="pseudo_inverse", moves=False)
 
     @property
-    def wheel_names(self) -> tuple[str, ...]:
-        """Names of the wheels, numbered from 1."""
-        return tuple(f"wheel {k + 1}" for k in range(self.count))
-
-    @property
     def members(self) -> Mapping[str, tuple[str, ...]]:
-        """The names of the wheels."""
-        return {WHEEL: self.wheel_names}
+        """The wheels, numbered from 1."""
+        return {WHEEL: tuple(f"wheel {k + 1}" for k in range(self.count))}
 
     @property
     def shows(self) -> tuple[Signal, ...]:
@@ -484,12 +479,7 @@ class Wheels(Actuator):
             )
         self._check_others(problems)
         (self.friction or Friction()).check(problems.at("friction"))
-        for name in OF_EACH:
-            here, value = problems.at(name), getattr(self, name)
-            if value is not None:
-                check_numbers(value, here, positive=name != "start")
-            if isinstance(value, list) and len(value) != self.count:
-                here.add(f"expected {self.count} entries, one for each wheel, got {len(value)}")
+        check_members(self, self.count, "wheel", OF_EACH, "start", problems)
 
     def _check_others(self, problems: Problems) -> None:
         if self.speed is not None and self.momentum is not None:

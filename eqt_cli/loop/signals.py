@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
 from operator import attrgetter
-from typing import Any, ClassVar, NamedTuple, Self, TypeAlias, get_args
+from typing import Any, ClassVar, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside,
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
-from eqt_cli.components.blocks import COMMAND, beyond_limits, cut_axes, signals
+from eqt_cli.components.blocks import COMMAND, Now, beyond_limits, cut_axes, signals
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
@@ -40,32 +40,15 @@ class LoopState(NamedTuple):
     """What signals follow from: all that a law reads, and what the loop makes of it."""
 
     s: Tracking
-    command: Array
-    torque: Array
-    pointing: Array
-    attitude_error: Array
-    at_limit: Array
-    cut: Array
-    of_actuators: Mapping[str, Array]
+    loop: ClosedLoop
+    now: Now
     lyapunov: Array
-    output: Array
 
-    @classmethod
-    def of(cls, loop: ClosedLoop, s: Tracking) -> Self:
-        """Evaluate a loop in a state, of floats or symbols."""
-        vehicle, now = loop.vehicle, loop.now(s)
-        command = now[COMMAND]
-        torque = now["forces.torque"] if vehicle.actuators or vehicle.control else command
+    @property
+    def none(self) -> Array:
+        """NaN, for what a loop does not have."""
         with np.errstate(invalid="ignore"):  # symbols compare NaN
-            attitude = pointing = s.P[..., 0] * 0.0 + np.nan
-        if isinstance(law := loop.controller.formula, OuterLoop):
-            attitude = law.attitude_error(s)
-        if loop.axis:
-            distance = part_error(s.Q, s.Qd, _rotations(s.G)[0], loop.axis)
-            pointing = turn_of_distance(distance) * (180 / np.pi)
-        limited = beyond_limits(now), cut_axes(now, vehicle.limits)
-        acting = torque, pointing, attitude, *limited, signals(now)
-        return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
+            return self.s.P[..., 0] * 0.0 + np.nan
 
 
 def _output(loop: ClosedLoop, s: Tracking) -> Array:
@@ -170,7 +153,7 @@ def velocity(x: LoopState) -> Array:
 @_signal()
 def torque(x: LoopState) -> Array:
     """control torque tau, body frame."""
-    return x.torque
+    return x.now["forces.torque"]
 
 
 @_signal()
@@ -188,7 +171,7 @@ def velocity_error(x: LoopState) -> Array:
 @_signal()
 def torque_norm(x: LoopState) -> Array:
     """torque norm ||tau||."""
-    return x.torque
+    return x.now["forces.torque"]
 
 
 @_signal()
@@ -215,7 +198,10 @@ def _turns(group: MatrixLieGroup) -> bool:
 @_signal(exists_for=attrgetter("axis"))
 def pointing_error(x: LoopState) -> Array:
     """angle between the axis that points and where it is to point."""
-    return x.pointing
+    if not x.loop.axis:
+        return x.none
+    distance = part_error(x.s.Q, x.s.Qd, _rotations(x.s.G)[0], x.loop.axis)
+    return turn_of_distance(distance) * (180 / np.pi)
 
 
 @_signal(exists_on=_turns, exists_for=lambda loop: not loop.axis)
@@ -235,7 +221,8 @@ def heading_error(x: LoopState) -> Array:
 @_signal(exists_for=lambda loop: isinstance(loop.controller.formula, OuterLoop))
 def attitude_command_error(x: LoopState) -> Array:
     """distance ||R - Rc||_F from the attitude that the law commands."""
-    return x.attitude_error
+    law = x.loop.controller.formula
+    return law.attitude_error(x.s) if isinstance(law, OuterLoop) else x.none
 
 
 # The actuators ------------------------------------------------------------------------------------
@@ -244,19 +231,19 @@ def attitude_command_error(x: LoopState) -> Array:
 @_signal(stored_of=lambda of: bool(of.actuators or of.control))
 def command(x: LoopState) -> Array:
     """torque that the law asks for, body frame."""
-    return x.command
+    return x.now[COMMAND]
 
 
 @_signal(stored_of=attrgetter("limits"))
 def at_limit(x: LoopState) -> Array:
     """1 where an actuator is at its limit, else 0."""
-    return x.at_limit
+    return beyond_limits(x.now)
 
 
 @_signal(stored_of=lambda of: False)
 def cut(x: LoopState) -> Array:
     """1 where limits change the command, else 0."""
-    return x.cut
+    return cut_axes(x.now, x.loop.vehicle.limits)
 
 
 @_signal(stored_of=attrgetter("burns"), only_there=True)
@@ -268,13 +255,13 @@ def burnt(x: LoopState) -> Array:
 @_signal(stored_of=attrgetter("wheels"))
 def stored_momentum(x: LoopState) -> Array:
     """momentum that the wheels store together, ||A h||."""
-    return x.of_actuators.get("stored_momentum", 0.0 * x.s.P[..., 0])
+    return signals(x.now).get("stored_momentum", 0.0 * x.s.P[..., 0])
 
 
 @_signal()
 def law_output(x: LoopState) -> Array:
     """numbers of the law itself: its memory, and what else it gives."""
-    return x.output
+    return _output(x.loop, x.s)
 
 
 # The estimate that a law reads, and its quality, at the last control instant ----------------------
@@ -437,11 +424,12 @@ def formulas_of(vehicle: Vehicle) -> dict[str, LoopSignal]:
     """Return `FORMULAS`, and the signals that the actuators of a vehicle show."""
 
     def of_actuator(name: str) -> Formula:
-        return lambda x: x.of_actuators[name]
+        return lambda x: signals(x.now)[name]
 
-    own = {name: signal for name, signal in vehicle.shows.items() if signal.words}
     return FORMULAS | {
-        name: LoopSignal(**vars(signal), formula=of_actuator(name)) for name, signal in own.items()
+        name: LoopSignal(**vars(signal), formula=of_actuator(name))
+        for name, signal in vehicle.shows.items()
+        if signal.words
     }
 
 
@@ -496,7 +484,7 @@ def at_state(
         The requested signals of estimates, NaN where there is no estimate; if empty, all that
         exist.
     """
-    state = LoopState.of(loop, s)
+    state = LoopState(s, loop, loop.now(s), loop.lyapunov(s))
     for name, (signal, part) in existing(loop).items():
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
         if not signal.only_there or (exists and not names) or name in names:

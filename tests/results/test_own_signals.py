@@ -86,7 +86,7 @@ def test_a_figure_shows_the_members_by_name(warm, invoke):
     assert "commands.svg" in invoke(*plot, "--option", "signal=motor_heat").stdout
     drawn = Path(warm, "figures", "commands.svg").read_text(encoding="utf-8")
     assert drawn.count("<!-- left $") == 1
-    said = invoke(*plot, "--option", "signal=motor_power", code=1).stderr
+    said = invoke(*plot, "--option", "signal=motor_power", code=2).stderr
     assert "finds no 'motor_power' of members of an actuator" in said
 
 
