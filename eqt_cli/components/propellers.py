@@ -15,7 +15,7 @@ from eqt_cli.components.thrusters import SPEEDS, THRUST, Thrusters
 from eqt_cli.components.vehicle_parts import Numbers, drawn
 from eqt_cli.numbers.leaves import with_fields
 
-CURVE = ("thrust_constant", "astern", "dead_speed", "neutral", *SPEEDS)
+CURVE = ("thrust_constant", "astern", "dead_speed", "neutral")
 """Options of the static curve, with a number for each propeller."""
 
 SPEED = signal("propeller_speed", "rad/s", "n", dims=(THRUSTER,), words="speed of each propeller")
@@ -55,9 +55,7 @@ class Propellers(Thrusters):
 
     name: ClassVar[str] = "propellers"
     departs: ClassVar[str] = "propellers"
-    positive: ClassVar[tuple[str, ...]] = (
-        *("thrust_constant", "time_constant", "astern", "dead_speed", "neutral", "weights"),
-    )
+    positive: ClassVar[tuple[str, ...]] = ("time_constant", "weights", *CURVE)
     moment_constant: ClassVar[None] = None  # type: ignore[misc]  # an option of rotors
     rotor_inertia: ClassVar[None] = None  # type: ignore[misc]
     jets: ClassVar[None] = None  # type: ignore[misc]
@@ -88,7 +86,7 @@ class Propellers(Thrusters):
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return propellers with the limits of their thrusts."""
         part = self.drawn(random)
-        part = with_fields(part, **of_each(part, CURVE, self.count))
+        part = with_fields(part, **of_each(part, (*CURVE, *SPEEDS), self.count))
         high: Any = part.pushed(part.high_speed)
         neutral = NEUTRAL * high if part.neutral is None else part.neutral
         ends = {"low": part.pushed(part.low_speed), "high": high, "neutral": neutral}
@@ -127,11 +125,8 @@ class Propellers(Thrusters):
         super().check(G, problems)
         if problems:
             return
-        dead = np.array(drawn(self.dead_speed, None)) if self.dead_speed is not None else 0.0
-        for name, sign in zip(SPEEDS, (-1, 1), strict=True):
-            beyond = sign * np.array(drawn(getattr(self, name), None)) - dead
-            if np.any(beyond <= 0):
-                where_ = f"beyond {'-' * (sign < 0)}dead_speed" if np.any(dead) else "beyond 0"
-                problems.at(name).add(
-                    f"expected speeds {where_}, so that propellers push both ways"
-                )
+        dead: Any = 0.0 if self.dead_speed is None else np.array(drawn(self.dead_speed, None))
+        for name, sign, end in zip(SPEEDS, (-1, 1), ("-dead_speed", "dead_speed"), strict=True):
+            if np.any(sign * np.array(drawn(getattr(self, name), None)) <= dead):
+                beyond = end if np.any(dead) else "0"
+                problems.at(name).add(f"expected speeds beyond {beyond}, which push both ways")
