@@ -1,6 +1,6 @@
 """Propellers that turn both ways."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -12,7 +12,7 @@ from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import Actuator, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.thrusters import SPEEDS, THRUST, Thrusters
-from eqt_cli.components.vehicle_parts import Numbers, drawn
+from eqt_cli.components.vehicle_parts import Numbers
 from eqt_cli.numbers.leaves import with_fields
 
 CURVE = ("thrust_constant", "astern", "dead_speed", "neutral")
@@ -44,7 +44,7 @@ class Propellers(Thrusters):
     time_constant
         T of the speeds, s.
     low_speed, high_speed
-        Smallest and largest speed, rad/s; astern is below 0.
+        Smallest and largest speed, rad/s; astern is below 0. Or `low`, `high`.
     astern
         a, the thrust astern relative to that ahead at the same speed.
     dead_speed
@@ -55,14 +55,9 @@ class Propellers(Thrusters):
 
     name: ClassVar[str] = "propellers"
     departs: ClassVar[str] = "propellers"
-    positive: ClassVar[tuple[str, ...]] = ("time_constant", "weights", *CURVE)
-    moment_constant: ClassVar[None] = None  # type: ignore[misc]  # an option of rotors
-    rotor_inertia: ClassVar[None] = None  # type: ignore[misc]
-    jets: ClassVar[None] = None  # type: ignore[misc]
-    isp: ClassVar[None] = None  # type: ignore[misc]
+    positive: ClassVar[tuple[str, ...]] = (*Thrusters.positive, *CURVE[1:])
+    one_way: ClassVar[bool] = False
 
-    low: Any = field(default=None, init=False, repr=False)
-    high: Any = field(default=None, init=False, repr=False)
     astern: Annotated[Numbers, Scale("thrust of propellers astern")] = 1.0
     dead_speed: Annotated[Numbers | None, Scale("dead band of propellers", "rad/s")] = None
     neutral: Annotated[Numbers | None, Unit("N")] = None
@@ -86,12 +81,12 @@ class Propellers(Thrusters):
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """Return propellers with the limits of their thrusts."""
         part = self.drawn(random)
-        part = with_fields(part, **of_each(part, (*CURVE, *SPEEDS), self.count))
-        high: Any = part.pushed(part.high_speed)
-        neutral = NEUTRAL * high if part.neutral is None else part.neutral
-        ends = {"low": part.pushed(part.low_speed), "high": high, "neutral": neutral}
-        part = with_fields(part, **ends, **dict.fromkeys(SPEEDS))
-        return super(Propellers, part).of_run(G, None)
+        part = with_fields(part, **of_each(part, ("low", "high", *SPEEDS, *CURVE), self.count))
+        if part.low_speed is not None:
+            ends = {"low": part.pushed(part.low_speed), "high": part.pushed(part.high_speed)}
+            part = with_fields(part, **ends, **dict.fromkeys(SPEEDS))
+        neutral = NEUTRAL * np.array(part.high) if part.neutral is None else part.neutral
+        return super(Propellers, with_fields(part, neutral=neutral)).of_run(G, None)
 
     def pushed(self, speed: Any) -> Array:
         """Return the thrusts at some speeds."""
@@ -114,19 +109,13 @@ class Propellers(Thrusters):
         speed = sqrt(sqrt(square * square))  # native steps past an end of a choice, see `Thrusters`
         return where(back, -speed, speed)
 
-    def _check_rotors(self, problems: Problems) -> None:
-        """Note what is missing."""
-        needed = "thrust_constant", "time_constant", *SPEEDS
-        if missing := [name for name in needed if getattr(self, name) is None]:
-            problems.add(f"propellers need {', '.join(needed)}; add {', '.join(missing)}")
-
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note invalid places and numbers, and speeds that never push ahead, or never astern."""
+        """Note invalid places and numbers, and limits that do not push both ways."""
+        for name in ("thrust_constant", "time_constant"):
+            if getattr(self, name) is None:
+                problems.at(name).add("missing; propellers need it")
         super().check(G, problems)
-        if problems:
-            return
-        dead: Any = 0.0 if self.dead_speed is None else np.array(drawn(self.dead_speed, None))
-        for name, sign, end in zip(SPEEDS, (-1, 1), ("-dead_speed", "dead_speed"), strict=True):
-            if np.any(sign * np.array(drawn(getattr(self, name), None)) <= dead):
-                beyond = end if np.any(dead) else "0"
-                problems.at(name).add(f"expected speeds beyond {beyond}, which push both ways")
+        part: Any = self if problems else self.of_run(G, None)
+        if not problems and not np.all((part.low < 0.0) & (part.high > 0.0)):
+            got = f"{np.max(part.low):g} to {np.min(part.high):g} N"
+            problems.add(f"expected limits beyond the dead band, to both sides; got {got}")

@@ -239,6 +239,7 @@ class Thrusters(Solving):
     name: ClassVar[str] = "thrusters"
     departs: ClassVar[str] = "thrusters"
     positive: ClassVar[tuple[str, ...]] = POSITIVE
+    one_way: ClassVar[bool] = True
 
     matrix: list[list[Real]] | None = None
     thrusters: list[Thruster] | None = None
@@ -668,7 +669,8 @@ class Thrusters(Solving):
             if value is not None and name.endswith("_speed") and self.low is not None:
                 problems.at(name).add("give limits of the speed or of the thrust, not of both")
             for entry in value if isinstance(value, list) else [value]:
-                if name.startswith("low") and entry is not None and lowest(entry) < 0:
+                low = self.one_way and name.startswith("low")
+                if low and entry is not None and lowest(entry) < 0:
                     problems.at(name).add(
                         f"a rotor pushes one way; expected at least 0, got {lowest(entry):g}"
                     )

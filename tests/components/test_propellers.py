@@ -9,6 +9,7 @@ from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.propellers import Propellers
+from eqt_cli.components.thrusters import Jets
 
 K, ASTERN, DEAD, NEUTRAL = [4e-4, 5e-4, 4e-4, 3e-4], 0.7, [20.0, 25.0, 20.0, 30.0], 0.05
 LOW, HIGH, LAG = -100.0, [120.0, 70.0, 120.0, 120.0], [0.1, 0.15, 0.2, 0.1]
@@ -145,9 +146,11 @@ def test_the_linear_part_lags_by_thrusts():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"time_constant": None}, "propellers need thrust_constant, .*; add time_constant"),
-        ({"dead_speed": 70.0}, "high_speed: expected speeds beyond dead_speed"),
-        ({"low_speed": 0.0}, "low_speed: expected speeds beyond 0"),
+        ({"time_constant": None}, "time_constant: missing; propellers need it"),
+        ({"dead_speed": 55.0}, "beyond the dead band, to both sides; got -0 to 1.15 N"),
+        ({"low_speed": 0.0}, "beyond the dead band, to both sides; got 0 to 7.2 N"),
+        ({"low_speed": None}, "low_speed: missing; give both limits, low_speed and high_speed"),
+        ({"jets": Jets(0.1)}, "jets: need period"),
         ({"astern": [1.0, 2.0]}, "astern: expected 3 entries, one for each thruster, got 2"),
         ({"neutral": 0.0}, "neutral: expected a number greater than 0, got 0"),
     ],
