@@ -65,6 +65,9 @@ class Actuator(VehiclePart):
     )
     offset: Offset | None = field(default=None, kw_only=True, metadata=STRUCTURE)
 
+    moving: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
+    """Of one that `changes`: the state of the motion, and the momentum that wheels store."""
+
     limited: ClassVar[str] = ""
     """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""
 
@@ -93,7 +96,7 @@ class Actuator(VehiclePart):
 
     def at(self, s: Tracking, stored: Any = None) -> Self:
         """Return the actuator at a time and a state, with the momentum that wheels store."""
-        return self
+        return with_fields(self, moving=(s, stored)) if self.changes else self
 
     @property
     def sampled(self) -> bool:
@@ -470,20 +473,15 @@ class RateLoop(Actuator):
     feedforward: Annotated[Numbers, Scale("feedforward of the rate loop", "N m s")] = 0.0
     i_limit: Annotated[Numbers | None, Scale("limit of the integral", "N m")] = None
     d_cutoff: Annotated[Number, Scale("cutoff of the D term", "Hz")] = 20.0
-    state: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
 
     @property
     def moves(self) -> bool:
         """Whether it has a filter, and so an integral."""
         return self.cutoff is not None
 
-    def at(self, s: Tracking, stored: Any = None) -> Self:
-        """Return the loop at the angular velocity of a state."""
-        return with_fields(self, state=s)
-
     @property
     def _omega(self) -> Any:
-        return 0.0 if self.state is None else self.state.V[..., :3]
+        return self.moving[0].V[..., :3] if self.moving else 0.0
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: ω̂, its derivative, α and z, each 3."""
@@ -513,7 +511,7 @@ class RateLoop(Actuator):
         if self.bandwidth is None:
             torque = self.gains * torque
         else:
-            J = self.state.inertia.matrix[..., :3, :3]
+            J = self.moving[0].inertia.matrix[..., :3, :3]
             torque = apply_matrix(J, self.bandwidth * torque) + cross(omega, apply_matrix(J, omega))
         if self.moves:
             torque = torque + x[..., 9:] - self.kd * x[..., 6:9] + self.feedforward * torque_command

@@ -191,7 +191,6 @@ class Wheels(Actuator):
     faces: Any = field(default=(), init=False, repr=False)
     rubbing: Any = field(default=None, init=False, repr=False)
     pulled: Any = field(default=None, init=False, repr=False)
-    turning: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
 
     @property
     def limits(self) -> bool:
@@ -207,10 +206,6 @@ class Wheels(Actuator):
     def changes(self) -> bool:  # type: ignore[override]  # a constant of other actuators
         """Whether drives follow a speed relative to the body, which turns."""
         return self.command == "speed"
-
-    def at(self, s: Any, stored: Any = None) -> Self:
-        """Return the wheels at the angular velocity of a state."""
-        return with_fields(self, turning=s.V) if self.changes else self
 
     @property
     def linear_part(self) -> Actuator:
@@ -325,7 +320,7 @@ class Wheels(Actuator):
         """Return ż and −(g e + z) of the drives."""
         k, first = self.count, self.count * self.sampled
         ahead, z = x[..., first : first + k], x[..., first + k : first + 2 * k]
-        e = ahead / self.inertia + (0.0 if self.turning is None else self._along(self.turning))
+        e = ahead / self.inertia + (self._along(self.moving[0].V) if self.moving else 0.0)
         return self.ki * e, -(self.gain * e + z)  # type: ignore[operator]
 
     @property
@@ -611,7 +606,6 @@ class Magnetorquers(Actuator):
     dump: Annotated[Positive | None, Scale("gain of dumping", "1/s")] = None
     rates: Any = field(default=None, init=False, repr=False)
     poles: Any = field(default=None, init=False, repr=False)
-    known: Any = field(default=None, init=False, repr=False)
 
     @property
     def linear_part(self) -> Actuator:
@@ -641,7 +635,7 @@ class Magnetorquers(Actuator):
 
     def at(self, s: Tracking, stored: Any = None) -> Self:
         """Return the torquers in the field at a time and pose, with the momentum of the wheels."""
-        return with_fields(self, known=(self.in_body(s), stored))
+        return with_fields(self, moving=(self.in_body(s), stored))
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece."""
@@ -650,7 +644,7 @@ class Magnetorquers(Actuator):
     def dipoles(self, command: Array) -> tuple[Array, Array, Array]:
         """Return B, the dipole that is asked for, and what the limit leaves of it, ``(..., 3)``."""
         torque = dipole = command[..., :3]
-        B, h = self.known or (self.in_space(0.0), 0.0 * command)
+        B, h = self.moving or (self.in_space(0.0), 0.0 * command)
         if self.takes == "torque":
             torque = torque if self.dump is None else 0.0 * torque - self.dump * h[..., :3]
             dipole = cross(B, torque) / dot(B, B)[..., None]
