@@ -100,7 +100,7 @@ def test_states_are_those_of_a_plain_program(solved, engine):
     # Speeds are up to 120 rad/s: 1e-9 of these.
     np.testing.assert_allclose(found["propeller_speed"][0], n, rtol=0, atol=120e-9)
     f = [[thrust(row[i], i) for i in range(4)] for row in n]
-    np.testing.assert_allclose(found["thrust"][0], f, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["thrust"][0], f, rtol=0, atol=1e-9)
     assert np.any(np.abs(n) < DEAD)
     assert np.any(n < -np.array(DEAD))
     assert np.any(n > DEAD)
