@@ -224,6 +224,12 @@ class Vehicle:
                 columns = axes if sensor.of is None else slice(None)
                 yield place, sensor, clock, axes, columns
 
+    def error_lengths(self, G: MatrixLieGroup) -> tuple[int, ...]:
+        """Return the number of entries of each part of `Errors`, as they are drawn for a tick."""
+        m = G.dimension
+        more = 3 * bool(self.magnet), m * bool(self.more_sensors[1])
+        return m, m, len(self.holding(G)), m * self.estimates, *more
+
     def measurement_errors(
         self, G: MatrixLieGroup, instants: int, runs: Sequence[RandomOf]
     ) -> Errors:
@@ -233,7 +239,8 @@ class Vehicle:
         """
         shape, holding = (len(runs), instants), self.holding(G)
         n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY, FLUX, FELT)}
-        bias = np.zeros((*shape, 0 if self.estimator is None else G.dimension))
+        *_, biased, in_field, feeling = self.error_lengths(G)
+        bias = np.zeros((*shape, biased))
         for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
             sizes = G, int(last[-1]) + 1, period
@@ -247,9 +254,8 @@ class Vehicle:
             for channel in holding
         ]
         flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
-        flux, felt = n[FLUX][..., : 3 * bool(self.magnet)], n[FELT]
-        felt = felt[..., : G.dimension * bool(self.more_sensors[1])]
-        return Errors(n[POSE], n[VELOCITY], flags, bias, flux, felt)
+        more = n[FLUX][..., :in_field], n[FELT][..., :feeling]
+        return Errors(n[POSE], n[VELOCITY], flags, bias, *more)
 
     # Estimates.
 
