@@ -111,11 +111,11 @@ class Propellers(Thrusters):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note invalid places and numbers, and limits that do not push both ways."""
-        for name in ("thrust_constant", "time_constant"):
+        for name, example in (("thrust_constant", "4.5e-4"), ("time_constant", "0.1 s")):
             if getattr(self, name) is None:
-                problems.at(name).add("missing; propellers need it")
+                problems.at(name).add(f"missing; propellers need it, for example {example}")
         super().check(G, problems)
         part: Any = self if problems else self.of_run(G, None)
         if not problems and not np.all((part.low < 0.0) & (part.high > 0.0)):
-            got = f"{np.max(part.low):g} to {np.min(part.high):g} N"
+            got = f"{np.max(part.low) + 0.0:g} to {np.min(part.high):g} N"
             problems.add(f"expected limits beyond the dead band, to both sides; got {got}")

@@ -146,8 +146,8 @@ def test_the_linear_part_lags_by_thrusts():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"time_constant": None}, "time_constant: missing; propellers need it"),
-        ({"dead_speed": 55.0}, "beyond the dead band, to both sides; got -0 to 1.15 N"),
+        ({"time_constant": None}, "time_constant: missing; propellers need it, for example 0.1 s"),
+        ({"dead_speed": 55.0}, "beyond the dead band, to both sides; got 0 to 1.15 N"),
         ({"low_speed": 0.0}, "beyond the dead band, to both sides; got 0 to 7.2 N"),
         ({"low_speed": None}, "low_speed: missing; give both limits, low_speed and high_speed"),
         ({"jets": Jets(0.1)}, "jets: need period"),
