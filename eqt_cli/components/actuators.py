@@ -41,8 +41,8 @@ from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 # The base class of actuators; it knows no law, plant or engine ------------------------------------
 
 
-Needed: TypeAlias = tuple[Array, Any, Any]
-"""Values that a torque needs, with their lower and upper limits."""
+Needed: TypeAlias = tuple[Array, Any, Any, str]
+"""Values that a torque needs, with their limits, and what these are of: ``a rate of``, or ""."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,6 @@ class Actuator(VehiclePart):
     moving: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
     """Of one that `changes`: the state of the motion, and the momentum that wheels store."""
 
-    limited: ClassVar[str] = ""
-    """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""
-
     # Most actuators give these by a class variable.
 
     @property
@@ -81,11 +78,6 @@ class Actuator(VehiclePart):
     @property
     def moves(self) -> bool:
         """Whether the actuator has states that change between instants, by `state_rate`."""
-        return False
-
-    @property
-    def runs(self) -> bool:
-        """Whether its states at the start of a run follow from the first command, and are not 0."""
         return False
 
     takes: ClassVar[str] = "torque"
@@ -139,7 +131,7 @@ class Actuator(VehiclePart):
         """Return the output for a command and the states x, ``(..., m)``."""
 
     def started(self, G: MatrixLieGroup, V: Array) -> Array | None:
-        """Return the states at t = 0; None where all are 0, or where it `runs`."""
+        """Return the states at t = 0; None where all are 0, or follow from the first command."""
         return None
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array] | None:
@@ -148,10 +140,6 @@ class Actuator(VehiclePart):
         They add to output and `state_rate`; None without such a force.
         """
         return None
-
-    def running(self, G: MatrixLieGroup, command: Array) -> Array:
-        """Return the states at the start of a run with this first command, if it `runs`."""
-        return 0.0 * command[..., :1]
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the time derivative of the states."""
@@ -187,7 +175,7 @@ class Actuator(VehiclePart):
         return None
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
-        """Return how much of the `limited` quantity a torque needs, with the limits, ``(n, k)``.
+        """Return how much of what is limited a torque needs, with the limits, ``(n, k)``.
 
         Each row is at one of the last n times; None where this does not follow from a torque.
         """
@@ -218,6 +206,24 @@ class Solving(Actuator):
     @abstractmethod
     def solution(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the solution ``(runs, n)`` for commands ``(runs, m)`` at an instant."""
+
+
+class Running(Actuator):
+    """An actuator whose states at the start of a run may follow from the first command."""
+
+    @property
+    @abstractmethod
+    def runs(self) -> bool:
+        """Whether they do, and are not 0."""
+
+    @abstractmethod
+    def running(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return these states."""
+
+
+def any_runs(parts: Iterable[Actuator]) -> bool:
+    """Return whether the states of any actuator follow from the first command."""
+    return any(isinstance(part, Running) and part.runs for part in parts)
 
 
 def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
@@ -596,10 +602,10 @@ class Limit(Actuator):
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the torque, or its norm times the largest limit, with the limits."""
         if not self.norm:
-            return torque, self.low, self.high
+            return torque, self.low, self.high, ""
         limit: Any = self.limit
         largest = limit.max()
-        return norm(torque / limit)[..., None] * largest, -largest, largest
+        return norm(torque / limit)[..., None] * largest, -largest, largest, ""
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note limits given in both ways or in none, and limits with nothing between them."""
@@ -638,7 +644,6 @@ class MomentumLimit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("momentum",)
     limits: ClassVar[bool] = True
     sampled: ClassVar[bool] = True
-    limited: ClassVar[str] = "a momentum of "
 
     momentum: Annotated[Numbers, Unit(MOMENTUM)]
 
@@ -659,7 +664,7 @@ class MomentumLimit(Actuator):
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the integral from the first time on, with its limits, by axis."""
         pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
-        return np.cumsum(pieces, axis=0), -self.momentum, self.momentum
+        return np.cumsum(pieces, axis=0), -self.momentum, self.momentum, "a momentum of "
 
 
 SHIFT = 1.5 * 2.0**52
@@ -711,7 +716,6 @@ class RateLimit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("rate",)
     limits: ClassVar[bool] = True
     sampled: ClassVar[bool] = True
-    limited: ClassVar[str] = "a rate of "
 
     rate: Annotated[Numbers, Scale("limit of the torque's rate", TORQUE_RATE)]
 
@@ -730,4 +734,5 @@ class RateLimit(Actuator):
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the rate in the step before each time, with its limits, by axis."""
-        return np.diff(torque, axis=0) / np.diff(times)[:, None], -self.rate, self.rate
+        rate = np.diff(torque, axis=0) / np.diff(times)[:, None]
+        return rate, -self.rate, self.rate, "a rate of "

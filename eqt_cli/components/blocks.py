@@ -13,7 +13,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, absolute, less, stack, where
 from eqt_cli.components.accelerometer import felt
-from eqt_cli.components.actuators import Actuator, Solving
+from eqt_cli.components.actuators import Actuator, Running, Solving
 from eqt_cli.components.estimators import Estimator, Measurement, Schedule
 from eqt_cli.components.forces import GRAVITY
 from eqt_cli.components.groups import MatrixLieGroup
@@ -674,7 +674,7 @@ def at_start(now: Now) -> dict[str, Array]:
         if part.takes == "rates":
             x = now.after(block.name)
             passed = part.output(now.s.G, passed, x.get(block.name, passed[..., :0]))
-        elif part.runs:
+        elif isinstance(part, Running) and part.runs:
             states[block.name] = part.running(now.s.G, passed)
         states |= dict.fromkeys(set(block.stretches) & {block.taken}, now[COMMAND])
     if (queue := now.s.vehicle.get(COMMANDS)) is not None:

@@ -28,7 +28,7 @@ from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
 from eqt_cli.base.stored import THRUSTER, Signal, signal
-from eqt_cli.components.actuators import Actuator, Needed, Solving, check_members, of_each
+from eqt_cli.components.actuators import Actuator, Needed, Running, Solving, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.references import instants_of
@@ -180,7 +180,7 @@ class Jets(Keys):
 
 
 @dataclass(frozen=True)
-class Thrusters(Solving):
+class Thrusters(Solving, Running):
     """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
 
     Torque and command are in the body frame and in the order of the coordinates of the group, on
@@ -550,7 +550,9 @@ class Thrusters(Solving):
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return thrusts and their limits; None if bounded, where other thrusts may do."""
-        return None if self.sampled else (apply_matrix(self.inverse, torque), self.low, self.high)
+        if self.sampled:
+            return None
+        return apply_matrix(self.inverse, torque), self.low, self.high, ""
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield remarks on the directions in which thrusts push not at all, or hardly."""
