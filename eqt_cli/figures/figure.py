@@ -298,13 +298,12 @@ class ShownRuns(ShownControllers):
         """
         for result in self.results:
             if not (result.has(signal) and len(result.dims(signal)) == 4):
-                message = f"finds no '{signal}' of members of an actuator; choose another signal"
-                if member := {"thrust": "thruster", "wheel_momentum": "wheel"}.get(signal):
-                    message = (
-                        f"finds no {member}s on this vehicle; leave out the option '{member}s'"
-                    )
+                members = {"thrust": "thrusters", "wheel_momentum": "wheels"}.get(signal, signal)
+                message = f"finds no {members} on this vehicle; leave out the option '{members}'"
                 if signal == LAW_OUTPUT:
                     message = "finds no numbers of laws: none has memory, or store.memory is off"
+                elif members == signal:
+                    message = f"finds no signal '{signal}' with a row for each member"
                 raise error_of(result, self.figure, message)
         member = self.results[0].dims(signal)[-1]
         names = [[str(name) for name in result.coordinate(member)] for result in self.results]

@@ -87,7 +87,7 @@ def test_a_figure_shows_the_members_by_name(warm, invoke):
     drawn = Path(warm, "figures", "commands.svg").read_text(encoding="utf-8")
     assert drawn.count("<!-- left $") == 1
     said = invoke(*plot, "--option", "signal=motor_power", code=2).stderr
-    assert "finds no 'motor_power' of members of an actuator" in said
+    assert "finds no signal 'motor_power' with a row for each member" in said
 
 
 def test_a_name_that_results_have_is_refused(run, folder):
