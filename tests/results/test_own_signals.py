@@ -50,7 +50,8 @@ CHANGES = {
     "controllers": "[eqt]",
     "actuators": "[{kind: motors, resistance: 2.0}]",
     "ensemble": "{runs: 2, seed: 1}",
-    "time": "{duration: 2.0, samples: 201}",
+    "time": "{duration: 1.0, samples: 101}",
+    "solver": "{engine: solve_ivp, rtol: 1.0e-8, cross_check: 0}",
 }
 
 
