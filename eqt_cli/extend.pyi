@@ -43,7 +43,9 @@ from eqt_cli.base.option_types import Scale as Scale
 from eqt_cli.base.registry import load_plugin as load_plugin
 from eqt_cli.base.reporting import Block as Block
 from eqt_cli.base.reporting import TextTable as TextTable
+from eqt_cli.base.stored import Signal as Signal
 from eqt_cli.base.stored import Status as Status
+from eqt_cli.base.stored import signal as signal
 from eqt_cli.components.actuators import Actuator as Actuator
 from eqt_cli.components.actuators import Deadband as Deadband
 from eqt_cli.components.actuators import Lag as Lag

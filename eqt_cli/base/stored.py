@@ -13,15 +13,15 @@ from pydantic import AfterValidator, BaseModel, FiniteFloat
 
 from eqt_cli.base.errors import printable
 
-# Signals over time, whose formulas are in `loop.signals` ------------------------------------------
+# Signals over time; formulas are in `loop.signals`, signals of actuators stand with these ---------
 
 
 MIXED = "mixed"
 """The unit of a signal whose units differ between parts of the coordinates."""
 
 MATRIX, VECTOR = ("row", "col"), ("axis",)
-THRUSTER, WHEEL, GYRO = "thruster", "wheel", "gyro"
-"""Names of the dimensions of thrusters, wheels and gyros."""
+THRUSTER, WHEEL = "thruster", "wheel"
+"""Names of the dimensions of thrusters and wheels."""
 
 LAW_OUTPUT, OUTPUT = "law_output", "output"
 """Name of the signal with the stored numbers of a law, and of their dimension."""
@@ -60,7 +60,7 @@ class Signal:
     rank
         Its place among the signals that a page draws; 0 if it does not.
     words
-        Its name in words, of a signal of an actuator's own; "" for others.
+        Its name in words, of a signal that stands with an actuator; "" for others.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Signal:
         return str(getattr(part, self.unit, self.unit))
 
 
-def _signal(name: str, unit: str, latex: str, plain: str = "", **more: Any) -> Signal:
+def signal(name: str, unit: str, latex: str, plain: str = "", **more: Any) -> Signal:
     """Return a signal, whose symbol in plain characters is that in LaTeX if no other is given."""
     return Signal(name, Symbol(latex, plain or latex), unit, **more)
 
@@ -84,56 +84,43 @@ def _signal(name: str, unit: str, latex: str, plain: str = "", **more: Any) -> S
 _F = r"\|_{\mathrm{F}}"
 _ESTIMATE = r"\|I - \hat{Q}^{-1} Q" + _F
 
-_MOMENTUM = "absolute momentum of each wheel about its axis"
-_SPEED = "speed of each wheel relative to the body"
-_STORED = "momentum that the wheels store together, ||A h||"
-
 _ROWS = (
-    _signal("pose", "pose_unit", "Q", dims=MATRIX),
-    _signal("velocity", "velocity_unit", "V", dims=VECTOR),
-    _signal("torque", "force_unit", r"\tau", "τ", dims=VECTOR),
-    _signal("pose_error", "pose_unit", r"\|I - Q_E" + _F, "‖I − Q_E‖", norm="entries", rank=1),
-    _signal("velocity_error", "velocity_unit", r"\|V - V_d\|", "‖V − V_d‖", norm="axes", rank=3),
-    _signal("torque_norm", "force_unit", r"\|\tau\|", "‖τ‖", norm="axes", rank=4),
-    _signal("lyapunov", "J", r"\mathcal{L}", "L", rank=5),
-    _signal("position_error", "m", r"\|p - p_d\|", "‖p − p_d‖", rank=2),
-    _signal("pointing_error", "deg", r"\theta_a", "θ_a"),
-    _signal("attitude_angle", "deg", r"\theta_E", "θ_E"),
-    _signal("heading_error", "deg", r"\psi_E", "ψ_E"),
-    _signal("attitude_command_error", "1", r"\|R - R_c" + _F, "‖R − R_c‖"),
-    _signal("command", "force_unit", "u", dims=VECTOR),
-    _signal("at_limit", "1", "s"),
-    _signal("cut", "1", "c", norm="each"),
-    _signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster"),
-    _signal("burnt", "kg", "m"),
-    _signal("wheel_momentum", "N m s", "h", dims=(WHEEL,), words=_MOMENTUM),
-    _signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,), words=_SPEED),
-    _signal("stored_momentum", "N m s", r"\|A h\|", "‖A h‖", words=_STORED),
-    _signal("gimbal_angle", "rad", r"\delta", "δ", dims=(GYRO,), words="angle of each gimbal"),
-    _signal("gimbal_rate", "rad/s", r"\dot\delta", "δ̇", dims=(GYRO,), words="rate of each gimbal"),
-    _signal("law_output", MIXED, "z", dims=(OUTPUT,)),
-    _signal("estimated_pose", "pose_unit", r"\hat{Q}", "Q̂", dims=MATRIX),
-    _signal("estimated_velocity", "velocity_unit", r"\hat{V}", "V̂", dims=VECTOR),
-    _signal("estimated_bias", "velocity_unit", r"\hat{b}", "b̂", dims=VECTOR),
-    _signal("estimate_error", "pose_unit", _ESTIMATE, "‖I − Q̂⁻¹ Q‖", norm="entries"),
-    _signal("bias_error", "velocity_unit", r"\|b - \hat{b}\|", "‖b − b̂‖", norm="axes"),
-    _signal("pose_estimate_error", "length_unit", r"\varepsilon", "ε", dims=VECTOR),
-    _signal("bias_estimate_error", "velocity_unit", r"\tilde{b}", "b̃", dims=VECTOR),
-    _signal("pose_estimate_std", "length_unit", r"\sigma_\varepsilon", "σ_ε", dims=VECTOR),
-    _signal("bias_estimate_std", "velocity_unit", r"\sigma_b", "σ_b", dims=VECTOR),
-    _signal("nees", "1", r"\mathrm{NEES}", "NEES"),
-    _signal("nees_dof", "1", "n"),
-    _signal("innovations", "1", "N"),
-    _signal("innovation_square", "1", r"\nu^2", "ν²"),
-    _signal("innovation_correlation", "1", r"\rho_1", "ρ₁"),
+    signal("pose", "pose_unit", "Q", dims=MATRIX),
+    signal("velocity", "velocity_unit", "V", dims=VECTOR),
+    signal("torque", "force_unit", r"\tau", "τ", dims=VECTOR),
+    signal("pose_error", "pose_unit", r"\|I - Q_E" + _F, "‖I − Q_E‖", norm="entries", rank=1),
+    signal("velocity_error", "velocity_unit", r"\|V - V_d\|", "‖V − V_d‖", norm="axes", rank=3),
+    signal("torque_norm", "force_unit", r"\|\tau\|", "‖τ‖", norm="axes", rank=4),
+    signal("lyapunov", "J", r"\mathcal{L}", "L", rank=5),
+    signal("position_error", "m", r"\|p - p_d\|", "‖p − p_d‖", rank=2),
+    signal("pointing_error", "deg", r"\theta_a", "θ_a"),
+    signal("attitude_angle", "deg", r"\theta_E", "θ_E"),
+    signal("heading_error", "deg", r"\psi_E", "ψ_E"),
+    signal("attitude_command_error", "1", r"\|R - R_c" + _F, "‖R − R_c‖"),
+    signal("command", "force_unit", "u", dims=VECTOR),
+    signal("at_limit", "1", "s"),
+    signal("cut", "1", "c", norm="each"),
+    signal("burnt", "kg", "m"),
+    signal("stored_momentum", "N m s", r"\|A h\|", "‖A h‖"),
+    signal("law_output", MIXED, "z", dims=(OUTPUT,)),
+    signal("estimated_pose", "pose_unit", r"\hat{Q}", "Q̂", dims=MATRIX),
+    signal("estimated_velocity", "velocity_unit", r"\hat{V}", "V̂", dims=VECTOR),
+    signal("estimated_bias", "velocity_unit", r"\hat{b}", "b̂", dims=VECTOR),
+    signal("estimate_error", "pose_unit", _ESTIMATE, "‖I − Q̂⁻¹ Q‖", norm="entries"),
+    signal("bias_error", "velocity_unit", r"\|b - \hat{b}\|", "‖b − b̂‖", norm="axes"),
+    signal("pose_estimate_error", "length_unit", r"\varepsilon", "ε", dims=VECTOR),
+    signal("bias_estimate_error", "velocity_unit", r"\tilde{b}", "b̃", dims=VECTOR),
+    signal("pose_estimate_std", "length_unit", r"\sigma_\varepsilon", "σ_ε", dims=VECTOR),
+    signal("bias_estimate_std", "velocity_unit", r"\sigma_b", "σ_b", dims=VECTOR),
+    signal("nees", "1", r"\mathrm{NEES}", "NEES"),
+    signal("nees_dof", "1", "n"),
+    signal("innovations", "1", "N"),
+    signal("innovation_square", "1", r"\nu^2", "ν²"),
+    signal("innovation_correlation", "1", r"\rho_1", "ρ₁"),
 )
 
-SIGNALS = {signal.name: signal for signal in _ROWS}
-"""All signals by name, in the order of result files."""
-
-
-MEMBERS = {dim for signal in _ROWS if signal.words for dim in signal.dims}
-"""Names of the dimensions of members of actuators."""
+SIGNALS = {row.name: row for row in _ROWS}
+"""All signals by name, in the order of result files; those of actuators stand with these."""
 
 
 def signal_of(name: str) -> Signal | None:

@@ -23,6 +23,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import MOMENTUM, TORQUE, TORQUE_RATE, Offset, Positive, Scale, Unit
 from eqt_cli.base.registry import Registry
+from eqt_cli.base.stored import Signal
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
@@ -40,8 +41,8 @@ from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 # The base class of actuators; it knows no law, plant or engine ------------------------------------
 
 
-Needed: TypeAlias = tuple[Array, Any, Any]
-"""Values that a torque needs, with their lower and upper limits."""
+Needed: TypeAlias = tuple[Array, Any, Any, str]
+"""Values that a torque needs, with their limits, and what these are of: ``a rate of``, or ""."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class Actuator(VehiclePart):
     )
     offset: Offset | None = field(default=None, kw_only=True, metadata=STRUCTURE)
 
-    limited: ClassVar[str] = ""
-    """Prefix of its limit in messages: ``a rate of``; empty for a limit of torques."""
+    moving: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
+    """Of one that `changes`: the state of the motion, and the momentum that wheels store."""
 
     # Most actuators give these by a class variable.
 
@@ -79,11 +80,6 @@ class Actuator(VehiclePart):
         """Whether the actuator has states that change between instants, by `state_rate`."""
         return False
 
-    @property
-    def runs(self) -> bool:
-        """Whether its states at the start of a run follow from the first command, and are not 0."""
-        return False
-
     takes: ClassVar[str] = "torque"
     """What its command is: a torque, rates, or a dipole."""
 
@@ -92,7 +88,7 @@ class Actuator(VehiclePart):
 
     def at(self, s: Tracking, stored: Any = None) -> Self:
         """Return the actuator at a time and a state, with the momentum that wheels store."""
-        return self
+        return with_fields(self, moving=(s, stored)) if self.changes else self
 
     @property
     def sampled(self) -> bool:
@@ -108,9 +104,14 @@ class Actuator(VehiclePart):
         return {}
 
     @property
-    def shows(self) -> tuple[str, ...]:
-        """The names of its `signals`, which have their rows in `base/stored.py`."""
+    def shows(self) -> tuple[Signal, ...]:
+        """The rows of its `signals`."""
         return ()
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """Least and largest values by its limits, of signals by name; in a run."""
+        return {}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return its signals over time by name; `(..., members)`, or `(...)`."""
@@ -130,7 +131,7 @@ class Actuator(VehiclePart):
         """Return the output for a command and the states x, ``(..., m)``."""
 
     def started(self, G: MatrixLieGroup, V: Array) -> Array | None:
-        """Return the states at t = 0; None where all are 0, or where it `runs`."""
+        """Return the states at t = 0; None where all are 0, or follow from the first command."""
         return None
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array] | None:
@@ -139,10 +140,6 @@ class Actuator(VehiclePart):
         They add to output and `state_rate`; None without such a force.
         """
         return None
-
-    def running(self, G: MatrixLieGroup, command: Array) -> Array:
-        """Return the states at the start of a run with this first command, if it `runs`."""
-        return 0.0 * command[..., :1]
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the time derivative of the states."""
@@ -178,7 +175,7 @@ class Actuator(VehiclePart):
         return None
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
-        """Return how much of the `limited` quantity a torque needs, with the limits, ``(n, k)``.
+        """Return how much of what is limited a torque needs, with the limits, ``(n, k)``.
 
         Each row is at one of the last n times; None where this does not follow from a torque.
         """
@@ -211,10 +208,40 @@ class Solving(Actuator):
         """Return the solution ``(runs, n)`` for commands ``(runs, m)`` at an instant."""
 
 
+class Running(Actuator):
+    """An actuator whose states at the start of a run may follow from the first command."""
+
+    @property
+    @abstractmethod
+    def runs(self) -> bool:
+        """Whether they do, and are not 0."""
+
+    @abstractmethod
+    def running(self, G: MatrixLieGroup, command: Array) -> Array:
+        """Return these states."""
+
+
+def any_runs(parts: Iterable[Actuator]) -> bool:
+    """Return whether the states of any actuator follow from the first command."""
+    return any(isinstance(part, Running) and part.runs for part in parts)
+
+
 def of_each(part: Actuator, names: Iterable[str], count: int) -> dict[str, Any]:
     """Return the options that are given, of these names, with a number for each of k members."""
     options = {name: getattr(part, name) for name in names}
     return {name: np.full(count, x, dtype=float) for name, x in options.items() if x is not None}
+
+
+def check_members(
+    part: Actuator, count: int, member: str, names: Iterable[str], free: str, problems: Problems
+) -> None:
+    """Note numbers of these names that are wrong or not one for each member; `free` may be ≤ 0."""
+    for name in names:
+        here, value = problems.at(name), getattr(part, name)
+        if value is not None:
+            check_numbers(value, here, name not in free.split())
+        if isinstance(value, list) and len(value) != count:
+            here.add(f"expected {count} entries, one for each {member}, got {len(value)}")
 
 
 # What a law with an integral is told of limits ----------------------------------------------------
@@ -295,7 +322,7 @@ actuators = Registry(
     "actuator",
     "actuators",
     Actuator,
-    ("components.actuators", "components.thrusters", "components.wheels", "components.gyros"),
+    tuple(f"components.{name}" for name in "actuators thrusters wheels gyros propellers".split()),
 )
 
 
@@ -452,20 +479,15 @@ class RateLoop(Actuator):
     feedforward: Annotated[Numbers, Scale("feedforward of the rate loop", "N m s")] = 0.0
     i_limit: Annotated[Numbers | None, Scale("limit of the integral", "N m")] = None
     d_cutoff: Annotated[Number, Scale("cutoff of the D term", "Hz")] = 20.0
-    state: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
 
     @property
     def moves(self) -> bool:
         """Whether it has a filter, and so an integral."""
         return self.cutoff is not None
 
-    def at(self, s: Tracking, stored: Any = None) -> Self:
-        """Return the loop at the angular velocity of a state."""
-        return with_fields(self, state=s)
-
     @property
     def _omega(self) -> Any:
-        return 0.0 if self.state is None else self.state.V[..., :3]
+        return self.moving[0].V[..., :3] if self.moving else 0.0
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: ω̂, its derivative, α and z, each 3."""
@@ -495,7 +517,7 @@ class RateLoop(Actuator):
         if self.bandwidth is None:
             torque = self.gains * torque
         else:
-            J = self.state.inertia.matrix[..., :3, :3]
+            J = self.moving[0].inertia.matrix[..., :3, :3]
             torque = apply_matrix(J, self.bandwidth * torque) + cross(omega, apply_matrix(J, omega))
         if self.moves:
             torque = torque + x[..., 9:] - self.kd * x[..., 6:9] + self.feedforward * torque_command
@@ -573,17 +595,17 @@ class Limit(Actuator):
         return outside(command, self.low, self.high)
 
     @property
-    def torque_range(self) -> tuple[Any, Any] | None:
-        """Least and largest torque along each axis in a run, ``(m,)``; None for a norm."""
-        return None if self.norm else (self.low, self.high)
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """The least and largest torque along each axis, ``(m,)``, but not for a norm."""
+        return {} if self.norm else {"torque": (self.low, self.high)}
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the torque, or its norm times the largest limit, with the limits."""
         if not self.norm:
-            return torque, self.low, self.high
+            return torque, self.low, self.high, ""
         limit: Any = self.limit
         largest = limit.max()
-        return norm(torque / limit)[..., None] * largest, -largest, largest
+        return norm(torque / limit)[..., None] * largest, -largest, largest, ""
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note limits given in both ways or in none, and limits with nothing between them."""
@@ -622,7 +644,6 @@ class MomentumLimit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("momentum",)
     limits: ClassVar[bool] = True
     sampled: ClassVar[bool] = True
-    limited: ClassVar[str] = "a momentum of "
 
     momentum: Annotated[Numbers, Unit(MOMENTUM)]
 
@@ -643,7 +664,7 @@ class MomentumLimit(Actuator):
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the integral from the first time on, with its limits, by axis."""
         pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
-        return np.cumsum(pieces, axis=0), -self.momentum, self.momentum
+        return np.cumsum(pieces, axis=0), -self.momentum, self.momentum, "a momentum of "
 
 
 SHIFT = 1.5 * 2.0**52
@@ -695,7 +716,6 @@ class RateLimit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("rate",)
     limits: ClassVar[bool] = True
     sampled: ClassVar[bool] = True
-    limited: ClassVar[str] = "a rate of "
 
     rate: Annotated[Numbers, Scale("limit of the torque's rate", TORQUE_RATE)]
 
@@ -714,4 +734,5 @@ class RateLimit(Actuator):
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return the rate in the step before each time, with its limits, by axis."""
-        return np.diff(torque, axis=0) / np.diff(times)[:, None], -self.rate, self.rate
+        rate = np.diff(torque, axis=0) / np.diff(times)[:, None]
+        return rate, -self.rate, self.rate, "a rate of "

@@ -13,7 +13,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays, absolute, less, stack, where
 from eqt_cli.components.accelerometer import felt
-from eqt_cli.components.actuators import Actuator, Solving
+from eqt_cli.components.actuators import Actuator, Running, Solving
 from eqt_cli.components.estimators import Estimator, Measurement, Schedule
 from eqt_cli.components.forces import GRAVITY
 from eqt_cli.components.groups import MatrixLieGroup
@@ -279,10 +279,15 @@ class Actuated(Block):
         """Return its force that depends on the velocity, and the rates that go with it."""
         return self.part.reaction(now.s.G, now.s.V, self.state(now, now.s.V))
 
+    def arguments(self, now: Now) -> tuple[MatrixLieGroup, Array, Array]:
+        """Return what its limits are asked with: the group, its command and its states."""
+        u = now[f"{self.name}.input"]
+        return now.s.G, u, self.state(now, u)
+
     def signals(self, now: Now) -> Arrays:
         """Return its signals over time."""
-        u, part = now[f"{self.name}.input"], now[f"{self.name}.at"]
-        values: Arrays = part.signals(now.s.G, now.s.V, u, self.state(now, u))
+        G, u, x = self.arguments(now)
+        values: Arrays = now[f"{self.name}.at"].signals(G, now.s.V, u, x)
         return values
 
     def momentum(self, now: Now) -> Array:
@@ -397,15 +402,6 @@ def solution(now: Now) -> Array:
 # What signals read of actuators -------------------------------------------------------------------
 
 
-def inputs(now: Now) -> list[tuple[Actuator, Array, Array]]:
-    """Return the actuators at this time, each with its command and its states."""
-    listed = []
-    for block in now.blocks.actuated:
-        u = now[f"{block.name}.input"]
-        listed.append((now[f"{block.name}.at"], u, block.state(now, u)))
-    return listed
-
-
 def signals(now: Now) -> dict[str, Array]:
     """Return the signals of the actuators' own, by name."""
     named: dict[str, Array] = {}
@@ -418,8 +414,8 @@ def signals(now: Now) -> dict[str, Array]:
 def beyond_limits(now: Now) -> Array:
     """Return 1 where the input of any actuator exceeds its limit, else 0, ``(...)``."""
     beyond = np.zeros(now.s.P.shape[:-1])
-    for actuator, u, x in inputs(now):
-        if (flags := actuator.at_limit(now.s.G, u, x)) is not None:
+    for block in now.blocks.actuated:
+        if (flags := now[f"{block.name}.at"].at_limit(*block.arguments(now))) is not None:
             beyond = where(less(0.5, flags), 1.0, beyond)
     return beyond
 
@@ -430,9 +426,10 @@ def cut_axes(now: Now, limits: bool) -> Array:
     A difference of the size of rounding is none.
     """
     flags = 0.0 * now.s.P
-    for actuator, u, x in inputs(now) if limits else ():
+    for block in now.blocks.actuated if limits else ():
+        u, within = now[f"{block.name}.input"], now[f"{block.name}.at"].within
         most = 1e-12 * (1 + absolute(u))
-        flags = where(less(most, absolute(u - actuator.within(now.s.G, u, x))), 1.0, flags)
+        flags = where(less(most, absolute(u - within(*block.arguments(now)))), 1.0, flags)
     return flags
 
 
@@ -677,7 +674,7 @@ def at_start(now: Now) -> dict[str, Array]:
         if part.takes == "rates":
             x = now.after(block.name)
             passed = part.output(now.s.G, passed, x.get(block.name, passed[..., :0]))
-        elif part.runs:
+        elif isinstance(part, Running) and part.runs:
             states[block.name] = part.running(now.s.G, passed)
         states |= dict.fromkeys(set(block.stretches) & {block.taken}, now[COMMAND])
     if (queue := now.s.vehicle.get(COMMANDS)) is not None:

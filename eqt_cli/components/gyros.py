@@ -21,15 +21,18 @@ from eqt_cli.base.arrays import (
 )
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Angle, Scale, Unit
-from eqt_cli.base.stored import GYRO
-from eqt_cli.components.actuators import Actuator, of_each
+from eqt_cli.base.stored import Signal, signal
+from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
-from eqt_cli.components.vehicle_parts import Numbers, check_numbers
+from eqt_cli.components.vehicle_parts import Numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
-COUNT = 4
-"""Number of gyros."""
+COUNT, GYRO = 4, "gyro"
+"""Number of gyros, and the name of the dimension of their signals."""
+
+ANGLE = signal("gimbal_angle", "rad", r"\delta", "δ", dims=(GYRO,), words="angle of each gimbal")
+RATE = signal("gimbal_rate", "rad/s", r"\dot\delta", "δ̇", dims=(GYRO,), words="rate of each gimbal")
 
 OF_EACH = ("momentum", "inertia", "gain", "limit", "start")
 """Options with a number for each gyro."""
@@ -94,7 +97,10 @@ class Gyros(Actuator):
 
     @property
     def linear_part(self) -> Actuator:
-        """The gyros at the angles of the start, without the limit of their rates."""
+        """The gyros without the limit of their rates; at rest, angles count to second order only.
+
+        They stay at those of the start, so that they are no states.
+        """
         return self if self.fixed else with_fields(self, limit=None, fixed=True)
 
     @property
@@ -103,14 +109,14 @@ class Gyros(Actuator):
         return {GYRO: tuple(f"gyro {k + 1}" for k in range(COUNT))}
 
     @property
-    def shows(self) -> tuple[str, ...]:
+    def shows(self) -> tuple[Signal, ...]:
         """The angles and rates of the gimbals."""
-        return ("gimbal_angle", "gimbal_rate")
+        return ANGLE, RATE
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return δ and δ̇."""
         g, n = self.axes[..., 0, :, :], COUNT
-        rates = x[..., n:] / self.inertia - apply_matrix(transpose(g), V[..., :3])
+        rates = x[..., -n:] / self.inertia - apply_matrix(transpose(g), V[..., :3])
         return {"gimbal_angle": x[..., :n], "gimbal_rate": rates}
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
@@ -124,13 +130,16 @@ class Gyros(Actuator):
 
     def states(self, G: MatrixLieGroup) -> int:
         """Return the number of states: δ and p of each gyro."""
-        return 2 * COUNT
+        return (2 - self.fixed) * COUNT
 
     def started(self, G: MatrixLieGroup, V: Array) -> Array:
         """Return the states of gimbals that rest in the body."""
         start: Any = self.start
         along = apply_matrix(transpose(self.axes[..., 0, :, :]), V[..., :3])
-        return np.concatenate([start + 0.0 * along, self.inertia * along], axis=-1)
+        return self._joined(start + 0.0 * along, self.inertia * along)
+
+    def _joined(self, of_angles: Array, of_momenta: Array) -> Array:
+        return np.concatenate([of_angles] * (not self.fixed) + [of_momenta], axis=-1)
 
     def _turned(self, x: Array) -> tuple[Array, Array, Array]:
         """Return g, s(δ) and A, ``(..., 3, n)``."""
@@ -150,7 +159,7 @@ class Gyros(Actuator):
     def _driven(self, command: Array, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return g, A, and δ̇ and ṗ of a body at rest."""
         g, _, A = self._turned(x)
-        rates = x[..., COUNT:] / self.inertia
+        rates = x[..., -COUNT:] / self.inertia
         return g, A, rates, self.gain * (self._steered(command, A)[1] - rates)
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
@@ -161,17 +170,17 @@ class Gyros(Actuator):
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return δ̇ and ṗ of a body at rest."""
-        return np.concatenate(self._driven(command, x)[2:], axis=-1)
+        return self._joined(*self._driven(command, x)[2:])
 
     def reaction(self, G: MatrixLieGroup, V: Array, x: Array) -> tuple[Array, Array]:
         """Return what a body that turns feels besides, and the rates that it causes."""
         (g, s, A), omega = self._turned(x), V[..., :3]
         along = apply_matrix(transpose(g), omega)
         pushed = self.gain * along + apply_matrix(transpose(A), omega)
-        H = apply_matrix(s, self.momentum + 0.0 * along) + apply_matrix(g, x[..., COUNT:])
+        H = apply_matrix(s, self.momentum + 0.0 * along) + apply_matrix(g, x[..., -COUNT:])
         torque = cross(H, omega) + apply_matrix(A, along) - apply_matrix(g, pushed)
         force = np.concatenate([torque, 0.0 * V[..., 3:]], axis=-1)
-        return force, np.concatenate([-along, pushed], axis=-1)
+        return force, self._joined(-along, pushed)
 
     def within(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return the command without the torque that the limit takes, before any drive."""
@@ -189,9 +198,4 @@ class Gyros(Actuator):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and numbers that are wrong."""
         check_turns_in_space(self.name, G, problems)
-        for name in OF_EACH:
-            here, value = problems.at(name), getattr(self, name)
-            if value is not None:
-                check_numbers(value, here, positive=name != "start")
-                if isinstance(value, list) and len(value) != COUNT:
-                    here.add(f"expected {COUNT} entries, one for each gyro, got {len(value)}")
+        check_members(self, COUNT, "gyro", OF_EACH, "start", problems)

@@ -11,7 +11,7 @@ from eqt_cli.base.arrays import Array, Arrays, cos, exp, less, sin, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import Kind, Positive, Real, Scale
 from eqt_cli.components import laws
-from eqt_cli.components.actuators import excess
+from eqt_cli.components.actuators import any_runs, excess
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.matrix_groups import rigid_motions
@@ -131,7 +131,7 @@ class Rejecting(laws.CountsInstants, laws.ReadsLimits):
             acting=tuple(part for part in plant.actuators if part.limits),
             known=plant.forces,
             believed=self._lag(G, plant, problems.at("lag")),
-            runs=any(part.runs for part in plant.actuators),
+            runs=any_runs(plant.actuators),
         )
 
     def _lag(self, G: MatrixLieGroup, plant: PlantModel, problems: Problems) -> Array | None:

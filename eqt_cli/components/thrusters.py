@@ -27,19 +27,12 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import InputError, Problems, Remedy
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Keys, Positive, Real, Scale, Unit
-from eqt_cli.base.stored import THRUSTER
-from eqt_cli.components.actuators import Actuator, Needed, Solving, of_each
+from eqt_cli.base.stored import THRUSTER, Signal, signal
+from eqt_cli.components.actuators import Actuator, Needed, Running, Solving, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
 from eqt_cli.components.references import instants_of
-from eqt_cli.components.vehicle_parts import (
-    Numbers,
-    check_limits,
-    check_numbers,
-    check_period,
-    drawn,
-    lowest,
-)
+from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_period, drawn, lowest
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, pseudo_inverse
 
@@ -57,6 +50,8 @@ SMALLEST = 1e-10
 
 NEAR = 1e-12
 """A solved thrust so near its limit, in N and relative to it, is at the limit."""
+
+THRUST = signal("thrust", "N", "f", dims=(THRUSTER,), words="thrust of each thruster")
 
 MOST = 12
 """Most thrusters of an allocation by priority: the reachable set has many faces."""
@@ -185,7 +180,7 @@ class Jets(Keys):
 
 
 @dataclass(frozen=True)
-class Thrusters(Solving):
+class Thrusters(Solving, Running):
     """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
 
     Torque and command are in the body frame and in the order of the coordinates of the group, on
@@ -244,6 +239,7 @@ class Thrusters(Solving):
     name: ClassVar[str] = "thrusters"
     departs: ClassVar[str] = "thrusters"
     positive: ClassVar[tuple[str, ...]] = POSITIVE
+    one_way: ClassVar[bool] = True
 
     matrix: list[list[Real]] | None = None
     thrusters: list[Thruster] | None = None
@@ -339,9 +335,14 @@ class Thrusters(Solving):
         return {THRUSTER: self.thruster_names}
 
     @property
-    def shows(self) -> tuple[str, ...]:
+    def shows(self) -> tuple[Signal, ...]:
         """The thrusts."""
-        return ("thrust",)
+        return (THRUST,)
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """The least and largest thrusts, but not of jets."""
+        return {"thrust": (self.low, self.high)} if self.limits and self.jets is None else {}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return the thrust of each thruster."""
@@ -476,15 +477,20 @@ class Thrusters(Solving):
         if not self.moves:
             return self._left(self._opened(command, x))
         x = x[..., -self.count :]
-        return x if self.thrust_constant is None else self.thrust_constant * x * x
+        return x if self.thrust_constant is None else self.pushed(x)
+
+    def pushed(self, speed: Any) -> Array:
+        """Return the thrusts of rotors at some speeds."""
+        thrusts: Array = self.thrust_constant * speed * speed
+        return thrusts
 
     def running(self, G: MatrixLieGroup, command: Array) -> Array:
         """Return the states of rotors that have long had a command."""
         thrusts = self.solution(G, command) if self.sampled else self._commanded(command, command)
-        followed = self._followed(self._left(thrusts))
+        followed = self.followed(self._left(thrusts))
         return np.concatenate([thrusts] * self.sampled + [followed], axis=-1)
 
-    def _followed(self, thrusts: Array) -> Array:
+    def followed(self, thrusts: Array) -> Array:
         """Return what the lag follows: the thrusts asked for, or their speeds."""
         if self.thrust_constant is None:
             return thrusts
@@ -507,7 +513,7 @@ class Thrusters(Solving):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """Return (commanded − x) / T, and 0 for what changes at the next instant."""
         thrusts, lagging = self._left(self._opened(command, x)), x[..., -self.count :]
-        rates = [(self._followed(thrusts) - lagging) / self.time_constant] if self.moves else []
+        rates = [(self.followed(thrusts) - lagging) / self.time_constant] if self.moves else []
         return np.concatenate([0.0 * x, *rates], axis=-1)[..., -self.states(G) :]
 
     def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
@@ -544,7 +550,9 @@ class Thrusters(Solving):
 
     def needed(self, G: MatrixLieGroup, times: Array, torque: Array) -> Needed | None:
         """Return thrusts and their limits; None if bounded, where other thrusts may do."""
-        return None if self.sampled else (apply_matrix(self.inverse, torque), self.low, self.high)
+        if self.sampled:
+            return None
+        return apply_matrix(self.inverse, torque), self.low, self.high, ""
 
     def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
         """Yield remarks on the directions in which thrusts push not at all, or hardly."""
@@ -564,12 +572,9 @@ class Thrusters(Solving):
         self._check_rotors(problems)
         self._check_jets(self.jets, problems.at("jets"))
         self._check_changes(problems)
-        for name in ("low", "high", *SPEEDS, *self.positive):
-            here, value = problems.at(name), getattr(self, name)
-            if value is not None:
-                check_numbers(value, here, name in self.positive)
-            if isinstance(value, list) and len(value) != self.count:
-                here.add(f"expected {self.count} entries, one for each thruster, got {len(value)}")
+        ends = ("low", "high", *SPEEDS)
+        names = (*ends, *self.positive)
+        check_members(self, self.count, "thruster", names, " ".join(ends), problems)
         if not problems:
             fast = any(getattr(self, name) is not None for name in SPEEDS)
             low, high = names = SPEEDS if fast else ("low", "high")
@@ -666,7 +671,8 @@ class Thrusters(Solving):
             if value is not None and name.endswith("_speed") and self.low is not None:
                 problems.at(name).add("give limits of the speed or of the thrust, not of both")
             for entry in value if isinstance(value, list) else [value]:
-                if name.startswith("low") and entry is not None and lowest(entry) < 0:
+                low = self.one_way and name.startswith("low")
+                if low and entry is not None and lowest(entry) < 0:
                     problems.at(name).add(
                         f"a rotor pushes one way; expected at least 0, got {lowest(entry):g}"
                     )

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
-from eqt_cli.base.stored import THRUSTER, WHEEL
+from eqt_cli.base.stored import THRUSTER, WHEEL, Signal
 from eqt_cli.components.actuators import Actuator, Solving
 from eqt_cli.components.estimators import Deviations, Estimator, Schedule
 from eqt_cli.components.forces import Force, in_currents
@@ -224,6 +224,12 @@ class Vehicle:
                 columns = axes if sensor.of is None else slice(None)
                 yield place, sensor, clock, axes, columns
 
+    def error_lengths(self, G: MatrixLieGroup) -> tuple[int, ...]:
+        """Return the number of entries of each part of `Errors`, as they are drawn for a tick."""
+        m = G.dimension
+        more = 3 * bool(self.magnet), m * bool(self.more_sensors[1])
+        return m, m, len(self.holding(G)), m * self.estimates, *more
+
     def measurement_errors(
         self, G: MatrixLieGroup, instants: int, runs: Sequence[RandomOf]
     ) -> Errors:
@@ -233,7 +239,8 @@ class Vehicle:
         """
         shape, holding = (len(runs), instants), self.holding(G)
         n = {name: np.zeros((*shape, G.dimension)) for name in (POSE, VELOCITY, FLUX, FELT)}
-        bias = np.zeros((*shape, 0 if self.estimator is None else G.dimension))
+        *_, biased, in_field, feeling = self.error_lengths(G)
+        bias = np.zeros((*shape, biased))
         for place, sensor, clock, axes, columns in self.drawings(G):
             last, period = clock.numbers(instants), clock.every * self.tick
             sizes = G, int(last[-1]) + 1, period
@@ -247,9 +254,8 @@ class Vehicle:
             for channel in holding
         ]
         flags: Array = np.moveaxis(np.array(arrived).reshape(len(holding), *shape), 0, -1)
-        flux, felt = n[FLUX][..., : 3 * bool(self.magnet)], n[FELT]
-        felt = felt[..., : G.dimension * bool(self.more_sensors[1])]
-        return Errors(n[POSE], n[VELOCITY], flags, bias, flux, felt)
+        more = n[FLUX][..., :in_field], n[FELT][..., :feeling]
+        return Errors(n[POSE], n[VELOCITY], flags, bias, *more)
 
     # Estimates.
 
@@ -317,37 +323,20 @@ class Vehicle:
         return next(((place, x) for place, x in self._chain() if WHEEL in x.members), None)
 
     @property
-    def momentum_limits(self) -> tuple[Array, Array] | None:
-        """Least and largest momentum of each wheel; None without limits."""
-        most = self.wheels and self.wheels[1].momentum
-        return None if most is None else (-most, most)
-
-    @property
     def members(self) -> dict[str, tuple[str, ...]]:
         """Names of thrusters, wheels and other members, by the name of one."""
         return {dim: names for part in self.actuators for dim, names in part.members.items()}
 
     @property
-    def shows(self) -> tuple[str, ...]:
-        """The names of the signals of the actuators' own."""
-        return tuple(name for part in self.actuators for name in part.shows)
+    def shows(self) -> dict[str, Signal]:
+        """The signals of the actuators' own, by name."""
+        return {signal.name: signal for part in self.actuators for signal in part.shows}
 
-    @property
-    def thrust_limits(self) -> tuple[Array, Array] | None:
-        """Least and largest thrust of each thruster; None without limits, or of jets."""
-        parts: tuple[Any, ...] = self.actuators  # an actuator with thrusters has limits for each
-        limited = (p for p in parts if THRUSTER in p.members and p.limits and p.jets is None)
-        return next(((part.low, part.high) for part in limited), None)
-
-    @property
-    def torque_limits(self) -> tuple[Array, Array] | None:
-        """Least and largest torque along each axis; None without such limits."""
-        ranges = [getattr(part, "torque_range", None) for part in self.actuators]
-        ranges = [limits for limits in ranges if limits is not None]
-        if not ranges:
-            return None
-        lows, highs = zip(*ranges, strict=True)
-        return np.max(lows, axis=0), np.min(highs, axis=0)
+    def range_of(self, signal: str) -> tuple[Array, Array] | None:
+        """Return the least and largest values of a signal by limits of actuators, or None."""
+        ranges = [part.ranges[signal] for part in self.actuators if signal in part.ranges]
+        lows, highs = zip(*ranges, strict=True) if ranges else ((), ())
+        return (np.max(lows, axis=0), np.min(highs, axis=0)) if ranges else None
 
     @property
     def solves(self) -> int:

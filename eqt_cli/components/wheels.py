@@ -31,8 +31,8 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.expressions import formula
 from eqt_cli.base.option_types import Angle, Keys, Positive, Real, Scale, Unit
-from eqt_cli.base.stored import WHEEL
-from eqt_cli.components.actuators import Actuator, of_each
+from eqt_cli.base.stored import SIGNALS, WHEEL, Signal, signal
+from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.forces import column
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import Controller
@@ -52,6 +52,11 @@ NEAR = 1e-9
 
 FLAT = 1e-9
 """Volume of three unit axes below which they lie in one plane."""
+
+_OF_WHEEL = "absolute momentum of each wheel about its axis"
+_RELATIVE = "speed of each wheel relative to the body"
+MOMENTUM = signal("wheel_momentum", "N m s", "h", dims=(WHEEL,), words=_OF_WHEEL)
+SPEED = signal("wheel_speed", "rad/s", r"\Omega", "Ω", dims=(WHEEL,), words=_RELATIVE)
 
 OF_EACH = ("limit", "momentum", "inertia", "speed", "start", "gain", "ki")
 """Options with a number for each wheel."""
@@ -186,7 +191,6 @@ class Wheels(Actuator):
     faces: Any = field(default=(), init=False, repr=False)
     rubbing: Any = field(default=None, init=False, repr=False)
     pulled: Any = field(default=None, init=False, repr=False)
-    turning: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
 
     @property
     def limits(self) -> bool:
@@ -203,10 +207,6 @@ class Wheels(Actuator):
         """Whether drives follow a speed relative to the body, which turns."""
         return self.command == "speed"
 
-    def at(self, s: Any, stored: Any = None) -> Self:
-        """Return the wheels at the angular velocity of a state."""
-        return with_fields(self, turning=s.V) if self.changes else self
-
     @property
     def linear_part(self) -> Actuator:
         """The wheels with the momenta of the start and their drives, without limits, friction."""
@@ -216,20 +216,20 @@ class Wheels(Actuator):
         return with_fields(self, **none, allocation="pseudo_inverse", moves=False)
 
     @property
-    def wheel_names(self) -> tuple[str, ...]:
-        """Names of the wheels, numbered from 1."""
-        return tuple(f"wheel {k + 1}" for k in range(self.count))
-
-    @property
     def members(self) -> Mapping[str, tuple[str, ...]]:
-        """The names of the wheels."""
-        return {WHEEL: self.wheel_names}
+        """The wheels, numbered from 1."""
+        return {WHEEL: tuple(f"wheel {k + 1}" for k in range(self.count))}
 
     @property
-    def shows(self) -> tuple[str, ...]:
-        """Their momenta, and with their inertia their speeds."""
-        speed = () if self.inertia is None else ("wheel_speed",)
-        return ("wheel_momentum", *speed, "stored_momentum")
+    def shows(self) -> tuple[Signal, ...]:
+        """Their momenta, and with their inertia their speeds; and ‖A h‖."""
+        return (MOMENTUM, *[SPEED] * (self.inertia is not None), SIGNALS["stored_momentum"])
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[Any, Any]]:
+        """The least and largest momenta."""
+        most: Any = self.momentum
+        return {} if most is None else {"wheel_momentum": (-most, most)}
 
     def signals(self, G: MatrixLieGroup, V: Array, command: Array, x: Array) -> Arrays:
         """Return h, the speeds, and ‖A h‖."""
@@ -320,7 +320,7 @@ class Wheels(Actuator):
         """Return ż and −(g e + z) of the drives."""
         k, first = self.count, self.count * self.sampled
         ahead, z = x[..., first : first + k], x[..., first + k : first + 2 * k]
-        e = ahead / self.inertia + (0.0 if self.turning is None else self._along(self.turning))
+        e = ahead / self.inertia + (self._along(self.moving[0].V) if self.moving else 0.0)
         return self.ki * e, -(self.gain * e + z)  # type: ignore[operator]
 
     @property
@@ -474,12 +474,7 @@ class Wheels(Actuator):
             )
         self._check_others(problems)
         (self.friction or Friction()).check(problems.at("friction"))
-        for name in OF_EACH:
-            here, value = problems.at(name), getattr(self, name)
-            if value is not None:
-                check_numbers(value, here, positive=name != "start")
-            if isinstance(value, list) and len(value) != self.count:
-                here.add(f"expected {self.count} entries, one for each wheel, got {len(value)}")
+        check_members(self, self.count, "wheel", OF_EACH, "start", problems)
 
     def _check_others(self, problems: Problems) -> None:
         if self.speed is not None and self.momentum is not None:
@@ -611,7 +606,6 @@ class Magnetorquers(Actuator):
     dump: Annotated[Positive | None, Scale("gain of dumping", "1/s")] = None
     rates: Any = field(default=None, init=False, repr=False)
     poles: Any = field(default=None, init=False, repr=False)
-    known: Any = field(default=None, init=False, repr=False)
 
     @property
     def linear_part(self) -> Actuator:
@@ -641,7 +635,7 @@ class Magnetorquers(Actuator):
 
     def at(self, s: Tracking, stored: Any = None) -> Self:
         """Return the torquers in the field at a time and pose, with the momentum of the wheels."""
-        return with_fields(self, known=(self.in_body(s), stored))
+        return with_fields(self, moving=(self.in_body(s), stored))
 
     def instants(self, G: MatrixLieGroup, until: float) -> Array:
         """Return the times at which an expression changes its piece."""
@@ -650,7 +644,7 @@ class Magnetorquers(Actuator):
     def dipoles(self, command: Array) -> tuple[Array, Array, Array]:
         """Return B, the dipole that is asked for, and what the limit leaves of it, ``(..., 3)``."""
         torque = dipole = command[..., :3]
-        B, h = self.known or (self.in_space(0.0), 0.0 * command)
+        B, h = self.moving or (self.in_space(0.0), 0.0 * command)
         if self.takes == "torque":
             torque = torque if self.dump is None else 0.0 * torque - self.dump * h[..., :3]
             dipole = cross(B, torque) / dot(B, B)[..., None]

@@ -517,7 +517,8 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         demand = actuator.needed(loop.group, times, torque) if actuator.limits else None
         if demand is None or not len(demand[0]):
             continue
-        needed, low, high = np.broadcast_arrays(*demand)
+        *values, limited = demand
+        needed, low, high = np.broadcast_arrays(*values)
         beyond = np.maximum(needed - high, low - needed)
         limits = np.where(needed > high, high, low)
         # Thrusts have one unit, other limits that of their axis; a limit may be 0.
@@ -531,7 +532,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
             name, unit = (f"'{names[axis]}'", " N") if names else (actuator.name, "")
             yield (
                 (ACTUATORS, index),
-                f"{name} gives at {most} {actuator.limited}{limits[when, axis]:.4g}{unit}, but the "
+                f"{name} gives at {most} {limited}{limits[when, axis]:.4g}{unit}, but the "
                 f"reference alone needs {needed[when, axis]:.4g}{unit} at t = {t:.4g} s; no law "
                 "can follow it there",
             )

@@ -11,7 +11,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import InputError, Problems, parse_key
 from eqt_cli.base.expressions import Expression, formula
 from eqt_cli.base.option_types import Written, as_section, has_unit, number_of, seconds
-from eqt_cli.base.stored import THRUSTER, WHEEL
+from eqt_cli.base.stored import WHEEL
 from eqt_cli.components import mechanics, vehicle_parts
 from eqt_cli.components.accelerometer import Lever
 from eqt_cli.components.actuators import Actuator
@@ -713,38 +713,26 @@ def _check_currents(forces: tuple[Force, ...], problems: Problems) -> None:
             )
 
 
-def _acting(actuator: Actuator) -> str:
-    """Return the name in messages of what acts at control instants."""
-    return str(getattr(actuator, "acting_at_instants", actuator.name))
-
-
 def _check_order(parts: Sequence[Actuator], without_clock: bool, problems: Problems) -> None:
     """Note actuators that act at control instants without a clock or without a held command."""
-    moving, driven, steered = "", False, False
-    for index, actuator in enumerate(parts):
-        sampled = actuator.sampled or actuator.period is not None
+    moving, before = "", set[str]()
+    for index, part in enumerate(parts):
+        here, name = problems.at(index), getattr(part, "acting_at_instants", part.name)
+        sampled, dump = part.sampled or part.period is not None, getattr(part, "dump", None)
         if sampled and without_clock:
-            problems.at(index).add(
-                f"{_acting(actuator)} acts at control instants; set control.period"
-            )
+            here.add(f"{name} acts at control instants; set control.period")
         elif sampled and moving:
-            problems.at(index).add(
-                f"{_acting(actuator)} acts on a held command; put it before {moving}"
-            )
-        elif actuator.offset is not None and actuator.period is None:
-            problems.at(index, "offset").add("applies with a period only; add period")
-        dump = getattr(actuator, "dump", None)
-        if steered and not dump:
-            problems.at(index).add("the torque of wheels is final; put it before, or give dump")
-        if dump and not steered:
-            problems.at(index, "dump").add("takes the momentum of wheels; put wheels before it")
-        steered = steered or WHEEL in actuator.members
-        if THRUSTER in actuator.members and driven:
-            problems.at(index).add(
-                "a vehicle has one entry with thrusters; put all of them in the first one"
-            )
-        driven = driven or THRUSTER in actuator.members
-        moving = actuator.name if actuator.moves or actuator.changes else moving
+            here.add(f"{name} acts on a held command; put it before {moving}")
+        elif part.offset is not None and part.period is None:
+            here.at("offset").add("applies with a period only; add period")
+        if WHEEL in before and not dump:
+            here.add("the torque of wheels is final; put it before, or give dump")
+        if dump and WHEEL not in before:
+            here.at("dump").add("takes the momentum of wheels; put wheels before it")
+        for member in before & {*part.members} - {WHEEL}:
+            here.add(f"a vehicle has one entry with {member}s; put all of them in the first one")
+        before |= {*part.members}
+        moving = part.name if part.moves or part.changes else moving
 
 
 def _inertia(

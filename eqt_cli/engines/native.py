@@ -187,12 +187,13 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         If a component does what programs cannot, as in `programs`.
     """
     code = loop.controller if isinstance(loop.controller, RunsCode) else None
+    lengths = loop.vehicle.error_lengths(loop.group) if loop.vehicle.measures else ()
 
     def law_input(inputs: Arrays) -> Arrays:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
         errors = None
         if "errors" in inputs:  # E = exp(n); without noise of the pose, E = 1
-            G, parts = loop.group, np.split(inputs["errors"], np.cumsum(_lengths(loop))[:-1])
+            G, parts = loop.group, np.split(inputs["errors"], np.cumsum(lengths)[:-1])
             n, *others = (part[None] for part in parts)
             errors = Errors(G.exp(n) if loop.vehicle.pose_sensors else G.identity[None], *others)
         state = symbolic.measured(t, state, errors)
@@ -210,15 +211,15 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
 
     def after(inputs: Arrays) -> Arrays:
         symbolic, (t,), state = symbolic_loop(loop, inputs), inputs["time"], inputs["state"][None]
-        lengths = loop.controller.memory(loop.group)
-        parts = np.split(inputs["memory"][None], np.cumsum([*lengths.values()]), axis=1)
-        memory = dict(zip(lengths, parts, strict=False))
+        of_law = loop.controller.memory(loop.group)
+        parts = np.split(inputs["memory"][None], np.cumsum([*of_law.values()]), axis=1)
+        memory = dict(zip(of_law, parts, strict=False))
         solved = inputs["solved"][None] if "solved" in inputs else None
         return {"state": symbolic.after_answer(t, state, inputs["torque"][None], memory, solved)[0]}
 
     m = loop.group.dimension
     inputs = inputs_of(loop, loop.state_length)
-    measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
+    measured = inputs | ({"errors": sum(lengths)} if lengths else {})
     remembered = sum(loop.controller.memory(loop.group).values())
     solved = {"solved": loop.vehicle.solves} if loop.vehicle.solves else {}
     with _explained(loop):
@@ -269,13 +270,6 @@ def sampled(
         return traced(arrays, inputs_of(loop, sum(lengths)))
     except Exception:
         return None
-
-
-def _lengths(loop: ClosedLoop) -> tuple[int, ...]:
-    """Return the number of entries of each part of `Errors`."""
-    G, vehicle, m = loop.group, loop.vehicle, loop.group.dimension
-    more = 3 * bool(vehicle.magnet), m * bool(vehicle.more_sensors[1])
-    return m, m, len(vehicle.holding(G)), m * vehicle.estimates, *more
 
 
 def parameter_rows(problem: Problem) -> Array:

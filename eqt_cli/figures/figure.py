@@ -15,7 +15,7 @@ from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, Problems, suggestion
 from eqt_cli.base.option_types import validated
 from eqt_cli.base.registry import Component, Registry, blamed
-from eqt_cli.base.stored import LAW_OUTPUT, MIXED, OUTPUT
+from eqt_cli.base.stored import LAW_OUTPUT, MIXED
 from eqt_cli.components.groups import MatrixLieGroup, known_group
 from eqt_cli.components.initial_states import Stream, generator_at
 from eqt_cli.components.matrix_groups import turn_of_distance
@@ -43,10 +43,6 @@ from eqt_cli.results.result import Result
 
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
-
-
-MEMBERS = {"thrust": "thruster", "wheel_momentum": "wheel", LAW_OUTPUT: OUTPUT}
-"""Dimensions of signals that have a row for each thruster, wheel, or number of a law."""
 
 
 _IN_SPACE = {"pose_error_rotation": "attitude_angle", "pose_error_translation": "position_error"}
@@ -293,20 +289,23 @@ class ShownRuns(ShownControllers):
         return [name for name in wanted if name not in still]
 
     def members(self, signal: str) -> list[str]:
-        """Return the names of the thrusters, wheels, or numbers of laws that have the signal.
+        """Return the names of the thrusters, wheels, … or numbers of laws that have the signal.
 
         Raises
         ------
         EqtError
             If a vehicle has none, or its names differ from the first vehicle's.
         """
-        member = MEMBERS[signal]
         for result in self.results:
-            if not result.has(signal):
-                message = f"finds no {member}s on this vehicle; leave out the option '{member}s'"
-                if member == OUTPUT:
+            if not (result.has(signal) and len(result.dims(signal)) == 4):
+                members = {"thrust": "thrusters", "wheel_momentum": "wheels"}.get(signal, signal)
+                message = f"finds no {members} on this vehicle; leave out the option '{members}'"
+                if signal == LAW_OUTPUT:
                     message = "finds no numbers of laws: none has memory, or store.memory is off"
+                elif members == signal:
+                    message = f"finds no signal '{signal}' with a row for each member"
                 raise error_of(result, self.figure, message)
+        member = self.results[0].dims(signal)[-1]
         names = [[str(name) for name in result.coordinate(member)] for result in self.results]
         if any(of_result != names[0] for of_result in names):
             raise self.error(f"has a row for each {member}, and the results have other {member}s")
@@ -323,8 +322,7 @@ class ShownRuns(ShownControllers):
         loop = result.loops[ensemble.law]
         random_of = partial(generator_at, result.described.seed, Stream.VEHICLE, run)
         flying = loop.vehicle.of_run(loop.group, random_of)
-        known = {"thrust": flying.thrust_limits, "wheel_momentum": flying.momentum_limits}
-        limits = known.get(signal, flying.torque_limits)
+        limits = flying.range_of(signal)
         factor = ensemble.results.factor(signal)
         return limits and (limits[0] * factor, limits[1] * factor)
 

@@ -344,8 +344,7 @@ _SEEN = 2.0
 """Multiple of the largest value in a row up to which its limits are drawn."""
 Limits = tuple[Array, Array] | None
 
-_OUTPUT = {"torque": "given", "thrust": "thrust", "wheel_momentum": "momentum"}
-_OUTPUT[LAW_OUTPUT] = "number of the law"
+_OUTPUT = {"torque": "given", "wheel_momentum": "momentum", LAW_OUTPUT: "number of the law"}
 _STEP = 0.03
 """Least step of a curve that counts, as a share of its range."""
 _MOST_TURNS, _SHOWN_TURNS, _BINS = 200, 20, 150
@@ -377,6 +376,8 @@ class Commands(Panelled, OverTime):
         Show wheel momenta instead, one row each.
     law_outputs
         Show the memory and other outputs of each law instead, one row each.
+    signal
+        Show a signal of thrusters, wheels, gyros, … by its name instead, such as gimbal_angle.
     """
 
     name: ClassVar[str] = "commands"
@@ -385,13 +386,15 @@ class Commands(Panelled, OverTime):
     thrusters: bool = False
     wheels: bool = False
     law_outputs: bool = False
+    signal: str = ""
 
     @property
     def _signal(self) -> str:
         """The signal whose rows are shown."""
         chosen = {"thrust": self.thrusters, "wheel_momentum": self.wheels}
         chosen |= {LAW_OUTPUT: self.law_outputs}
-        return next((signal for signal, is_wanted in chosen.items() if is_wanted), "torque")
+        wanted = (signal for signal, is_wanted in chosen.items() if is_wanted)
+        return next(wanted, self.signal or "torque")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Draw a row with its own scale per axis, and a column per law."""
@@ -428,7 +431,7 @@ class Commands(Panelled, OverTime):
             name_scale(next(iter(rows[name].values())), axes[name])
             within = span if name == _CLOSELY else runs.span
             row = [e for e in runs.shown if e.label in rows[name]]
-            alike = [*places.values()] if signal in ("thrust", "wheel_momentum") else [k]
+            alike = [k] if signal in ("torque", LAW_OUTPUT) else [*places.values()]
             outputs = np.array([np.abs(self._values(runs, e)[0][:, alike]).max() for e in row])
             reach = _SEEN * np.max(outputs, initial=0.0, where=np.isfinite(outputs))
             for e in row:
@@ -545,7 +548,8 @@ class Commands(Panelled, OverTime):
         if np.isfinite((low, high)).all() and "limit" not in kinds and reach:
             text = f"{low:.3g} to {high:.3g} {runs.unit(signal)}"
             kinds.add(f"Limits beyond some scales: {text}.".replace("-", "−"))
-        fast = _draw(axes, times, output, color=ensemble.look.colour, label=_OUTPUT[signal])
+        label = _OUTPUT.get(signal, signal.replace("_", " "))
+        fast = _draw(axes, times, output, color=ensemble.look.colour, label=label)
         if signal == "torque":
             held = ensemble.results.loops[ensemble.law].vehicle.control
             look = _COMMAND | {"drawstyle": "steps-post" if held else "default"}
@@ -554,7 +558,8 @@ class Commands(Panelled, OverTime):
 
     def _add_legend(self, drawing: Drawing, runs: ShownRuns, kinds: set[str]) -> None:
         alone = runs.shown[0].look.colour if len(runs.shown) == 1 else ink(_ANY)
-        output = {**_OUTPUT, "torque": "given by the actuators"}[self._signal]
+        words = {**_OUTPUT, "torque": "given by the actuators"}
+        output = words.get(self._signal, self._signal.replace("_", " "))
         handles: dict[str, Artist] = {output: Line2D([], [], color=alone)}
         if self._signal == LAW_OUTPUT:
             handles = {e.title: Line2D([], [], color=e.look.colour) for e in runs.shown}

@@ -13,7 +13,7 @@ from eqt_cli.base.arrays import Array, Arrays, dot, stack
 from eqt_cli.base.errors import KeyPath, parse_key
 from eqt_cli.base.registry import is_foreign
 from eqt_cli.components.accelerometer import felt, reads_specific_force
-from eqt_cli.components.actuators import Actuator
+from eqt_cli.components.actuators import Actuator, any_runs
 from eqt_cli.components.blocks import (
     COMMAND,
     SOLVED,
@@ -332,7 +332,7 @@ class ClosedLoop:
         if any(name.startswith(MEMORY) for name in stretches):
             stretches |= _named(MEMORY, self.controller.initial_memory(self.tracking(t, state)))
             state = self.layout.join(stretches, state)
-        if any(part.runs for part in self.vehicle.actuators):
+        if any_runs(self.vehicle.actuators):
             s = self.tracking(t, state)
             command = s.command(self.controller.torque(s))
             stretches |= _named(VEHICLE, at_start(Now(self.blocks, s, {COMMAND: command})))

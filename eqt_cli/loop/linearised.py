@@ -711,11 +711,8 @@ def _at_instant(loop: ClosedLoop, instant: int | None) -> Errors:
     flags = [FIRST] * len(holding)
     if instant is not None:
         flags = [MEASURED if channel.clock.is_due(instant) else NOTHING for channel in holding]
-    m, still = G.dimension, np.zeros(G.dimension)
-    bias = still if loop.vehicle.estimator is not None else np.empty(0)
-    flux = np.zeros(3 if loop.vehicle.magnet else 0)
-    force = still[: m * bool(loop.vehicle.more_sensors[1])]
-    return Errors(G.identity, still, np.array(flags), bias, flux, force)
+    _, velocity, _, *others = map(np.zeros, loop.vehicle.error_lengths(G))
+    return Errors(G.identity, velocity, np.array(flags), *others)
 
 
 # Whether small errors of a linearised loop decay --------------------------------------------------

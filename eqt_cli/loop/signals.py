@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
 from operator import attrgetter
-from typing import Any, ClassVar, NamedTuple, Self, TypeAlias, get_args
+from typing import Any, ClassVar, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from eqt_cli.base.arrays import Array, absolute, frobenius, less, norm, outside,
 from eqt_cli.base.errors import Problems, suggestion
 from eqt_cli.base.registry import Component, Registry
 from eqt_cli.base.stored import MIXED, OUTPUT, SIGNALS, Better, Signal
-from eqt_cli.components.blocks import COMMAND, beyond_limits, cut_axes, signals
+from eqt_cli.components.blocks import COMMAND, Now, beyond_limits, cut_axes, signals
 from eqt_cli.components.estimators import pivots, symmetric
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller, OuterLoop
@@ -40,32 +40,15 @@ class LoopState(NamedTuple):
     """What signals follow from: all that a law reads, and what the loop makes of it."""
 
     s: Tracking
-    command: Array
-    torque: Array
-    pointing: Array
-    attitude_error: Array
-    at_limit: Array
-    cut: Array
-    of_actuators: Mapping[str, Array]
+    loop: ClosedLoop
+    now: Now
     lyapunov: Array
-    output: Array
 
-    @classmethod
-    def of(cls, loop: ClosedLoop, s: Tracking) -> Self:
-        """Evaluate a loop in a state, of floats or symbols."""
-        vehicle, now = loop.vehicle, loop.now(s)
-        command = now[COMMAND]
-        torque = now["forces.torque"] if vehicle.actuators or vehicle.control else command
+    @property
+    def none(self) -> Array:
+        """NaN, for what a loop does not have."""
         with np.errstate(invalid="ignore"):  # symbols compare NaN
-            attitude = pointing = s.P[..., 0] * 0.0 + np.nan
-        if isinstance(law := loop.controller.formula, OuterLoop):
-            attitude = law.attitude_error(s)
-        if not loop.task.is_whole:
-            distance = loop.task.part_error(s.Q, s.Qd, _rotations(s.G)[0])
-            pointing = turn_of_distance(distance) * (180 / np.pi)
-        limited = beyond_limits(now), cut_axes(now, vehicle.limits)
-        acting = torque, pointing, attitude, *limited, signals(now)
-        return cls(s, command, *acting, loop.lyapunov(s), _output(loop, s))
+            return self.s.P[..., 0] * 0.0 + np.nan
 
 
 def _output(loop: ClosedLoop, s: Tracking) -> Array:
@@ -170,7 +153,7 @@ def velocity(x: LoopState) -> Array:
 @_signal()
 def torque(x: LoopState) -> Array:
     """control torque tau, body frame."""
-    return x.torque
+    return x.now["forces.torque"]
 
 
 @_signal()
@@ -188,7 +171,7 @@ def velocity_error(x: LoopState) -> Array:
 @_signal()
 def torque_norm(x: LoopState) -> Array:
     """torque norm ||tau||."""
-    return x.torque
+    return x.now["forces.torque"]
 
 
 @_signal()
@@ -211,7 +194,10 @@ def _rotations(group: MatrixLieGroup) -> list[Part]:
 @_signal(exists_for=lambda loop: not loop.task.is_whole)
 def pointing_error(x: LoopState) -> Array:
     """angle between the axis that points and where it is to point."""
-    return x.pointing
+    if x.loop.task.is_whole:
+        return x.none
+    distance = x.loop.task.part_error(x.s.Q, x.s.Qd, _rotations(x.s.G)[0])
+    return turn_of_distance(distance) * (180 / np.pi)
 
 
 @_signal(
@@ -233,7 +219,8 @@ def heading_error(x: LoopState) -> Array:
 @_signal(exists_for=lambda loop: isinstance(loop.controller.formula, OuterLoop))
 def attitude_command_error(x: LoopState) -> Array:
     """distance ||R - Rc||_F from the attitude that the law commands."""
-    return x.attitude_error
+    law = x.loop.controller.formula
+    return law.attitude_error(x.s) if isinstance(law, OuterLoop) else x.none
 
 
 # The actuators ------------------------------------------------------------------------------------
@@ -242,19 +229,19 @@ def attitude_command_error(x: LoopState) -> Array:
 @_signal(stored_of=lambda of: bool(of.actuators or of.control))
 def command(x: LoopState) -> Array:
     """torque that the law asks for, body frame."""
-    return x.command
+    return x.now[COMMAND]
 
 
 @_signal(stored_of=attrgetter("limits"))
 def at_limit(x: LoopState) -> Array:
     """1 where an actuator is at its limit, else 0."""
-    return x.at_limit
+    return beyond_limits(x.now)
 
 
 @_signal(stored_of=lambda of: False)
 def cut(x: LoopState) -> Array:
     """1 where limits change the command, else 0."""
-    return x.cut
+    return cut_axes(x.now, x.loop.vehicle.limits)
 
 
 @_signal(stored_of=attrgetter("burns"), only_there=True)
@@ -263,10 +250,16 @@ def burnt(x: LoopState) -> Array:
     return x.s.vehicle.get(PROPELLANT, np.nan * x.s.P)[..., 0]
 
 
+@_signal(stored_of=attrgetter("wheels"))
+def stored_momentum(x: LoopState) -> Array:
+    """momentum that the wheels store together, ||A h||."""
+    return signals(x.now).get("stored_momentum", 0.0 * x.s.P[..., 0])
+
+
 @_signal()
 def law_output(x: LoopState) -> Array:
     """numbers of the law itself: its memory, and what else it gives."""
-    return x.output
+    return _output(x.loop, x.s)
 
 
 # The estimate that a law reads, and its quality, at the last control instant ----------------------
@@ -421,21 +414,21 @@ def innovation_correlation(x: LoopState) -> Array:
 # Signals of actuators, whose formulas are in their files ------------------------------------------
 
 
-def _of_actuator(signal: Signal) -> LoopSignal:
-    """Return a signal that an actuator `shows`; 0 without one, if it has no dimension."""
-    name = signal.name
-
-    def formula(x: LoopState) -> Array:
-        return x.of_actuators.get(name, 0.0 * x.s.P[..., 0])
-
-    return LoopSignal(**vars(signal), formula=formula, stored_of=lambda of: name in of.shows)
+FORMULAS = {name: _WRITTEN[name] for name in SIGNALS}
+"""All signals but those of actuators, by name, in the order of `compute`."""
 
 
-FORMULAS = {
-    name: _of_actuator(signal) if signal.words else _WRITTEN[name]
-    for name, signal in SIGNALS.items()
-}
-"""All signals by name, in the order of `compute`."""
+def formulas_of(vehicle: Vehicle) -> dict[str, LoopSignal]:
+    """Return `FORMULAS`, and the signals that the actuators of a vehicle show."""
+
+    def of_actuator(name: str) -> Formula:
+        return lambda x: signals(x.now)[name]
+
+    return FORMULAS | {
+        name: LoopSignal(**vars(signal), formula=of_actuator(name))
+        for name, signal in vehicle.shows.items()
+        if signal.words
+    }
 
 
 # Evaluation ---------------------------------------------------------------------------------------
@@ -489,7 +482,7 @@ def at_state(
         The requested signals of estimates, NaN where there is no estimate; if empty, all that
         exist.
     """
-    state = LoopState.of(loop, s)
+    state = LoopState(s, loop, loop.now(s), loop.lyapunov(s))
     for name, (signal, part) in existing(loop).items():
         exists = not signal.only_there or signal.stored_of(loop.vehicle)
         if not signal.only_there or (exists and not names) or name in names:
@@ -504,9 +497,8 @@ def existing(loop: ClosedLoop) -> dict[str, tuple[LoopSignal, Part | None]]:
     vehicle, lengths = loop.vehicle, {OUTPUT: loop.controller.outputs(loop.group)}
     return {
         f"{signal.name}_{part.name}" if part else signal.name: (signal, part)
-        for signal in FORMULAS.values()
+        for signal in formulas_of(vehicle).values()
         if all(lengths.get(dim, True) for dim in signal.dims) and signal.exists_on(loop.group)
-        if not (signal.words and signal.dims) or signal.name in vehicle.shows
         for part in (None, *signal.parts(loop.group))
     }
 

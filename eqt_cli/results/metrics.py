@@ -9,8 +9,9 @@ from typing import Any, get_args
 import numpy as np
 
 from eqt_cli.base.arrays import Array, absolute, less, maximum, sqrt, where
+from eqt_cli.base.errors import printable
 from eqt_cli.base.registry import registry, summary
-from eqt_cli.base.stored import SIGNALS, Better, Status, Symbol, signal_of
+from eqt_cli.base.stored import SIGNALS, Better, Signal, Status, Symbol, signal_of
 from eqt_cli.numbers.running import SampledRuns, changes_missed
 from eqt_cli.results.quantity import LAST_RESORT, WHOLE, Measure, ValuePer, Window
 
@@ -423,18 +424,21 @@ STATUS_MEANINGS = "; ".join(
 DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torque": "torque"}
 """Stored quantities of the reference, and the signal that each corresponds to."""
 
-_OVER_TIME = tuple(
-    Measure(
+
+def over_time(signal: Signal) -> Measure:
+    """Return the row of a signal over time; files say the symbol of one that has `words`."""
+    return Measure(
         signal.name,
-        signal.name.replace("_", " "),
+        signal.words or signal.name.replace("_", " "),
         per=ValuePer.TRAJECTORY,
         signals=(signal.name,),
+        symbol=signal.symbol,
         label="{}",
         dims=("time", *signal.dims),
         rank=signal.rank,
+        notes={"symbol": signal.symbol.plain} if signal.words else {},
     )
-    for signal in SIGNALS.values()
-)
+
 
 _DESIRED = tuple(
     Measure(
@@ -495,7 +499,14 @@ _OF_THE_RUN = (
 
 QUANTITIES = {
     quantity.name: quantity
-    for quantity in (*_OVER_TIME, *_DESIRED, *_INITIAL, *METRICS, *CONSISTENCY, *_OF_THE_RUN)
+    for quantity in (
+        *map(over_time, SIGNALS.values()),
+        *_DESIRED,
+        *_INITIAL,
+        *METRICS,
+        *CONSISTENCY,
+        *_OF_THE_RUN,
+    )
 }
 """All quantities by name; the stored ones are in the order of result files."""
 
@@ -548,6 +559,8 @@ def quantity_of(
             return row.with_choices(attributes).part(name.removeprefix(f"{row.name}_"))
     if not attributes and name in (plugins := registry("metrics")).names():
         return own_quantity(plugins.get(name))
+    if isinstance(plain := attributes.get("symbol"), str):
+        return over_time(Signal(name, Symbol("", printable(plain)), "", words=long_name or name))
     if (signal := signal_of(name)) and signal.norm:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Measure(name, long_name or name, units="")

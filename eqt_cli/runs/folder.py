@@ -34,7 +34,7 @@ from eqt_cli.base.files import Entry, FilePattern, FolderPattern
 from eqt_cli.base.option_types import shown
 from eqt_cli.base.store_reader import open_results
 from eqt_cli.base.store_writer import Assembly, Attribute, Variable, assemble
-from eqt_cli.base.stored import MEMBERS, MIXED, OUTPUT, signal_of
+from eqt_cli.base.stored import MIXED, OUTPUT, signal_of
 from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
@@ -44,8 +44,15 @@ from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.remarks import gains_flown
 from eqt_cli.config.schema import Config
 from eqt_cli.config.study import Study, section_of
-from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, holds, output_names
-from eqt_cli.results.metrics import ESTIMATE_SETTLING, MEASURED, QUANTITIES, SETTLING, own_quantity
+from eqt_cli.loop.signals import FORMULAS, LoopSignal, Metric, formulas_of, holds, output_names
+from eqt_cli.results.metrics import (
+    ESTIMATE_SETTLING,
+    MEASURED,
+    QUANTITIES,
+    SETTLING,
+    over_time,
+    own_quantity,
+)
 from eqt_cli.results.origin import stored_part
 from eqt_cli.results.quantity import Measure, ValuePer
 from eqt_cli.results.timing import TIMING
@@ -331,20 +338,25 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     """
     quantities, group = list[Measure](), experiment.group
     vehicle = experiment.loop.vehicle
-    vehicles = vehicles or [vehicle]
-    for quantity in (*QUANTITIES.values(), *map(own_row, experiment.metrics)):
-        # Points with and without thrusters or wheels have different shapes.
-        of = [vehicle] if MEMBERS & set(quantity.dims) else vehicles
-        signal = FORMULAS.get(quantity.signals[0]) if quantity.signals else None
+    # Points whose actuators show other signals have different shapes.
+    formulas, shown = formulas_of(vehicle), [x for x in vehicle.shows.values() if x.words]
+    rows = *QUANTITIES.values(), *map(over_time, shown), *map(own_row, experiment.metrics)
+    for quantity in rows:
+        signal = formulas.get(quantity.signals[0]) if quantity.signals else None
         stored_of = quantity.stored_of
         if signal and quantity.per is ValuePer.TRAJECTORY:
             quantity, stored_of = replace(quantity, long_name=signal.long_name), signal.stored_of
-        if not (quantity.stored and any(map(stored_of, of)) and _exists(quantity, group)):
+        if not (
+            quantity.stored
+            and any(map(stored_of, vehicles or [vehicle]))
+            and _exists(quantity, group)
+        ):
             continue
         others = {each.name for each in quantities} | {x.name for x in derived(group, "ZYX")}
-        if quantity.is_own and quantity.name in RESERVED | others:
+        if quantity.name in RESERVED | others and (quantity.is_own or "symbol" in quantity.notes):
+            kind = "metric" if quantity.is_own else "signal of an actuator"
             raise ComponentError(
-                f"metric '{quantity.name}': results have a number of this name; rename yours"
+                f"{kind} '{quantity.name}': results have a number of this name; rename yours"
             )
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
@@ -354,7 +366,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         if OUTPUT in quantity.dims and not outputs_of_laws(experiment):
             continue
         units = quantity.unit(
-            _unit_of(quantity.signals[0], laws, group) if quantity.signals else ""
+            _unit_of(quantity.signals[0], laws, group, formulas) if quantity.signals else ""
         )
         quantities.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if signal and (quantity.per is ValuePer.TRAJECTORY or quantity.stored_by_part):
@@ -370,12 +382,14 @@ def own_row(metric: Metric) -> Measure:
     return own_quantity(type(metric), of=metric.of)
 
 
-def _unit_of(name: str, laws: Iterable[Controller], G: MatrixLieGroup) -> str:
+def _unit_of(
+    name: str, laws: Iterable[Controller], G: MatrixLieGroup, formulas: Mapping[str, LoopSignal]
+) -> str:
     """Return the unit of a signal, or of one in a part, or of a number of a law."""
-    if signal := FORMULAS.get(name):
+    if signal := formulas.get(name):
         return signal.units(G)
     if known := signal_of(name):
-        signal = FORMULAS[known.name]
+        signal = formulas[known.name]
         part = next(each for each in signal.parts(G) if name == f"{signal.name}_{each.name}")
         return signal.unit_in(part)
     return next((law.output_units[name] for law in laws if name in law.output_units), "1")

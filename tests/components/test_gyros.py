@@ -5,11 +5,13 @@ import pytest
 from plain import hat
 from plain_satellite import exp
 from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.blocks import signals
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.gyros import Gyros
+from eqt_cli.loop.linearised import linearised
 
 INERTIA = np.array([[12.0, 0.4, 0.0], [0.4, 10.0, -0.3], [0.0, -0.3, 6.0]])
 MOMENTA, GIMBAL, GAIN = np.array([2.0, 2.1, 1.9, 2.0]), 0.02, 0.5
@@ -41,27 +43,51 @@ def axes():
     return np.moveaxis(np.array(rows), 0, -1)
 
 
-def plain(times, start):
-    """R, ω, δ and p by SciPy, with Newton's and Euler's laws for each gyro by itself."""
+def rate(t, y):
+    """Ṙ, ω̇, δ̇ and ṗ, with Newton's and Euler's laws for each gyro by itself."""
     g, s0 = axes()
     across = np.cross(g, s0, axis=0)
+    R, w, angle, p = y[:9].reshape(3, 3), y[9:12], y[12:16], y[16:]
+    s = np.cos(angle) * s0 + np.sin(angle) * across
+    A = MOMENTA * (np.cos(angle) * across - np.sin(angle) * s0)
+    error = np.array([(R - R.T)[2, 1], (R - R.T)[0, 2], (R - R.T)[1, 0]])
+    command = -2.0 * error - 8.0 * w + np.cross(w, INERTIA @ w)
+    regular = A @ A.T + 0.01 * np.mean(MOMENTA**2) * np.eye(3)
+    wanted = np.clip(-A.T @ np.linalg.solve(regular, command), -1.0, 1.0)
+    turning = p / GIMBAL - g.T @ w
+    H, p_dot = s @ MOMENTA + g @ p, GAIN * (wanted - turning) + A.T @ w
+    total = INERTIA @ w + H
+    w_dot = np.linalg.solve(INERTIA, -np.cross(w, total) - A @ turning - g @ p_dot)
+    return np.concatenate([(R @ hat(w)).ravel(), w_dot, turning, p_dot])
 
-    def rate(t, y):
-        R, w, angle, p = y[:9].reshape(3, 3), y[9:12], y[12:16], y[16:]
-        s = np.cos(angle) * s0 + np.sin(angle) * across
-        A = MOMENTA * (np.cos(angle) * across - np.sin(angle) * s0)
-        error = np.array([(R - R.T)[2, 1], (R - R.T)[0, 2], (R - R.T)[1, 0]])
-        command = -2.0 * error - 8.0 * w + np.cross(w, INERTIA @ w)
-        regular = A @ A.T + 0.01 * np.mean(MOMENTA**2) * np.eye(3)
-        wanted = np.clip(-A.T @ np.linalg.solve(regular, command), -1.0, 1.0)
-        turning = p / GIMBAL - g.T @ w
-        H, p_dot = s @ MOMENTA + g @ p, GAIN * (wanted - turning) + A.T @ w
-        total = INERTIA @ w + H
-        w_dot = np.linalg.solve(INERTIA, -np.cross(w, total) - A @ turning - g @ p_dot)
-        return np.concatenate([(R @ hat(w)).ravel(), w_dot, turning, p_dot])
 
+def plain(times, start):
+    """R, ω, δ and p by SciPy."""
     how = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "t_eval": times}
     return solve_ivp(rate, (0, times[-1]), start, **how).y.T
+
+
+def test_the_linear_loop_at_rest_is_that_of_a_plain_program(experiment_of):
+    """Eigenvalues by differences, of which four are 0: angles alone move nothing."""
+    turned_by = Rotation.from_rotvec
+    values = {"inertia": INERTIA.tolist(), "momenta": MOMENTA.tolist(), "gimbal": GIMBAL}
+    text = TEXT.format(**values, gain=GAIN, start=START, engine="solve_ivp")
+    loop = experiment_of(text).loops["lee2010"]
+    rest = linearised(loop, np.zeros(1), np.eye(3)[None], np.zeros((1, 3)))
+
+    def change(x):
+        y = np.concatenate([turned_by(x[:3]).as_matrix().ravel(), x[3:6], START + x[6:10], x[10:]])
+        turned = y[:9].reshape(3, 3).T @ rate(0.0, y)[:9].reshape(3, 3)
+        skew = (turned - turned.T) / 2
+        return np.concatenate([[skew[2, 1], skew[0, 2], skew[1, 0]], rate(0.0, y)[9:]])
+
+    steps = 1e-6 * np.eye(14)
+    slopes = np.array([(change(x) - change(-x)) / 2e-6 for x in steps]).T
+    expected, found = np.linalg.eigvals(slopes), np.linalg.eigvals(rest.closed[0])
+    assert np.sort(np.abs(expected))[3] < 1e-6
+    expected = expected[np.argsort(np.abs(expected))[4:]]
+    # Central differences are exact to about 1e-10 of the entries, which are up to 1e2.
+    np.testing.assert_allclose(np.sort(found), np.sort(expected), rtol=0, atol=1e-6)
 
 
 SLOW = pytest.mark.ci("solves by NumPy")
@@ -88,7 +114,7 @@ def test_states_are_those_of_a_plain_program(flown):
     np.testing.assert_allclose(s.V[0], expected[:, 9:12], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found["gimbal_angle"][0], expected[:, 12:16], rtol=0, atol=1e-9)
     rates = expected[:, 16:] / GIMBAL - expected[:, 9:12] @ axes()[0]
-    np.testing.assert_allclose(found["gimbal_rate"][0], rates, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["gimbal_rate"][0], rates, rtol=0, atol=1e-9)
     assert np.abs(expected[:, 12:16] - START).max() > 0.3  # they turn far
     assert np.linalg.norm(s.Q[0, -1] - np.eye(3)) < np.linalg.norm(s.Q[0, 0] - np.eye(3))
 

@@ -295,12 +295,12 @@ def test_a_vehicle_has_the_limits_and_the_solution_of_its_thrusters():
     limited = Thrusters(matrix=np.eye(3).tolist(), low=-1.0, high=2.0, allocation="bounded")
     free, all_axes = Thrusters(matrix=np.eye(3).tolist()), Limit(limit=1.5)
     G = group_named("SO3")
-    assert Vehicle(actuators=(all_axes,)).of_run(G).thrust_limits is None
-    assert Vehicle(actuators=(free,)).of_run(G).thrust_limits is None
+    assert Vehicle(actuators=(all_axes,)).of_run(G).range_of("thrust") is None
+    assert Vehicle(actuators=(free,)).of_run(G).range_of("thrust") is None
     rate = RateLimit(rate=20.0)  # 2 in a period
     vehicle = Vehicle(actuators=(rate, all_axes, limited), control=Sampling(period=0.1)).of_run(G)
     assert vehicle.solves == 3
-    low, high = vehicle.thrust_limits
+    low, high = vehicle.range_of("thrust")
     np.testing.assert_array_equal([low, high], [[-1.0] * 3, [2.0] * 3])
     asked = np.array([[3.0, -3.0, 0.5]])
     states = {name: np.zeros((1, length)) for name, length in vehicle.states(G).items()}

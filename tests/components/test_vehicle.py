@@ -181,10 +181,10 @@ def test_a_limit_is_reached_by_more_than_it():
     command = np.array([[1.0, -2.0, 3.0], [1.0, -2.0, 3.1], [0.6, -1.0, 1.0]])
     assert each.at_limit(SO3, command, none).tolist() == [False, True, False]
     assert whole.at_limit(SO3, command, none).tolist() == [True, True, False]
-    needed, low, high = each.needed(SO3, np.zeros(1), command)
+    needed, low, high, _ = each.needed(SO3, np.zeros(1), command)
     np.testing.assert_array_equal(needed, command)
     np.testing.assert_array_equal(np.array([high, 0 - low]), [[1.0, 2.0, 3.0]] * 2)
-    sizes, _, most = whole.needed(SO3, np.zeros(1), command[:1])  # in the longest axis
+    sizes, _, most, _ = whole.needed(SO3, np.zeros(1), command[:1])  # in the longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
 
 
@@ -192,9 +192,9 @@ def test_limits_along_the_axes_are_the_narrowest_of_all_actuators():
     """The limit of a norm, and what has no limit, have none along an axis."""
     parts = Limit([1.0, 2.0, 3.0]), Lag(0.5), Limit(low=-1.5, high=[0.5, 2.5, 1.0])
     whole = Limit(1.0, norm=True)
-    low, high = Vehicle(actuators=(*parts, whole)).of_run(SO3).torque_limits
+    low, high = Vehicle(actuators=(*parts, whole)).of_run(SO3).range_of("torque")
     np.testing.assert_array_equal([low, high], [[-1.0, -1.5, -1.5], [0.5, 2.0, 1.0]])
-    assert Vehicle(actuators=(whole, Lag(0.5))).of_run(SO3).torque_limits is None
+    assert Vehicle(actuators=(whole, Lag(0.5))).of_run(SO3).range_of("torque") is None
 
 
 def test_a_limit_of_the_norm_counts_in_units_of_the_limits():
@@ -247,7 +247,7 @@ def test_a_scaled_command_follows_the_thrust_curve(noted):
 def test_wheels_are_judged_by_the_integral_of_the_torque():
     limit = MomentumLimit(momentum=[1.0, 2.0, 3.0]).of_run(SO3, None)
     times, torque = np.array([0.0, 0.5, 0.75]), np.array([[0, 0, 0], [1, -1, 4], [3, -1, 0.0]])
-    needed, _, most = limit.needed(SO3, times, torque)
+    needed, _, most, _ = limit.needed(SO3, times, torque)
     np.testing.assert_array_equal(needed, [[0.25, -0.25, 1.0], [0.75, -0.5, 1.5]])
     np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
 
@@ -659,7 +659,7 @@ def test_a_run_draws_its_own_numbers_whatever_else_there_is():
 def test_a_rate_limit_is_judged_by_the_change_of_the_torque():
     limit = RateLimit(rate=[1.0, 2.0, 3.0]).of_run(SO3, None)
     times, torque = np.array([0.0, 0.5, 0.75]), np.array([[0, 0, 0], [1, -1, 0], [1, -2, 1.0]])
-    needed, _, most = limit.needed(SO3, times, torque)
+    needed, _, most, _ = limit.needed(SO3, times, torque)
     np.testing.assert_array_equal(needed, [[2, -2, 0], [0, -4, 4]])
     np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
 

@@ -65,6 +65,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "rate_loop": {"gains": 2.0, "cutoff": 3.0, "kd": 0.01, "feedforward": 0.1},
     "thrusters": {"matrix": [[1.0 * (row == k) + 0.1 * (k > 5) for k in range(8)] for row in
         range(6)], "low": -0.5, "high": 0.4, "time_constant": 0.2},
+    "propellers": {"matrix": [[1.0 * (row == k) + 0.1 * (k > 5) for k in range(8)] for row in
+        range(6)], "thrust_constant": 1e-3, "time_constant": 0.2, "low_speed": -20.0,
+        "high_speed": 25.0, "astern": 0.8, "dead_speed": 6.0},
     "path": {"factors": [PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]},
     "rates": {"rates": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
     "slew": {"to": {"rotvec": [0, 0.5, 1]}, "duration": 3.0},

@@ -115,15 +115,13 @@ class Model:
         true, model = self.loop.vehicle.inertia, self.loop.inertia.at(0.0)
         return model if true is None else true.at(model, 0.0)
 
-    def _tracking(self, x: LawInput) -> Any:
-        return x.tracking(self.group, self.loop.inertia, self.loop.gains, {})
-
     def acceleration(self, states: States) -> Array:
         """V̇ = 𝕀⁻¹(ad*_V 𝕀V + B f + forces + h × ω) at t = 0, body frame, ``(..., m)``.
 
         Forces are those of `plant.forces`, and h the momentum of rotors with `rotor_inertia`.
         """
-        s, parts = self._tracking(states.law_input), self.thrusters
+        loop, parts = self.loop, self.thrusters
+        s = states.law_input.tracking(self.group, loop.inertia, loop.gains, {})
         wrench = apply_matrix(self.columns, states.inputs)
         if parts is not None and parts.spin is not None:
             wrench = wrench + parts.reaction(self.group, states.V, self.speeds(states.inputs))[0]
@@ -135,7 +133,7 @@ class Model:
         constant = getattr(self.thrusters, "thrust_constant", None)
         if constant is None:
             raise EqtError("--plant: speeds need actuators: thrusters with a thrust_constant")
-        return np.asarray(np.sqrt(thrusts / constant))
+        return np.asarray(self.thrusters.followed(thrusts))
 
     def drawn_inputs(self, limits: Any, count: int, random: np.random.Generator) -> Array:
         """Draw inputs within limits; without, thrusts about hovering, or wrenches like 𝕀."""

@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.base.arrays import Array, frobenius, norm
-from eqt_cli.components.blocks import inputs
 from eqt_cli.components.forces import ConstantForce
 from eqt_cli.components.inertia import Inertia, critical_sets, not_rigid
 from eqt_cli.components.laws import Controller
@@ -774,8 +773,8 @@ class MomentumBalance(LargestExcess):
         if not vehicle.wheels:
             force = force + now["forces.with_reactions"]
         if vehicle.wheels and vehicle.magnet:
-            magnets = (x for x, _, _ in inputs(now) if hasattr(x, "in_body"))
-            force = force + next(magnets).output(G, 0.0 * s.V, s.V)
+            [name] = [x.name for x in now.blocks.actuated if x.part is vehicle.magnet]
+            force = force + now[f"{name}.at"].output(G, 0.0 * s.V, s.V)
         for each in vehicle.forces:
             force = force + each.in_body(G, s.t, s.Q, s.V)
         force = force + vehicle.inertia_at(s).leaving(s.V)

@@ -231,7 +231,7 @@ def commanded(loop: ClosedLoop) -> Callable[[float], Array]:
 
 
 def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
-    """Return the recording with the wrench of its rotors, B f with f = k_η · speed².
+    """Return the recording with the wrench of its rotors, B f with the thrusts f at their speeds.
 
     Raises
     ------
@@ -249,8 +249,7 @@ def by_rotors(experiment: Experiment, recording: Recording) -> Recording:
         needed = f"an actuator `kind: thrusters` with `thrust_constant` and {count} thrusters"
         raise EqtError(f"{place} need {needed}")
     rotors = rotors.of_run(recording.group, None)
-    thrusts = rotors.thrust_constant * recording.speeds**2
-    return replace(recording, wrenches=apply_matrix(rotors.matrix, thrusts))
+    return replace(recording, wrenches=apply_matrix(rotors.matrix, rotors.pushed(recording.speeds)))
 
 
 def _has_rotors(actuator: Actuator) -> bool:

@@ -3,8 +3,9 @@
 import json
 import math
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import plain_current as plain
@@ -18,8 +19,10 @@ from eqt_cli.api.loading import document_from
 from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.components.groups import group_named
 from eqt_cli.components.pose_tables import LogMapping
+from eqt_cli.components.propellers import Propellers
+from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.preflight import build
-from eqt_cli.extensions.recordings.prediction import Replay
+from eqt_cli.extensions.recordings.prediction import Replay, by_rotors
 from eqt_cli.extensions.recordings.recording import read_log
 from eqt_cli.extensions.recordings.recording_check import LogReference, recording_of
 from tests.extensions.recordings.conftest import DRAG, NAMES, NOISE, RELATIVE, model, true_plant
@@ -287,6 +290,25 @@ def test_speeds_of_rotors_are_a_wrench(tmp_path, monkeypatch):
     config["plant"] = {"forces": [weight]}
     (s,) = eqt_cli.fit(config, "flight.csv", ["actuators[1].factor"], horizon=0.2).numbers
     assert s.value == pytest.approx(1.0, rel=1e-5)
+
+
+@dataclass
+class Rows:
+    """What `by_rotors` reads of a recording."""
+
+    speeds: np.ndarray
+    wrenches: np.ndarray
+    group: object
+    place: str = "flight.csv:1"
+
+
+def test_speeds_of_propellers_are_thrusts_by_their_curve():
+    """Ahead, astern and within the dead band: 2e-3 (n² − 10²), −0.5 · 2e-3 (n² − 10²) and 0."""
+    of = {"thrust_constant": 2e-3, "time_constant": 0.1, "low_speed": -60.0, "high_speed": 60.0}
+    part = Propellers(matrix=np.eye(3).tolist(), astern=0.5, dead_speed=10.0, **of)
+    experiment = SimpleNamespace(loop=SimpleNamespace(vehicle=Vehicle(actuators=(part,))))
+    rows = Rows(np.array([[30.0, -30.0, 5.0]]), np.full((1, 3), np.nan), group_named("SO3"))
+    assert by_rotors(experiment, rows).wrenches[0] == pytest.approx([1.6, -0.8, 0.0])
 
 
 @pytest.mark.ci("compiles a plant and fits three numbers")

@@ -244,6 +244,19 @@ def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
     assert "img" not in Page(text).tags
 
 
+def test_what_is_not_covered_is_said_where_nothing_is_in_doubt(paper_result):
+    rows = [
+        Row("rate of L", "Theorem 3.2", "identity", "", 0.0, 1e-12, Verdict.HOLDS),
+        Row("decrease of L", "Theorem 3.2", "trajectory", "eqt", None, None, Verdict.NOT_COVERED),
+    ]
+    with open_at(paper_result) as results:
+        tables = {"certificates": certificate_table(rows)}
+        tables["doubts"] = certificate_table(rows, brief=True)
+        text = report(results, [], tables)
+    doubts = text[text.index('id="certificates-table"') :].split('class="folded"')[0]
+    assert "decrease of L (eqt)" in doubts and "rate of L" not in doubts
+
+
 @pytest.mark.usefixtures("unarranged")
 def test_results_without_trajectories_have_a_page_which_says_why_they_are_not_verified(
     invoke, make_result, tmp_path
