@@ -398,13 +398,11 @@ _MOST_IN_BAND = 401
 def draw_middle(axes: Axes, times: Array, values: Array, of: Ensemble, middle: str) -> None:
     """Draw the ``mean``, ``median`` or ``quartiles`` over runs of values ``(runs, samples)``."""
     look = line_style(of.look)
-    has_band = middle == "quartiles" and len(values) > 1
-    if middle == "mean":
-        drawn = values.mean(axis=0)
-    else:
-        drawn, *edges = np.quantile(values, (0.5, 0.25, 0.75) if has_band else (0.5,), axis=0)
+    levels = (0.5, 0.25, 0.75) if middle == "quartiles" and len(values) > 1 else (0.5,)
+    curves = [values.mean(axis=0)] if middle == "mean" else np.quantile(values, levels, axis=0)
+    drawn, *edges = curves
     axes.plot(times, drawn, label=of.label, **look)
-    if has_band:
+    if edges:
         step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
         some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
         band = band_look(look["color"], _FAINT_BAND)

@@ -283,13 +283,12 @@ class _Verifier:
         loop = batch.problem.loop
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
-        every = good.all()  # then nothing is copied
+
+        def of_good(array: Array) -> Any:
+            return array if good.all() else array[good[: len(array)]]  # all need no copy
+
         signals, estimate = (
-            {
-                name: values[name] if every else values[name][good[: len(values[name])]]
-                for name in names
-                if name in values
-            }
+            {name: of_good(values[name]) for name in names if name in values}
             for names in (SHOWN, self._of_estimate)
         )
         return certificates.Runs(
