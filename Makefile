@@ -90,7 +90,8 @@ mutants: $(VENV)/.stamp-test ## plant small faults in the mathematical core; its
 
 # The commit before signals were compiled; make bench BEFORE=HEAD^ compares with another one.
 BEFORE ?= 7cbc8f6^
-# diffrax, MuJoCo and RotorPy take part where they are installed: .venv/bin/python -m pip install --group bench
+# diffrax, heyoka, MuJoCo and RotorPy take part where they are installed: .venv/bin/python -m pip install --group bench
+# Crazyflow and Basilisk require other versions, and so a Python of their own: make bench ARGS='--others PYTHON'
 # Some parts only: make bench ARGS='--part commands --part profile --many 10000'
 bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
 	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)

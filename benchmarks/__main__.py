@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 RESULTS = Path(__file__).with_name("results")
 
 PARTS = ("cases", "sampled", "crazyflie", "rotorpy", "estimates")
-PARTS += ("commands", "waits", "profile", "growth", "machinery")
+PARTS += ("commands", "waits", "others", "profile", "growth", "machinery")
 
 
 def main() -> None:
@@ -55,6 +55,7 @@ def _options() -> argparse.Namespace:
         action="append",
         help="runs of a command that keeps metrics only, repeatable; default: 100000",
     )
+    parser.add_argument("--others", metavar="PYTHON", help="that has Crazyflow and Basilisk")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     return parser.parse_args()
 
@@ -83,6 +84,7 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
         "estimates": _estimate,
         "commands": _command,
         "waits": _wait,
+        "others": _other,
         "profile": _profile,
         "growth": _grow,
         "machinery": _overhead,
@@ -195,6 +197,17 @@ def _wait(options: argparse.Namespace, results: Results) -> Iterator[None]:
             results.waits.append(found)
             _say_command(found)
             yield
+
+
+def _other(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """What other programs do, too."""
+    from benchmarks.others import beside
+
+    for found in beside(options.others):
+        results.others.append(found)
+        took = f"eqt {found.eqt:.2f} s, {found.program} {found.other:.2f} s"
+        _say(f"{found.runs} × {found.job}: {took}")
+        yield
 
 
 def _before(options: argparse.Namespace, results: Results, stack: ExitStack) -> Path | None:

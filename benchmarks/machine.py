@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("eqt-cli", "numpy", "scipy", "jax", "diffrax", "mujoco", "rotorpy", "torch")
+PACKAGES = ("eqt-cli", "numpy", "scipy", "jax", "diffrax", "heyoka", "mujoco", "rotorpy", "torch")
 
 
 def machine() -> dict[str, Any]:

@@ -12,9 +12,11 @@ from benchmarks.growth import Growth
 from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
+from benchmarks.others import Beside, as_table
 from benchmarks.profile import Profile
 from benchmarks.quadrotor import Flight
 from benchmarks.sampled import Sampled
+from benchmarks.waits import ALSO
 from benchmarks.whole_command import BEFORE, FLOOR, NOW, Command
 
 ACCURATE = 2e-9
@@ -49,6 +51,7 @@ class Results:
     estimates: list[EstimatorTime] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     waits: list[Command] = field(default_factory=list)
+    others: list[Beside] = field(default_factory=list)
     profiles: list[Profile] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     machinery: Machinery | None = None
@@ -77,7 +80,8 @@ def as_markdown(results: Results) -> str:
         ("RotorPy's Crazyflie", _flights, results.flights),
         ("Estimators, one thread", _estimates, results.estimates),
         ("Whole commands", _commands, results.commands),
-        ("What users wait for", _waits, results.waits),
+        ("What users wait for", lambda jobs: _waits(jobs, results.others), results.waits),
+        ("Beside other programs", _others, results.others),
         ("Where the CPU time of `eqt run paper` goes", _profiles, results.profiles),
         ("Growth, metrics only, the paper's experiment", _growth, results.growth),
         ("Machinery and workers", _machinery, results.machinery),
@@ -275,8 +279,8 @@ def _commands(commands: list[Command]) -> str:
     return f"{sentence}\n\n" + _table(head, (_command(each) for each in commands))
 
 
-def _waits(jobs: list[Command]) -> str:
-    """CPU time now and before, and what compiled integration takes alone."""
+def _waits(jobs: list[Command], others: list[Beside]) -> str:
+    """CPU time now and before, as ratios to the floor and to the best other program."""
     head = [
         "`eqt …`",
         "CPU, s",
@@ -284,21 +288,31 @@ def _waits(jobs: list[Command]) -> str:
         "before / now",
         "floor",
         "now / floor",
+        "now / best other",
         "peak memory, MB",
     ]
     sentence = (
         "CPU seconds of whole commands, the least of several in turn. The floor is the time in "
-        "compiled integration alone, by one thread."
+        f"compiled integration alone, by one thread; of commands that integrate little, `{FLOOR}`."
     )
     rows = []
     for job in jobs:
         now, before = job.spent[NOW], job.spent.get(BEFORE)
         row = [job.name, f"{now.cpu:.2f}"]
         row += [f"{before.cpu:.2f}", f"{before.cpu / now.cpu:.2f}"] if before else ["-"] * 2
-        known = job.floor == job.floor
-        row += [f"{job.floor:.2f}", f"{now.cpu / job.floor:.1f}"] if known else ["-"] * 2
+        row += [f"{job.floor:.2f}", f"{now.cpu / job.floor:.1f}"]
+        alike = [each for each in others if (each.job, each.runs) == ALSO.get(job.name)]
+        best = min(alike, key=lambda each: each.other, default=None)
+        row.append(f"{best.eqt / best.other:.2g} ({best.program})" if best else "-")
         rows.append([*row, f"{now.peak_memory / 1e6:.0f}"])
     return f"{sentence}\n\n" + _table(head, rows)
+
+
+def _others(found: list[Beside]) -> str:
+    """For whom eqt is slower, and all jobs."""
+    said, head, rows = as_table(found)
+    sentence = "CPU seconds of processes from start to end, the least of two."
+    return f"{said} {sentence}\n\n" + _table(head, rows)
 
 
 def _command(command: Command) -> list[str]:

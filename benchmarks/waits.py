@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from benchmarks.process import ROOT, Spent, spent
-from benchmarks.whole_command import BEFORE, NOW, Command
+from benchmarks.whole_command import BEFORE, FLOOR, NOW, Command
 
 PAPER = "configs/paper.yaml"
 NATIVE = ["--engine", "native"]
@@ -56,7 +56,16 @@ first run, nothing is compiled yet."""
 PAPERS = ["run", PAPER, *NATIVE]
 READ = {"compare": PAPERS, "plot": PAPERS, "report": [*PAPERS, *_runs(5000)]}
 COMPUTING = ("run", "sweep", "tune", "worst")
-WITHOUT_FLOOR = {job for job in JOBS if "1 run" in job or "solve_ivp" in job}
+STARTING = {job for job in JOBS if "1 run" in job or "solve_ivp" in job or "as it is" in job}
+"""Jobs that integrate little, or in Python: their floor is that of other commands."""
+
+ALSO = {
+    "run paper, 1 run, the first": ("the paper's law, 20 s", 1),
+    "run paper, 1 run": ("the paper's law, 20 s", 1),
+    "run paper, 20,000 runs, metrics only": ("the paper's law, 20 s", 10_000),
+    "run crazyflie, 1 run, the first": ("a Crazyflie, 6 s at 500 Hz", 1),
+}
+"""Job and runs by which `others` compares nearly the same; no program does the rest."""
 
 ROUNDS = 3
 """How often a job is run by each tree, in turn, after one that fills the caches."""
@@ -67,7 +76,8 @@ def waits(
 ) -> Iterator[Command]:
     """Every job, or the chosen ones, by this tree and, where it is given, by the one before.
 
-    The floor is what compiled integration takes alone, in this tree and by one thread.
+    The floor is what compiled integration takes alone, in this tree and by one thread; of what
+    integrates little, what `FLOOR` takes.
     """
     trees = {NOW: ROOT} | ({BEFORE: before} if before else {})
     with TemporaryDirectory() as name:
@@ -83,9 +93,10 @@ def waits(
                     if job.endswith("the first"):
                         shutil.rmtree(folder / tree / "cache", ignore_errors=True)
                     found[tree].append(_once(given, where, folder / tree))
-            floor = float("nan")  # of what integrates little, or in Python
-            if arguments[0] in COMPUTING and job not in WITHOUT_FLOOR:
+            if arguments[0] in COMPUTING and job not in STARTING:
                 floor = _alone(given, folder)
+            else:
+                floor = min(spent(["-c", FLOOR]).cpu for _ in range(rounds))
             best = {
                 tree: min(each[1:], key=lambda spent: spent.cpu) for tree, each in found.items()
             }

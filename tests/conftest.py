@@ -159,6 +159,7 @@ if (
 
 # No optimisation changes a bit (engines/test_native.py), and half of the time to compile is spent
 # on it; most of these laws run a few steps. Zig checks what is not optimised, unless told not to.
+native_compiler.QUICK = "-O0"
 native_compiler.LIBRARY = (
     *("-O0" if flag == "-O2" else flag for flag in native_compiler.LIBRARY),
     "-fno-sanitize=undefined",

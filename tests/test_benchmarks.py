@@ -2,12 +2,23 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
-from benchmarks import delays, figure, profile, quadrotor, sampled, table, waits, whole_command
+from benchmarks import (
+    delays,
+    figure,
+    others,
+    profile,
+    quadrotor,
+    sampled,
+    table,
+    waits,
+    whole_command,
+)
 from benchmarks.cases import errors, load
 from benchmarks.contenders.plain_loop import WRITTEN_OUT, body, literal
 from benchmarks.contenders.rotorpy_loop import RotorPy
@@ -173,6 +184,22 @@ def test_what_users_wait_for_is_told_beside_its_floor():
     [row] = [r for r in table.as_markdown(results).splitlines() if "margins paper" in r]
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[1:6] == ["1.00", "2.50", "2.50", "0.25", "4.0"]
+
+
+def test_for_whom_eqt_is_slower_is_said_first_and_beside_what_users_wait_for():
+    job, runs = waits.ALSO["run paper, 1 run"]
+    results = measured()
+    results.waits, results.commands = [replace(results.commands[0], name="run paper, 1 run")], []
+    results.others = [
+        others.Beside(job, runs, 0.9, "heyoka", 0.3, ""),
+        others.Beside(job, runs, 0.9, "diffrax", 2.7, ""),
+        others.Beside(job, 1000, 1.0, "diffrax", 4.0, ""),
+    ]
+    page = table.as_markdown(results)
+    assert f"eqt is slower for: 1 × {job} (heyoka takes 0.33 of its time). CPU" in page
+    [row] = [line for line in page.splitlines() if line.startswith("| run paper, 1 run |")]
+    assert "| 3 (heyoka) |" in row
+    assert {each.name for each in others._jobs()} >= {name for name, _ in waits.ALSO.values()}
 
 
 def test_jobs_that_users_wait_for_run_configurations_that_there_are():

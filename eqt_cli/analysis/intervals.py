@@ -31,7 +31,8 @@ FEWEST_RESAMPLES = 999
 LARGE = 1e100
 """Columns with larger values are divided by their largest one, since cubes would overflow."""
 
-_CHUNK = 4_000_000
+_CHUNK = 400_000
+"""Number of runs drawn at once: their counts fit a cache."""
 
 
 @dataclass(frozen=True)

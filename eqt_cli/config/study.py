@@ -111,7 +111,8 @@ CACHED_POINTS = 10_000
 """Number of points kept once they are built, for 5 ms each; one of a small body takes 18 KiB."""
 
 FEW_RUNS, LEAST_PARTS = 50, 16
-"""Parts of more than so many runs become smaller until a law has so many of them, for workers."""
+"""Parts of more than so many runs, without a sweep four times as many, become smaller until a law
+has so many of them, for workers; those of the paper would cost a seventh more."""
 
 POINTS_OF_A_PART = 1024
 """Largest number of points of a part, which are in memory at once."""
@@ -236,7 +237,8 @@ class Study:
         limit = PART_BYTES // (8 * base.config.time.samples * state_length)
         if not self.trajectories:
             limit *= WITHOUT_TRAJECTORIES
-        shares = max(FEW_RUNS, -(-len(self) * runs // LEAST_PARTS))
+        few = FEW_RUNS if self.sweep else 4 * FEW_RUNS
+        shares = max(few, -(-len(self) * runs // LEAST_PARTS))
         wanted = max(min(base.engine.part_runs, shares), self._all_runs // MANY_PARTS)
         size = base.engine.runs_at_once(min(wanted, limit, POINTS_OF_A_PART * runs))
         return Plan(len(self), runs, len(base.loops), size)

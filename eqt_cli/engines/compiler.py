@@ -17,7 +17,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -332,6 +332,9 @@ def _name(key: str, content: bytes, ending: str) -> str:
 FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 """No compiler may change a rounding with these. The last two concern errno and signals only."""
 
+QUICK = "-Og"
+"""Takes half of the time of -O2 to compile, and gives code that takes 1.6 times as long."""
+
 LIBRARY = (*FLAGS, "-w", "-shared", *(() if WINDOWS else ("-fPIC",)))
 ENDING = ".dll" if WINDOWS else ".so"
 MATHEMATICS = () if WINDOWS else ("-lm",)
@@ -580,13 +583,17 @@ def _processor() -> list[str]:
 # Libraries ----------------------------------------------------------------------------------------
 
 
-def library(source: str, check: Callable[[str], object] | None = None) -> ctypes.CDLL:
+def library(
+    source: str, check: Callable[[str], object] | None = None, *, quick: bool = False
+) -> ctypes.CDLL:
     """Return the library of a C source, compiled or from the cache.
 
     Parameters
     ----------
     check
         Is called with its assembly language before a library is made of that, once for a source.
+    quick
+        Whether it is compiled as `QUICK` says, if there is none of it yet.
 
     Raises
     ------
@@ -595,7 +602,7 @@ def library(source: str, check: Callable[[str], object] | None = None) -> ctypes
     """
     by = compiler()
     with _turn(source):
-        return _library(source, by, check)[0]
+        return _library(source, by, check, quick)[0]
 
 
 def content(source: str, check: Callable[[str], object] | None = None) -> bytes:
@@ -613,12 +620,15 @@ def _turn(source: str) -> threading.Lock:
 
 @lru_cache(maxsize=64)
 def _library(
-    source: str, by: Compiler, check: Callable[[str], object] | None
+    source: str, by: Compiler, check: Callable[[str], object] | None, quick: bool = False
 ) -> tuple[ctypes.CDLL, bytes]:
-    cache, key = user_cache(), digest("\0".join([source, by.words, by.identity]))
-    if cache is not None and (cached := cache.find(key, ENDING)):
-        with suppress(OSError):
-            return _loaded(cached), cached
+    cache = user_cache()
+    for way in [by, replace(by, flags=(*by.flags, QUICK))][: 1 + quick]:
+        key = digest("\0".join([source, way.words, way.identity]))
+        if cache is not None and (cached := cache.find(key, ENDING)):
+            with suppress(OSError):
+                return _loaded(cached), cached
+    by = way
     with reporter().busy(f"compiling {subject()}"):
         written = assembly(source, by) if check else ""
         if check:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -26,6 +27,23 @@ from eqt_cli.components.sensors import Errors
 from eqt_cli.loop.closed_loop import ClosedLoop
 from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.running import SampledRuns
+
+# How an engine computes ---------------------------------------------------------------------------
+
+
+HURRIED: ContextVar[bool] = ContextVar("hurried", default=False)
+"""Whether what is computed is so little that compiled code is used a few times only."""
+
+
+@contextmanager
+def hurried(wanted: bool = True) -> Iterator[None]:
+    """Compile in half of the time code that takes 1.6 times as long; its numbers are the same."""
+    token = HURRIED.set(wanted or HURRIED.get())
+    try:
+        yield
+    finally:
+        HURRIED.reset(token)
+
 
 # The input and output of an engine; it knows no group and no controller ---------------------------
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
 from eqt_cli.engines import compiler
+from eqt_cli.engines.engine import HURRIED
 from eqt_cli.numbers.program import (
     FUNCTIONS_HEADER,
     LANES_HEADER,
@@ -235,9 +236,10 @@ def _set(structure: Any, members: Mapping[str, Any]) -> None:
 
 
 @lru_cache(maxsize=32)
-def _integrator(field: Program, at_samples: SampleProgram | None, walks: bool) -> Any:
+def _integrator(field: Program, at_samples: SampleProgram | None, walks: bool, quick: bool) -> Any:
     """Return the library of a field: ``eqt_advance``, and if it `walks`, ``eqt_walk``."""
-    return compiler.library(integration_source(field, compiler.compiler().lanes, at_samples, walks))
+    source = integration_source(field, compiler.compiler().lanes, at_samples, walks)
+    return compiler.library(source, quick=quick)
 
 
 def integration(
@@ -248,7 +250,7 @@ def integration(
     Arrays are C-contiguous. `measuring` returns the member of that name. With `walks`, the library
     is that of `Walk`, so that it is compiled once.
     """
-    function = _integrator(field, at_samples, walks).eqt_advance
+    function = _integrator(field, at_samples, walks, HURRIED.get()).eqt_advance
 
     def advance(**members: Any) -> None:
         span = _Span(row=members["states"].shape[1])
@@ -312,10 +314,10 @@ def _sources(inputs: Sequence[Rows]) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _evaluate(program: Program, stretches: tuple[int, ...], lanes: int = 0) -> Any:
+def _evaluate(program: Program, stretches: tuple[int, ...], lanes: int, quick: bool) -> Any:
     """Return ``eqt_evaluate`` of a program."""
     text = evaluation_source(program, stretches, lanes or compiler.compiler().lanes)
-    return compiler.library(text).eqt_evaluate
+    return compiler.library(text, quick=quick).eqt_evaluate
 
 
 def _evaluations(
@@ -340,7 +342,8 @@ def evaluated(
         The number of runs side by side; by default as many as fill a vector.
     """
     batch, outputs = _evaluations(program, runs, samples, inputs)
-    _evaluate(program, tuple(rows.length for rows in inputs), lanes)(ctypes.byref(batch))
+    lengths = tuple(rows.length for rows in inputs)
+    _evaluate(program, lengths, lanes, HURRIED.get())(ctypes.byref(batch))
     return outputs
 
 
@@ -399,7 +402,7 @@ class Walk:
     """
 
     def __init__(self, field: Program, spans: Array, arrays: Arrays, **span: Any) -> None:
-        self._function = _integrator(field, None, walks=True).eqt_walk
+        self._function = _integrator(field, None, True, HURRIED.get()).eqt_walk
         self._function.restype = ctypes.c_int64
         runs, row = span["states"].shape
         buffers = {"before": np.empty((runs, row + 2)), "counted": np.zeros((runs, 2), np.int64)}
@@ -422,7 +425,8 @@ class Walk:
         inputs
             Samples are spans; the last `ticks` ones are those of `measure`.
         """
-        runs, function = self._c.span.runs, _evaluate(program, tuple(row.length for row in inputs))
+        lengths = tuple(row.length for row in inputs)
+        runs, function = self._c.span.runs, _evaluate(program, lengths, 0, HURRIED.get())
         batch, outputs = _evaluations(program, runs, 1, inputs)
         moves = (ctypes.c_int64 * len(inputs))(*[0] * (len(inputs) - ticks), *[1] * ticks)
         address, at_start = ctypes.cast(function, ctypes.c_void_p), _sources(inputs)

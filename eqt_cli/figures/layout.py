@@ -18,7 +18,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import text_to_path
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import FixedLocator, MaxNLocator, ScalarFormatter
 
 from eqt_cli.analysis.intervals import Resampling
 from eqt_cli.base.arrays import Array
@@ -296,6 +296,7 @@ def freeze(figure: Figure) -> None:
     """
     scales = [scale for axes in figure.axes for scale in (axes.xaxis, axes.yaxis)]
     for scale in scales:
+        _set_power(scale)
         numbers = [number.get_text() for number in scale.get_majorticklabels()]
         if _SMALLER.search(" ".join([*numbers, scale.get_major_formatter().get_offset()])):
             scale.set_tick_params(labelsize="medium")  # so that exponents can be read
@@ -310,7 +311,7 @@ def freeze(figure: Figure) -> None:
             engine.execute(figure)
             measured = _numbers(scales)
             for scale in scales:
-                scale.get_majorticklabels()  # which may differ in the new room
+                _set_power(scale)  # which may differ in the new room
             narrowed = any(axes.get_aspect() != "auto" for axes in figure.axes)
             if narrowed or _numbers(scales) != measured:
                 _keep_numbers(scales)
@@ -330,6 +331,14 @@ def freeze(figure: Figure) -> None:
             hide_crowded(scale)
             place = scale.label.get_transform().transform(scale.label.get_position())
             scale.set_label_coords(*axes.transAxes.inverted().transform(place))
+
+
+def _set_power(scale: Axis) -> None:
+    """Number a scale; write a power of ten that all numbers share as 10⁻³, not as 1e−3."""
+    scale.get_majorticklabels()
+    formatter = scale.get_major_formatter()
+    if isinstance(formatter, ScalarFormatter) and formatter.get_offset():
+        formatter.set_useMathText(True)
 
 
 def _keep_numbers(scales: Iterable[Axis]) -> None:
@@ -389,14 +398,15 @@ _MOST_IN_BAND = 401
 def draw_middle(axes: Axes, times: Array, values: Array, of: Ensemble, middle: str) -> None:
     """Draw the ``mean``, ``median`` or ``quartiles`` over runs of values ``(runs, samples)``."""
     look = line_style(of.look)
-    low, median, high = np.quantile(values, (0.25, 0.5, 0.75), axis=0)
-    drawn = values.mean(axis=0) if middle == "mean" else median
+    levels = (0.5, 0.25, 0.75) if middle == "quartiles" and len(values) > 1 else (0.5,)
+    curves = [values.mean(axis=0)] if middle == "mean" else np.quantile(values, levels, axis=0)
+    drawn, *edges = curves
     axes.plot(times, drawn, label=of.label, **look)
-    if middle == "quartiles" and len(values) > 1:
+    if edges:
         step = -(-len(times) // _MOST_IN_BAND)  # an edge is not simplified
         some = np.unique(np.append(np.arange(0, len(times), step), len(times) - 1))
         band = band_look(look["color"], _FAINT_BAND)
-        axes.fill_between(times[some], low[some], high[some], label=of.label, **band)
+        axes.fill_between(times[some], *(edge[some] for edge in edges), label=of.label, **band)
 
 
 def band_look(colour: str, opacity: float = 0.18) -> dict[str, Any]:

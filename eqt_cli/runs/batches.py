@@ -21,7 +21,7 @@ from eqt_cli.components.sensors import Errors
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Engine, Problem, SolverChecks
+from eqt_cli.engines.engine import Engine, Problem, SolverChecks, hurried
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.numbers.leaves import leaves, structure
@@ -150,7 +150,8 @@ def _started(study: Study, problem: Problem, points: Array, runs: Array) -> dict
     rows = np.concatenate([starts, numbers.reshape(len(points), -1), errors], axis=1)[:, None]
     engine, first = study.experiment(int(points[0])).engine, problem.times[:1]
     start = InitialState(poses, numbers.shape[1:], _placing(poses))
-    values = engine.evaluate(start, replace(problem, times=first), rows)
+    with hurried():
+        values = engine.evaluate(start, replace(problem, times=first), rows)
     return {name: value[:, 0] for name, value in values.items()}
 
 

@@ -28,7 +28,7 @@ from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.tasks import TRACK
 from eqt_cli.config.parts import StudyPart
 from eqt_cli.config.study import Study
-from eqt_cli.engines.engine import Solution, Stopped
+from eqt_cli.engines.engine import Problem, Solution, Stopped, hurried
 from eqt_cli.loop.closed_loop import ClosedLoop, parts_of
 from eqt_cli.loop.signals import holds, knows_energy, of_pose, output_names, values_at
 from eqt_cli.numbers.running import Running, SampledRuns, goes_by_samples
@@ -66,7 +66,8 @@ Desired = Arrays
 
 def shared_reference(study: Study) -> dict[str, Array]:
     """Solve the reference that all runs share."""
-    return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
+    with hurried():
+        return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
 
 
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
@@ -638,17 +639,29 @@ UNSAVED_SECONDS = 1.0
 all parts by then writes every number once; a kill loses at most the work of that time."""
 
 
+BRIEF = 20_000
+"""Most samples and control instants of all runs for which it pays to compile quickly."""
+
+
+def _is_brief(study: Study) -> bool:
+    """Return whether compiled code takes less time to run than it takes to be compiled well."""
+    times, period = study.base.times, study.base.loop.period
+    return bool(study.plans.total * (len(times) + times[-1] / (period or np.inf)) <= BRIEF)
+
+
 def _compile(study: Study, label: str) -> None:
     """Compile what stored runs of a law need, by a run up to its first sample after the start.
 
     What fails here fails again where it is said.
     """
     with suppress(Exception), np.errstate(all="ignore"):
-        [batch] = batches(study, label, np.array([0]))
-        loop, wanted = batch.problem.loop, [entry.name for entry in stored_quantities(study)]
+        loop, wanted = study.base.loops[label], [entry.name for entry in stored_quantities(study)]
         if any(part.is_foreign for part in parts_of(loop)) or isinstance(loop.controller, RunsCode):
             return  # a user's code is called for results only
-        problem = replace(batch.problem, times=batch.problem.times[:2])
+        start = Problem(loop, np.zeros((1, loop.state_length)), study.base.times[:2])
+        study.base.engine.integrator(start)  # while others compile what starts and references need
+        [batch] = batches(study, label, np.array([0]))
+        problem = replace(batch.problem, times=start.times)
         states, m = batch.engine.solve(problem).states, loop.group.dimension
         motion = np.zeros((1, 2, loop.group.size**2 + m))
         batch.engine.evaluate(_functions(batch, wanted)[0], problem, states, motion[0])
@@ -717,7 +730,8 @@ class PartTask:
         index, part = self.part(item)
         piece, shared = self.study.piece(index), self.shared(index)
         try:
-            slab = compute_part(piece, part, shared, context, self.stopped.get(item))
+            with hurried(_is_brief(self.study)):
+                slab = compute_part(piece, part, shared, context, self.stopped.get(item))
         except StoppedPart as stopped:
             if runs := int(stopped.slab.ended.sum()):
                 stopped.slab.save(self.files.part(item, runs, "r"))
@@ -771,7 +785,7 @@ class PartTask:
             self.stopped.update((item, path) for item, (path, _) in self.files.stopped().items())
         base, piece = self.study.base, self.study.piece(0)
         kinds = {kind_of(piece.experiment(0), label): label for label in base.loops}
-        with ThreadPoolExecutor(max(1, threads)) as pool:
+        with hurried(_is_brief(self.study)), ThreadPoolExecutor(max(1, threads)) as pool:
             for label in kinds.values() if threads and base.engine.threads else ():
                 pool.submit(copy_context().run, _compile, piece, label)
                 if base.solver.judgement.cross_check:  # by LSODA, which is slow to import

@@ -208,6 +208,7 @@ def test_other_runs_change_no_bit(batch):
         (2, ("-O2", "-march=native")),
         in_ci("for no processor of today", 1, ("-O3",)),
         in_ci("compiles it again", 8, ("-O0",)),
+        in_ci("compiles it again", 4, ("-O2", "-march=native", "-Og")),
     ],
 )
 def test_lanes_processors_and_optimisation_change_no_bit(loop, built, lanes, flags):

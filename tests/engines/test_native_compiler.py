@@ -415,6 +415,19 @@ def test_another_process_finds_what_was_compiled_and_who_compiled_it(cc, told):
     assert told.activities == ["compiling the laws"]
 
 
+def test_what_runs_little_is_compiled_quickly_unless_there_is_better_code(cc):
+    compiler.library(SOURCE, quick=True)
+    [quick] = kept()
+    forget()
+    compiler.library(SOURCE, quick=True)
+    assert cc() == (1, 1)
+    assert works() and cc() == (2, 1) and len(kept()) == 2
+    quick.unlink()
+    forget()
+    compiler.library(SOURCE, quick=True)
+    assert cc() == (2, 1)
+
+
 def test_the_folder_is_the_users_alone(cc, tmp_path):
     (tmp_path / "cache").mkdir(mode=0o755)
     old = os.umask(0o002)

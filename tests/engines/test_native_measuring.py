@@ -150,3 +150,21 @@ def test_laws_that_differ_in_numbers_are_compiled_once(monkeypatch, tmp_path, to
     assert set(counts) == {counts[0]}
     # What is compiled is named by its law.
     assert set(told.activities) <= {"compiling the laws", "compiling law 1 of 2 (eqt)"}
+
+
+@pytest.mark.parametrize("most", [20_000, 0])
+def test_few_runs_are_compiled_quickly_and_many_well(most, monkeypatch, tmp_path):
+    """What integrates them; starts and the reference are always compiled quickly."""
+    quickly, compile_ = {"eqt_advance": set(), "eqt_evaluate": set()}, compiler.library
+
+    def asked(text, *, quick):
+        quickly["eqt_advance" if "eqt_advance" in text else "eqt_evaluate"].add(quick)
+        return compile_(text, quick=quick)
+
+    library._integrator.cache_clear()
+    library._evaluate.cache_clear()
+    monkeypatch.setattr(compiler, "library", asked)
+    monkeypatch.setattr("eqt_cli.runs.compute_part.BRIEF", most)
+    study = eqt_cli.load_experiment("configs/paper.yaml", FEW | {"time.duration": 1.0})
+    eqt_cli.run(study, tmp_path / "out")
+    assert quickly == {"eqt_advance": {True, most > 0}, "eqt_evaluate": {True, most > 0}}

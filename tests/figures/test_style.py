@@ -7,6 +7,7 @@ from ci_cases import mostly_ci
 from said import error_of
 
 from eqt_cli.figures.figure import figures
+from eqt_cli.figures.layout import freeze, one_panel
 from eqt_cli.figures.render import encode
 from eqt_cli.figures.style import WIDTHS, CurvePlace, Style, distinct, house_style, ink, line_style
 
@@ -192,3 +193,17 @@ def test_keys_of_a_machine_change_nothing(style, recwarn):
         assert matplotlib.rcParams["toolbar"] == before
         assert matplotlib.rcParams["font.size"] == 9
     assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    ("largest", "number", "power"),
+    [(3.0, "1", ""), (3e-6, r"$\mathdefault{1}$", r"$\times\mathdefault{10^{−6}}\mathdefault{}$")],
+)
+def test_numbers_are_plain_and_a_common_power_of_ten_is_typeset(largest, number, power):
+    with house_style():
+        drawing, axes = one_panel("column", 1.5)
+        axes.plot([0, 1], [0, largest])
+        freeze(drawing)
+        assert number in [tick.get_text() for tick in axes.yaxis.get_majorticklabels()]
+        drawing.draw_without_rendering()
+        assert axes.yaxis.get_offset_text().get_text() == power

@@ -284,8 +284,12 @@ class _Verifier:
         values |= {name: values[x] for name, x in loop.task.errors.items() if x in values}
         self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = values["status"] == 0
+
+        def of_good(array: Array) -> Any:
+            return array if good.all() else array[good[: len(array)]]  # all need no copy
+
         signals, estimate = (
-            {name: values[name][good[: len(values[name])]] for name in names if name in values}
+            {name: of_good(values[name]) for name in names if name in values}
             for names in (SHOWN, of_estimate)
         )
         return certificates.Runs(
