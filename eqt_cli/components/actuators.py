@@ -701,7 +701,7 @@ class Quantisation(Actuator):
 
 @dataclass(frozen=True)
 class RateLimit(Actuator):
-    """From one control instant to the next, no greater change than rate · period, from 0.
+    """From one instant at which it acts to the next, a change of at most rate · time, from 0.
 
     Attributes
     ----------

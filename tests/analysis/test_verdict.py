@@ -154,14 +154,14 @@ def words_of(quantity, first, second):
 
 
 @pytest.mark.ci("8,000 comparisons")
-@pytest.mark.parametrize("column", [0, 2])
+@pytest.mark.parametrize("column", [0, 1])
 @pytest.mark.parametrize("name", FALSE)
 def test_the_documentation_says_how_often_words_are_false(name, column):
     """Of two laws of which neither is better in most runs; and that differ by 1.01 % in them.
 
     The other columns are of the same lines, and take as long.
     """
-    (draw, median), runs = FALSE[name], [8, 12, 20, 60, 200][column]
+    (draw, median), runs = FALSE[name], [8, 20, 60, 200][column]
     [effort] = (quantity for quantity in METRICS if quantity.name == "effort")
     random = np.random.default_rng(runs)
     base = 1 + 0.01 * random.normal(size=(4000, runs))
