@@ -51,7 +51,7 @@ def kept(session, total):
     """How many runs it says it has kept, in the one message that it leaves."""
     stdout, stderr = session.process.communicate(timeout=TIMEOUT)
     done = stderr.split("interrupted; ")[1].split(" of ")[0]
-    whole = " (whole parts of 50 are)" if done == "0" else ""
+    whole = " (whole parts of 200 are)" if done == "0" else ""
     assert stderr == (
         f"eqt: interrupted; {done} of {total} runs are kept in {session.out}{whole}: "
         "run the same command again to continue\n"

@@ -70,7 +70,7 @@ def test_margins_of_a_sampled_loop(eqt, folder):
     assert done.out.endswith(
         NOTES + "eigenvalues of EqT, sliding mode: over 1 s, when all clocks coincide again\n"
         "indicative: the numbers hold for the loop without the parts that are left out, not for "
-        "the whole loop\n"
+        "the whole\nloop\n"
         "left out: actuators[0] (torque limited), sensors.velocity[0] (only its noise)\n"
     )
 
