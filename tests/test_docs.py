@@ -199,7 +199,7 @@ def test_numbers_of_the_first_pages(many):
     asym = re.search(r"asym +−(\S+) % \[−(\S+), −(\S+)\]", printed)
     assert asym is not None
     median = f"{asym[1]} % [{asym[3]}, {asym[2]}] less attitude error than EqT in the median"
-    assert f"asym, one of these two, has {median}" in readme
+    assert f"asym, one of the two, has {median}" in readme
     assert f"less by {torque}" in findings and f"more by {errors}" in findings
 
 
