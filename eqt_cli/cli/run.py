@@ -180,10 +180,12 @@ def run_experiment(experiment: Study, setup: options.Setup, handling: options.Ha
             shard=shard,
         )
     except Interrupted as error:
+        from eqt_cli.base.files import FILE_NAME
         from eqt_cli.runs.part_files import unfinished
 
         begun = unfinished(out)
-        finished = begun.done if begun else 0
+        is_whole = begun is None and (out / FILE_NAME).exists()  # written just before
+        finished = begun.done if begun else plans.total * is_whole
         whole = "" if finished else f" (whole parts of {plans.runs_of(0)} are)"
         raise InterruptedRun(
             f"interrupted; {finished} of {plans.total} runs are kept in {out}{whole}: "

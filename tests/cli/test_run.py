@@ -11,6 +11,8 @@ import pytest
 from case_tables import from_yaml
 from plugin_sources import ESCAPE, SHIFTED
 
+import eqt_cli.api
+from eqt_cli.base.process import Interrupted
 from eqt_cli.base.store_reader import open_results
 
 FAILING = (
@@ -295,3 +297,18 @@ def test_quiet_says_what_may_do_harm(eqt, monkeypatch):
     monkeypatch.setattr("fcntl.flock", refused)
     done = eqt("run", "c.yaml", *BRIEF, "--quiet", "--out", "unlocked")
     assert done.err.startswith("eqt: unlocked: its disk does not support file locks")
+
+
+def test_an_interruption_behind_the_last_part_says_that_all_runs_are_there(eqt, monkeypatch):
+    whole = eqt_cli.api.run
+
+    def interrupted(*given, **options):
+        whole(*given, **options)
+        raise Interrupted(2)
+
+    monkeypatch.setattr("eqt_cli.api.run", interrupted)
+    done = eqt("run", "paper", *BRIEF, "--out", "late")
+    assert (done.code, done.err.splitlines()[-1]) == (
+        130,
+        "eqt: interrupted; 1 of 1 runs are kept in late: run the same command again to continue",
+    )

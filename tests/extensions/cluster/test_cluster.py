@@ -153,7 +153,7 @@ controllers: [eqt, gt]
 initial: {pose: haar, velocity: {kind: normal, std: 1.0}}
 ensemble: {runs: 50, seed: 1}
 time: {duration: 3.0, samples: 31}
-solver: {engine: solve_ivp, rtol: 1.0e-6, cross_check: 0}
+solver: {engine: solve_ivp, rtol: 1.0e-6, cross_check: 0, block: 50}
 """
 SWEEP = CONFIG + "sweep: [{grid: {gains.kp: [1, 2, 3]}}]\n"
 TUNE = CONFIG.replace("runs: 50", "runs: 4") + (
