@@ -184,7 +184,8 @@ def run_experiment(experiment: Study, setup: options.Setup, handling: options.Ha
         from eqt_cli.runs.part_files import unfinished
 
         begun = unfinished(out)
-        is_whole = begun is None and (out / FILE_NAME).exists()  # written just before
+        # Written just before; of a run that --force starts anew, it may be the old one.
+        is_whole = begun is None and (out / FILE_NAME).exists() and not handling.force
         finished = begun.done if begun else plans.total * is_whole
         whole = "" if finished else f" (whole parts of {plans.runs_of(0)} are)"
         raise InterruptedRun(

@@ -66,7 +66,7 @@ class Actuator(VehiclePart):
     offset: Offset | None = field(default=None, kw_only=True, metadata=STRUCTURE)
 
     moving: Any = field(default=None, init=False, repr=False, metadata=STRUCTURE)
-    """Of one that `changes`: the state of the motion, and the momentum that wheels store."""
+    """Of one that `changes`: the motion or what it reads of it, and the momentum of wheels."""
 
     # Most actuators give these by a class variable.
 

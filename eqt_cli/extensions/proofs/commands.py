@@ -254,17 +254,20 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
     titles, varying = result.experiment.titles, [law for law in result.laws if law.changes]
     laws = [law for law in result.laws if not law.changes or law.delay is not None]
     if varying:
-        moves = result.experiment.reference_over_horizon().velocity.any()
-        proof = "--certified, which tries to prove a rate for all such references, or "
-        proof *= result.experiment.loop.vehicle.is_ideal
-        remedy = "--set plant.forces=[], which gives the margins without forces"
-        if moves:
+        vehicle = result.experiment.loop.vehicle
+        cause, remedy = "The inertia or an actuator varies", ""
+        if result.experiment.reference_over_horizon().velocity.any():
+            cause = "The reference moves"
+            proof = "--certified, which tries to prove a rate for all such references, or "
             remedy = "--set 'reference={kind: constant}', which gives the margins at rest"
+            remedy = f" For a sure answer, add {proof * vehicle.is_ideal}{remedy}."
+        elif vehicle.forces:
+            cause = "A force varies"
+            remedy = " For a sure answer, add --set plant.forces=[], which leaves all forces out."
         yield (
-            f"{'The reference moves' if moves else 'A force varies'}, so the loop of "
+            f"{cause}, so the loop of "
             f"{listed([titles[law.label] for law in varying])} varies in time: eigenvalues at "
-            "single times are no rates, and do not decide whether it is stable. For a sure answer, "
-            f"add {proof}{remedy}."
+            f"single times are no rates, and do not decide whether it is stable.{remedy}"
         )
     if grown := [f"{titles[x.label]} at {x.growth.at:.3g} s" for x in varying if x.delay is None]:
         yield f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}."

@@ -257,3 +257,21 @@ def test_a_law_without_a_certificate_is_named(eqt):
     assert (done.code, " ".join(done.out.split()), done.err) == (0, said, "")
     document = json.loads(eqt("margins", "paper", "--velocity", 0.5, *distinct, "--json").out)
     assert document == {"laws": [{"label": "eqt", "certified": None, "why": why}]}
+
+
+@pytest.mark.parametrize(
+    ("varying", "cause", "remedy"),
+    [
+        ("plant: {forces: [{kind: expression, force: ['sin(t)', 0, 0]}]}", "A force varies", True),
+        ("inertia: {matrix: [['2+sin(t)', 0, 0], [0, 2, 0], [0, 0, 3]]}", "The inertia or", False),
+    ],
+)
+def test_what_varies_at_rest_is_named_with_a_remedy_that_helps(eqt, folder, varying, cause, remedy):
+    inertia = "" if varying.startswith("inertia") else "inertia: [2, 2, 3]"
+    rest = "reference: {kind: constant}\ntime: {duration: 5, samples: 11}\nrigid: false"
+    gains = "group: SO3\ngains: {kp: 0.05, kd: 0.5}\ncontrollers: [eqt]"
+    (folder / "varying.yaml").write_text("\n".join([gains, rest, varying, inertia]))
+    said = " ".join(eqt("margins", "varying.yaml").out.split())
+    assert said.startswith(cause)
+    assert ("add --set plant.forces=[]" in said) is remedy
+    assert "reference={kind: constant}" not in said
