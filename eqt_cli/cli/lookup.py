@@ -308,20 +308,22 @@ def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
     """Return what the gains mean for each axis, a row each, and lines as papers write them."""
     import numpy as np
 
-    from eqt_cli.loop.linearised import small_errors
+    from eqt_cli.loop.small_errors import by_axis
 
     laws, lines = dict[tuple[str, ...], list[str]](), dict[str, list[str]]()
     for title, loop in zip(experiment.titles.values(), experiment.loops.values(), strict=True):
         inner, gains, axes = loop.inside, loop.inside.gains, dict[tuple[str, ...], list[str]]()
         if not inner.controller.reads_gains:
             continue
-        for axis, (bandwidth, damping) in small_errors(loop).items():
+        errors, acting = by_axis(loop)
+        for axis, (bandwidth, damping) in errors.items():
             axes.setdefault((f"{bandwidth:.3g}", f"{damping:.2g}"), []).append(axis)
         for numbers, names in axes.items():
             laws.setdefault((", ".join(names), *numbers), []).append(title)
-        words, kp, kd = [], gains.K[0, 0], gains.K_d[0, 0]
+        words = [f"{key} is not read" for k, key in (("K", "kp"), ("K_d", "kd")) if k not in acting]
+        kp, kd = gains.K[0, 0], gains.K_d[0, 0]
         multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
-        if multiples and all(part.turns for part in inner.group.parts):
+        if multiples and len(acting) == 2 and all(part.turns for part in inner.group.parts):
             words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
         if free := loop.task.words(loop.gains):
             barrier = loop.task.barrier(loop.controller, loop.gains, loop.reference)

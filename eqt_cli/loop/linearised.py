@@ -26,7 +26,7 @@ from eqt_cli.components.laws import (
     RunsCode,
 )
 from eqt_cli.components.matrix_groups import rigid
-from eqt_cli.components.mechanics import Tracking, hessian_at_identity
+from eqt_cli.components.mechanics import Tracking
 from eqt_cli.components.sensors import CHANNEL_MEASURED as MEASURED
 from eqt_cli.components.sensors import FIRST, NOTHING, DynamicSensor, Errors
 from eqt_cli.components.vehicle import ACTUATORS, CLOCKS, CONTROL, ESTIMATOR, PROPELLANT, Vehicle
@@ -428,7 +428,7 @@ class _About:
         there = {name: pose for name in layout.lengths if name in _POSES}
         there |= {name: none for name in layout.lengths if name in (_BIAS, _BEHIND_BIAS)}
         states = layout.join(layout.split(states) | known | there, like)
-        for _ in range(max(2, MOST_INSTANTS // self.instants)):
+        for _ in range(self._cycles):
             bases = [states]
             for instant in range(self.instants):
                 states = loop.measured(self.times, states, _at_instant(loop, instant + 1))
@@ -444,6 +444,16 @@ class _About:
         return dataclasses.replace(
             self, loop=loop, states=states, bases=tuple(bases), is_settled=settled
         )
+
+    @property
+    def _cycles(self) -> int:
+        return max(2, MOST_INSTANTS // self.instants)
+
+    @property
+    def settling(self) -> float:
+        """The time after which a covariance counts as it is, s."""
+        assert self.loop.vehicle.control is not None
+        return self._cycles * self.instants * self.loop.vehicle.control.tick
 
     def moved(self, x: Array) -> Self:
         """Return the chart about the states at x, ``(times, n)``; e in x is ignored."""
@@ -862,22 +872,6 @@ def left_out(loop: ClosedLoop, linear: Linearised | None = None) -> Iterator[Lef
     if vehicle.estimator is not None and not (linear and linear.about.loop.vehicle.estimator):
         yield LeftOut(f"{ESTIMATOR} ({vehicle.estimator.departs})")
     elif linear and not linear.about.is_settled:
-        yield LeftOut(f"{ESTIMATOR} (its covariance has not settled)")
+        yield LeftOut(f"{ESTIMATOR} (only what its covariance still changes)")
     if vehicle.varies:
         yield LeftOut("numbers drawn for each run (means are used)")
-
-
-def small_errors(loop: ClosedLoop) -> dict[str, tuple[float, float]]:
-    """Return how errors at rest decay along each axis alone: bandwidth ω, rad/s, and damping ζ.
-
-    Solves 𝕀ε̈ + K_d ε̇ + Hε = 0 with kp and kd, and for a cascade with the position's. Left out:
-    couplings, limits, lags and delays.
-    """
-    inner, position = loop.inside, getattr(loop.controller, "position", None)
-    H = hessian_at_identity(inner.group, inner.task.weight(inner.gains.K))
-    J, H, D = map(np.diagonal, (inner.inertia.at(0.0).matrix, H, inner.gains.K_d))
-    oscillators = list(zip(inner.group.axis_names, H / J, D / J, strict=True))
-    if position is not None:
-        kx, kv = (np.broadcast_to(k, rigid(loop.group).space) for k in (position.kx, position.kv))
-        oscillators += zip("xyz", kx, kv, strict=False)
-    return {axis: (math.sqrt(k), d / (2 * math.sqrt(k))) for axis, k, d in oscillators if k}

@@ -11,7 +11,7 @@ from eqt_cli.components.groups import group_named
 from eqt_cli.components.laws import controllers
 from eqt_cli.components.mechanics import Gains
 from eqt_cli.components.tasks import TRACK, Point, task_of
-from eqt_cli.loop.linearised import small_errors
+from eqt_cli.loop.small_errors import by_axis
 
 EqT, Lee2010, Sliding = map(controllers.get, ("eqt", "lee2010", "sliding"))
 SO3, SE3 = group_named("SO3"), group_named("SE3")
@@ -76,7 +76,7 @@ def test_small_errors_across_the_axis_oscillate_with_k_over_j(tmp_path):
     keys |= {"inertia": "[0.05, 0.04, 0.03]", "gains": "{kp: 0.1, kd: 0.08}"}
     loops = study_of(tmp_path, configuration(**keys, controllers="[eqt, lee2010]")).base.loops
     for loop in loops.values():
-        errors = small_errors(loop)
+        errors = by_axis(loop)[0]
         assert [*errors] == ["ωx", "ωy"]
         for J, found in zip((0.05, 0.04), errors.values(), strict=True):
             expected = np.sqrt(0.1 / J), 0.04 / np.sqrt(0.1 * J)

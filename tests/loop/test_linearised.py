@@ -15,7 +15,8 @@ from eqt_cli.components.inertia import PrescribedInertia
 from eqt_cli.components.laws import Controller, EqT
 from eqt_cli.components.vehicle import Vehicle
 from eqt_cli.components.vehicle_parts import Sampling
-from eqt_cli.loop.linearised import flow, linearised, small_errors
+from eqt_cli.loop.linearised import flow, linearised
+from eqt_cli.loop.small_errors import by_axis
 
 J, STIFFNESS, DAMPING = 0.4, 2.0, 0.8
 """Of the wheel: Υ = 2(1 − cos θ)."""
@@ -110,7 +111,7 @@ def test_bandwidth_and_damping_of_small_errors():
     loop, _ = about_reference(BODY)
     for axis, inertia in zip("xyz", BODY["inertia"], strict=True):
         expected = (STIFFNESS / inertia) ** 0.5, DAMPING / (2 * (STIFFNESS * inertia) ** 0.5)
-        assert small_errors(loop)[f"ω{axis}"] == pytest.approx(expected, rel=1e-12)
+        assert by_axis(loop)[0][f"ω{axis}"] == pytest.approx(expected, rel=1e-12)
     gains, position = WHEEL["gains"], {"kx": 16.0, "kv": 5.6}
     cascade = {"kind": "cascade", "attitude": "eqt", "gains": gains, "position": position}
     cascade["along"] = [0, 0, 1]
@@ -124,7 +125,7 @@ def test_bandwidth_and_damping_of_small_errors():
             "model": {"forces": [{"kind": "restoring", "weight": 19.62}]},
         }
     )
-    found = small_errors(loop)
+    found = by_axis(loop)[0]
     assert found["z"] == pytest.approx((4.0, 0.7), rel=1e-12)
     assert found["ωx"] == pytest.approx((2**0.5, 0.4 / 2**0.5), rel=1e-12)
 

@@ -1,5 +1,6 @@
 """Poles, stiffness and damping of laws at the poses where they fly, against closed forms."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 from pydantic import ValidationError
 
 import eqt_cli
+from eqt_cli.base.arrays import stack
+from eqt_cli.components.laws import Lee2010
 from eqt_cli.config.remarks import gains_flown
-from eqt_cli.loop.small_errors import SAME, at_rest
+from eqt_cli.loop.small_errors import SAME, at_rest, by_axis
 
 W, J = 0.1, np.array([6.0, 7.03, 3.0])
 """Of the case of a satellite: both poles of each axis at −W, where Q_d = I."""
@@ -55,6 +58,28 @@ def test_gains_in_space_meet_turned_axes(law, degrees):
     assert small.poles[0, 0].real == pytest.approx(slowest, abs=1e-5)
     given = {("eqt", 60): -0.0476, ("gt", 60): -0.0276, ("eqt", 90): -0.0427, ("gt", 90): -0.0243}
     assert small.poles[0, 0].real == pytest.approx(given.get((law, degrees), -W), abs=5e-5)
+
+
+SPRING = np.array([0.4, 0.3, 0.2])
+
+
+class Spring(Lee2010):
+    """Lee's law with stiffnesses of its own, N m/rad."""
+
+    def torque(self, s):
+        R = s.relative.Q
+        e = 0.5 * stack([R[..., i, j] - R[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))])
+        return super().torque(s) + s.relative.gradient - SPRING * e
+
+
+def test_bandwidths_are_those_of_the_torque_and_not_of_gains_that_a_law_does_not_read():
+    """ω² = k/J and 2ζω = d/J."""
+    loop = eqt_cli.load_experiment(SATELLITE).base.loops["lee2010"]
+    assert by_axis(loop)[1] == ["K", "K_d"]
+    own, acting = by_axis(replace(loop, controller=Spring()))
+    w = np.sqrt(SPRING / J)
+    np.testing.assert_allclose([*own.values()], np.transpose([w, W / w]), rtol=1e-9)
+    assert acting == ["K_d"]
 
 
 def test_what_is_said_of_poles_on_the_way():

@@ -269,10 +269,15 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
             f"{listed([titles[law.label] for law in varying])} varies in time: eigenvalues at "
             f"single times are no rates, and do not decide whether it is stable.{remedy}"
         )
+    if starting := [titles[law.label] for law in laws if law.starts]:
+        yield (
+            "The reference moves, and an estimator settles at rest only: the numbers of "
+            f"{listed(starting)} are those at rest, where the reference begins."
+        )
     if grown := [f"{titles[x.label]} at {x.growth.at:.3g} s" for x in varying if x.delay is None]:
         yield f"Frozen at the worst of nine times, errors do not decay: {listed(grown)}."
     if laws:
-        yield from [""] * bool(varying)
+        yield from [""] * bool(varying or starting)
         yield laid_out(_margins_table(result, laws))
 
 
@@ -320,7 +325,7 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
     for cycle in sorted({law.cycle for law in result.laws if law.cycle} - {result.period}):
         of = ", ".join(titles[law.label] for law in result.laws if law.cycle == cycle)
         yield f"eigenvalues of {of}: over {cycle:g} s, when all clocks coincide again"
-    if any(law.is_indicative and not law.changes for law in result.laws):
+    if result.left_out and any(x.is_indicative and not x.changes for x in result.laws):
         yield (
             "indicative: the numbers hold for the loop without the parts that are left out, not "
             "for the whole loop"
@@ -336,6 +341,8 @@ def _notes(result: Margins, laws: Sequence[LawMargins]) -> Iterator[str]:
             "indicative: delay and multiples are those of the loop frozen at the worst of nine "
             f"times: {', '.join(frozen)}"
         )
+    for words in dict.fromkeys(law.filters for law in result.laws if law.filters):
+        yield f"{listed([titles[x.label] for x in result.laws if x.filters == words])}: {words}"
     if result.left_out:
         yield f"left out: {', '.join(result.left_out)}"
 

@@ -11,11 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.api.loading import Configuration, experiment_at
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.errors import InputError, Problems
+from eqt_cli.base.errors import EqtError, InputError, Problems
 from eqt_cli.base.registry import blamed
 from eqt_cli.base.reporting import InNotebook, reporter, step
 from eqt_cli.components.laws import RunsCode
+from eqt_cli.config.document import changed_at
 from eqt_cli.config.experiment import Experiment
+from eqt_cli.config.preflight import build
 from eqt_cli.config.remarks import along_reference, remark_on
 from eqt_cli.config.study import Study
 from eqt_cli.engines.horizon import check_reference
@@ -245,6 +247,11 @@ class LawMargins:
         Time after which all sensors of a sampled law, and its position loop, are due together, s.
     left_out
         Places in the configuration of parts that the linear loop leaves out.
+    filters
+        How the loop has the estimator, in words; "" without one.
+    starts
+        Whether this is the loop at rest where its reference begins, because the estimator of a
+        reference that moves settles there only.
     gains
         Gain margins by the names in `GAINS`, for gains that the law uses; empty if the loop is
         unstable.
@@ -264,6 +271,8 @@ class LawMargins:
     delay_is_least: bool
     cycle: float | None
     left_out: list[str]
+    filters: str
+    starts: bool
     gains: dict[str, GainMargin]
     lag_delays: tuple[float | None, ...] = ()
 
@@ -282,6 +291,8 @@ class LawMargins:
             "eigenvalue": None if self.changes else [eigenvalue.real, eigenvalue.imag],
             "at": self.growth.at if self.changes else None,
             "cycle": self.cycle,
+            "estimator": self.filters or None,
+            "at_rest_where_it_begins": self.starts,
             "growth_rate": None if self.changes else self.growth.rate,
             "offset": self.offset.tolist(),
             "delay_margin": self.delay,
@@ -486,16 +497,33 @@ def margins_of(experiment: Experiment) -> Margins:
         If a plugin fails.
     """
     along = along_reference(experiment, known_reference(experiment))
+    begun = _where_it_begins(experiment, along)
+    shown = begun or experiment
+    along = along_reference(shown, known_reference(shown)) if begun else along
     laws = []
     # One BLAS thread: with several, small matrices take ten times as long.
     with threadpool_limits(1), step("laws", len(experiment.loops)):
-        for label, loop in experiment.loops.items():
-            laws.append(_of_law(label, loop, along))
+        for label, loop in shown.loops.items():
+            laws.append(_of_law(label, loop, along, begun is not None))
             reporter().advance(1)
     return Margins(experiment, laws, experiment.loop.period or None)
 
 
-def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
+def _where_it_begins(experiment: Experiment, along: Along) -> Experiment | None:
+    """Return the experiment at rest where its reference begins; None where that is not needed.
+
+    An estimator settles at rest only. Without it, the loop of a reference that moves is another.
+    """
+    if experiment.loop.vehicle.estimator is None or not along.velocities.any():
+        return None
+    still = {"kind": "constant", "pose": along.poses[0].tolist()}
+    try:
+        return build(changed_at(experiment.document, ("reference",), still, "at rest"))
+    except EqtError:  # a law or a part of the vehicle needs this reference
+        return None
+
+
+def _of_law(label: str, loop: ClosedLoop, along: Along, starts: bool) -> LawMargins:
     if isinstance(law := loop.controller, RunsCode) and law.in_order:
         raise InputError(
             f"'{label}' answers in the order of time of a run only (`object: per run`), and "
@@ -528,16 +556,30 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
         size_of(largest, linear),
         changes,
         not linear.is_constant,
-        changes or (decided is not None and any(doubts)),
+        changes or starts or (decided is not None and any(doubts)),
         linear.offset[0],
         delay,
         periods,
         is_least,
         linear.cycle,
         [each.words for each in omitted],
+        _filters(linear, loop),
+        starts,
         gains,
         tuple(_delay_of(each, growth(each.at_rest or each))[0] for each in lagging),
     )
+
+
+def _filters(linear: Linearised, loop: ClosedLoop) -> str:
+    """Say how a linear loop has the estimator of its loop."""
+    if loop.vehicle.estimator is None:
+        return ""
+    about = linear.about
+    if about.loop.vehicle.estimator is None:
+        return "without the estimator: the law reads the measurements themselves"
+    if about.is_settled:
+        return "with the estimator, settled at rest"
+    return f"with the estimator as it is after {about.settling:.3g} s at rest; it has not settled"
 
 
 def _delay_of(linear: Linearised, largest: Growth) -> tuple[float | None, bool]:
@@ -577,10 +619,21 @@ def _gain_margins(loop: Linearised) -> dict[str, GainMargin]:
     margins = {}
     for which, names in GAINS.items():
         scaled = loop.with_gains(dict.fromkeys(names, FACTOR_STEP))
-        if not np.array_equal(scaled.closed, loop.closed):
+        if _differ(scaled, loop):
             ends = (_first_unstable(loop, names, step) for step in (1 / FACTOR_STEP, FACTOR_STEP))
             margins[which] = GainMargin(*ends)
     return margins
+
+
+def _differ(scaled: Linearised, loop: Linearised) -> bool:
+    """Whether matrices of a loop differ by more than the differences are off, row by row."""
+    for new, old in zip(scaled.phases, loop.phases, strict=True):
+        whole = np.abs(old.A) + np.abs(old.B) @ np.abs(old.C)  # A is what BC leaves of it
+        for one, other, sizes in zip(new, old, (whole, old.B, old.C), strict=True):
+            error = DERIVATIVE * np.abs(sizes).max(axis=-1, keepdims=True)
+            if not (np.abs(one - other) <= error).all():
+                return True
+    return False
 
 
 def _first_unstable(loop: Linearised, names: Sequence[str], step: float) -> float | None:

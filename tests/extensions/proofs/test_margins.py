@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import comb, factorial
 from types import SimpleNamespace
 from typing import Any
@@ -13,8 +14,10 @@ import yaml
 
 import eqt_cli
 from eqt_cli.api.loading import open_at
-from eqt_cli.base.arrays import Array
+from eqt_cli.base.arrays import Array, stack
 from eqt_cli.base.errors import ConfigError
+from eqt_cli.components.laws import Lee2010
+from eqt_cli.components.mechanics import Tracking
 from eqt_cli.config.experiment import Experiment
 from eqt_cli.engines.engine import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -105,6 +108,22 @@ def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz(factor
 
 def test_a_gain_that_a_law_does_not_use_has_no_margin() -> None:
     assert set(of(WHEEL, controllers=["sliding"]).gains) == {"kp", "both", "effectiveness"}
+
+
+def test_a_gain_whose_effect_cancels_but_for_rounding_is_not_used() -> None:
+    class Spring(Lee2010):
+        """Lee's law with a stiffness of its own."""
+
+        def torque(self, s: Tracking) -> Array:
+            """τ, body frame."""
+            R = s.relative.Q
+            e = [R[..., i, j] - R[..., j, i] for i, j in ((2, 1), (0, 2), (1, 0))]
+            return super().torque(s) + s.relative.gradient - 0.04 * stack(e)
+
+    about = loop_of(LATE, controllers=["lee2010"])[1].about
+    loop = replace(about.loop, controller=Spring())
+    linear = linearised(loop, about.times, about.poses, np.zeros((1, 3)))
+    assert [*searched._gain_margins(linear)] == ["kd", "both", "effectiveness"]
 
 
 def loop_of(config: Mapping[str, Any], **changes: Any) -> tuple[Experiment, Linearised]:
@@ -517,6 +536,23 @@ def test_an_estimator_is_part_of_the_loop(
     expected = np.concatenate([np.linalg.eigvals(cycle(J)) for J in (1.0, 2.0, 3.0)])
     found = by_size(np.linalg.eigvals(loop_of(body)[1].closed[0]))
     np.testing.assert_allclose(found, by_size(expected), rtol=1e-6)
+
+
+def test_of_a_reference_that_moves_an_estimator_is_judged_at_rest_where_it_begins() -> None:
+    noise = [{"kind": "noise", "std": 0.1}]
+    body = {
+        **WHEEL,
+        "control": {"period": 0.1},
+        "sensors": {"pose": noise, "velocity": noise},
+        "estimator": {"kind": "complementary", "kp": 0.7, "ki": 0.2},
+    }
+    moves = of(body, reference={"torque": ["0.3*cos(t)"], "pose": {"rotvec": [0.3]}})
+    rests = of(body, reference={"kind": "constant", "pose": {"rotvec": [0.3]}})
+    raw = of({k: v for k, v in body.items() if k != "estimator"})
+    assert moves.gains == rests.gains != raw.gains
+    assert (moves.starts, rests.starts) == (True, False)
+    assert (moves.verdict, rests.verdict, raw.filters) == ("indicative", "stable", "")
+    assert moves.filters == rests.filters == "with the estimator, settled at rest"
 
 
 @pytest.mark.parametrize(

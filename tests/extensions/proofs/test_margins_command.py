@@ -158,9 +158,9 @@ def test_margins_as_json(eqt):
     [law] = found.pop("laws")
     assert found == {"name": "c", "group": "SO3", "period": None, "left_out": [], "causes": []}
     assert " ".join(law) == (
-        "label verdict largest_eigenvalue eigenvalue at cycle growth_rate offset delay_margin "
-        "delay_margin_periods delay_margin_is_least delay_margin_is_frozen gain_margins "
-        "delay_margins_of_lags"
+        "label verdict largest_eigenvalue eigenvalue at cycle estimator at_rest_where_it_begins "
+        "growth_rate offset delay_margin delay_margin_periods delay_margin_is_least "
+        "delay_margin_is_frozen gain_margins delay_margins_of_lags"
     )
     assert (law["verdict"], law["at"], law["delay_margin_periods"]) == ("stable", None, None)
     assert law["gain_margins"]["kp"] == {"lower": None, "upper": None}
