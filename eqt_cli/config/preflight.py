@@ -53,7 +53,7 @@ from eqt_cli.engines.choice import AUTO
 from eqt_cli.engines.engine import Problem
 from eqt_cli.loop.closed_loop import ClosedLoop, LoopPart, parts_of
 from eqt_cli.loop.signals import compute
-from eqt_cli.numbers.leaves import leaves
+from eqt_cli.numbers.leaves import leaves, with_leaves
 from eqt_cli.numbers.running import SampledRuns, mixes_runs
 
 # Builds an experiment, and tries it ---------------------------------------------------------------
@@ -101,6 +101,11 @@ WHEN = "at the start of run 0"
 TOGETHER = "when runs are solved together, with every number of a law as an array (runs, 1)"
 
 CONTRACTED = "; multiply before you contract: dot(self.k * z, z), not self.k * dot(z, z)"
+
+MISSED = (
+    "shapes {} do not meet run by run (write `[..., None]` behind what has one number a run, such "
+    "as R[..., 2, 1] or s.t, or `[..., 0]` behind a number such as self.k)"
+)
 
 REAL, BOOLEAN = "fiu", "b"
 """Kinds of numbers, by the letters of NumPy."""
@@ -175,6 +180,53 @@ def trial(parts: Sequence[LoopPart], problems: Problems, when: str = WHEN) -> It
         problems.at(*culprit.path).add(f"{culprit.name} fails {tried.when}: {described(error)}{at}")
 
 
+class ShapeError(ValueError):
+    """Arrays of numbers of each run that do not broadcast, or to pairs of runs."""
+
+
+class Watched(np.ndarray):
+    """An array that says with which other it is combined wrongly."""
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        """Return what NumPy's function does, watched as well."""
+        plain = [x.view(np.ndarray) if isinstance(x, Watched) else x for x in inputs]
+        shapes = [np.shape(x) for x in plain]
+        if into := options.pop("out", ()):
+            options["out"] = tuple(x.view(np.ndarray) for x in into)
+        try:
+            if any((*few, 1) in shapes for few in shapes if few[-1:] > (1,)):
+                raise ValueError
+            result = getattr(ufunc, method)(*plain, **options)
+        except ValueError:
+            if ufunc.signature or len(shapes) < 2:
+                raise
+            raise ShapeError(MISSED.format(" and ".join(map(str, shapes)))) from None
+        return result.view(Watched) if isinstance(result, np.ndarray) else result
+
+
+@contextmanager
+def located(
+    evaluate: Callable[..., Any], loop: ClosedLoop, t: Any, states: Array
+) -> Iterator[None]:
+    """Where the block fails, raise an error at the line that combines arrays wrongly, if any.
+
+    Parameters
+    ----------
+    evaluate
+        What the block does with a loop, a time and states. It is repeated with watched arrays.
+    """
+    try:
+        yield
+    except Exception:
+        numbers = {name: x.view(Watched) for name, x in leaves(loop).items()}
+        try:
+            evaluate(with_leaves(loop, numbers), t, states.view(Watched))
+        except Exception as watched:
+            if isinstance(watched, ShapeError) and place_of(watched):
+                raise
+        raise
+
+
 def _culprit(error: BaseException, parts: Sequence[LoopPart]) -> LoopPart:
     """Return the part of the innermost line that is in the file of one that is the user's own."""
     by_module = {type(each.part).__module__: each for each in reversed(parts) if each.is_foreign}
@@ -191,6 +243,28 @@ def _repeated(loop: ClosedLoop, state: Array) -> list[tuple[Any, Array]]:
     m = loop.group.dimension
     whole = np.broadcast_to(state, (m + 2, m + 3, len(state))).copy()
     return [(0.0, whole[:, 0]), (np.zeros(m + 3), whole)]
+
+
+def _check_alone_and_together(
+    tried: Trial,
+    index: int,
+    loop: ClosedLoop,
+    t: Any,
+    states: Array,
+    extra_axes: int,
+    whole: Callable[..., Any] = lambda *_: None,
+) -> None:
+    """Check a part of a loop, and the `whole`, with one set of numbers and with those of runs."""
+    numbers = {name: np.array([x] * len(states)) for name, x in leaves(loop).items()}
+    together = Problem(loop, states, np.zeros(1), numbers).batched_loop(extra_axes)
+
+    def check(loop: ClosedLoop, t: Any, states: Array) -> None:
+        _check_returns(tried, parts_of(loop)[index].part, loop, t, states)
+        whole(loop, t, states)
+
+    for tried.when, one in ((WHEN, loop), (TOGETHER, together)):
+        with located(check, one, t, states):
+            check(one, t, states)
 
 
 def _check_returns(tried: Trial, part: Any, loop: ClosedLoop, t: Any, states: Array) -> None:
@@ -229,15 +303,16 @@ def try_parts(experiment: Experiment, problems: Problems) -> None:
     """Note what parts of the user's lack, raise, or return in a shape that does not fit."""
     loop, start = experiment.loop, (experiment.desired.pose, experiment.desired.velocity)
     random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, 0)
-    for place in parts_of(loop)[1:]:
-        if not place.is_foreign:
+    for index, place in enumerate(parts_of(loop)):
+        if index == 0 or not place.is_foreign:
             continue
         with trial([place, *parts_of(loop)], problems) as tried:
             if isinstance(place.part, VehiclePart):
                 _check_declared(place.name, place.part, loop.group)
             evaluated = _repeated(loop, loop.initial_state(*start, *start))
-            for t, states in evaluated:
-                _check_returns(tried, place.part, loop, t, states)
+            for axes, (t, states) in enumerate(evaluated):
+                _check_alone_and_together(tried, index, loop, t, states, axes)
+            tried.when = WHEN
             if isinstance(place.part, Sensor):
                 _check_drawn(tried, place.part, loop, partial(random_of, dotted(place.path)))
             elif isinstance(place.part, Estimator):
@@ -301,6 +376,7 @@ def try_laws(experiment: Experiment, problems: Problems) -> None:
     loops, Qd, Vd = experiment.loops, experiment.desired.pose, experiment.desired.velocity
     poses, velocities = experiment.start.poses, experiment.start.velocities
     needed = [part for e in loops.values() for part in (e.group, e.reference, e.controller)]
+    needed += [inner for e in loops.values() if (inner := getattr(e.controller, "inner", None))]
     if not any(is_foreign(type(part).__module__) for part in [*needed, poses, velocities]):
         return
     start = [LoopPart(each, ("initial",), "the initial states") for each in (poses, velocities)]
@@ -313,18 +389,16 @@ def try_laws(experiment: Experiment, problems: Problems) -> None:
         return
     for index, loop in enumerate(loops.values()):
         law, reference, group, *others = parts_of(loop, index)
+        if (inner := getattr(loop.controller, "inner", None)) and is_foreign(
+            type(inner).__module__
+        ):
+            law = LoopPart(inner, law.path, f"controller '{inner.name}'")
         suspect = group if group.is_foreign and not law.is_foreign else law
         with trial([suspect, law, reference, group, *others], problems) as tried:
             state = loop.initial_state(Q, V, Qd, Vd)[0]  # with this law's memory
-            for extra_axes, (t, states) in enumerate(_repeated(loop, state)):
-                numbers = {name: np.array([x] * len(states)) for name, x in leaves(loop).items()}
-                together = Problem(loop, states, np.zeros(1), numbers).batched_loop(extra_axes)
-                for tried.when, each in ((WHEN, loop), (TOGETHER, together)):
-                    _check_returns(tried, each.controller, each, t, states)
-                    if extra_axes:
-                        compute(each, t, states)
-                    else:
-                        each.vector_field(t, states)
+            for axes, (t, states) in enumerate(_repeated(loop, state)):
+                whole = compute if axes else ClosedLoop.vector_field
+                _check_alone_and_together(tried, 0, loop, t, states, axes, whole)
 
 
 # Tries metrics ------------------------------------------------------------------------------------

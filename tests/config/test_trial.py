@@ -72,6 +72,49 @@ def test_a_mistake(message, base, old, new, said):
     assert text.partition(": ")[2] == said
 
 
+GAIN = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.extend import CLASS, stack
+
+
+@dataclass(frozen=True)
+class Own(CLASS):
+    name: ClassVar[str] = "own"
+    departs: ClassVar[str] = "a part of my own"
+    k: float = 0.3
+
+    def acting(self, G, t, Q, V):
+        x = V[..., 0]
+        return stack([PRODUCT, 0 * x, 0 * x])
+"""
+
+
+@pytest.mark.parametrize("product", ["self.k * x", "(np.sqrt(self.k) + 1) * x", "x / self.k"])
+@pytest.mark.parametrize(
+    ("of", "sections"),
+    [
+        ("Controller", SECTIONS["Controller"]),
+        (
+            "Controller",
+            {"controllers": "[{kind: observer, law: own, rate: 5}]", "control": "{period: 0.1}"},
+        ),
+        ("Force", SECTIONS["Force"]),
+    ],
+)
+def test_a_number_of_each_run_times_a_field_is_named_with_its_line(message, of, sections, product):
+    text = GAIN.replace("CLASS", of).replace("PRODUCT", product)
+    if of == "Controller":
+        text = text.replace("acting(self, G, t, Q, V)", "torque(self, s)").replace("= V", "= s.V")
+    Path("own.py").write_text(text, encoding="utf-8")
+    said = message(plugins="[own.py]", **sections)
+    assert "(5, 1)" in said and "(5,)" in said and "[..., None]" in said and "[..., 0]" in said
+    assert f"own.py:17: return stack([{product}, 0 * x, 0 * x])" in said
+
+
 @pytest.mark.parametrize(
     ("body", "said"),
     [
