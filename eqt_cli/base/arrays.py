@@ -38,8 +38,8 @@ def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> N
 
     The table may hold any of `FUNCTIONS`, ``less(a, b)`` and ``where(condition, a, b)``. Optional
     entries are ``smooth_less(a, b)`` if it differs from ``less(a, b)``, ``positive(x)`` of a sum of
-    squares if it differs from ``less(0, x)``, and ``inverse(matrix)`` of arrays ``(..., m, m)`` if
-    there is a better way than elimination.
+    squares if it differs from ``less(0, x)``, ``inverse(matrix)`` of arrays ``(..., m, m)`` if
+    there is a better way than elimination, and ``repeated`` if it has loops.
     """
     defaults = {}
     if "less" in table:
@@ -261,6 +261,43 @@ def inverse_spd(matrix: Array) -> Array:
             if row != k:
                 work[..., row, :] = work[..., row, :] - work[..., row, k, None] * work[..., k, :]
     return work[..., n:]
+
+
+def repeated(
+    step: Callable[[dict[str, Array], dict[str, Array]], Arrays],
+    carried: Arrays,
+    rows: Sequence[Arrays],
+    apart: bool = False,
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Take a step for each row, from what the one before has left; return the first and last one.
+
+    Of symbols a program holds the step once, whatever the number of rows, so that it is no longer
+    for longer delays.
+
+    Parameters
+    ----------
+    step
+        ``step(carried, row)`` returns arrays: those that are carried to the next row, of the same
+        shapes, and any others.
+    carried
+        The arrays before the first row.
+    rows
+        Further arrays for each step, of the same names and shapes in all.
+    apart
+        Whether the program also holds a single step by itself, so that several loops share it.
+    """
+    if apart or len(rows) > 1:
+        symbols = (
+            entry for array in carried.values() if array.dtype == object for entry in array.flat
+        )
+        for entry in symbols:
+            if "repeated" in (table := _symbol_tables.get(type(entry), {})):
+                first, last = table["repeated"](step, carried, rows)
+                return first, last
+    first = last = dict(step(dict(carried), dict(rows[0])))
+    for row in rows[1:]:
+        last = dict(step({name: last[name] for name in carried}, dict(row)))
+    return first, last
 
 
 def transpose(matrix: Array) -> Array:

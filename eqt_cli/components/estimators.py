@@ -1,14 +1,14 @@
 """Estimators of pose and velocity: base class, schedule, complementary and Kalman filters."""
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from eqt_cli.base.arrays import Array, Arrays, apply_matrix, less, sqrt, transpose, where
+from eqt_cli.base.arrays import Array, Arrays, apply_matrix, less, repeated, sqrt, transpose, where
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.option_types import POSE, VELOCITY, Scale, Unit
 from eqt_cli.base.registry import Registry
@@ -85,11 +85,10 @@ class Schedule:
         """Return the number of earlier measurements of a part to keep."""
         return self.depth - channel.delay
 
-    def available(self, step: int) -> Iterator[tuple[int, Channel]]:
-        """Yield number and channel of the fixes that are known `step` ticks after the oldest."""
-        for number, channel in enumerate(self.fixes):
-            if step <= self.waits(channel):
-                yield number, channel
+    @property
+    def fixed_steps(self) -> int:
+        """Number of steps from the oldest instant on at whose end a fix can be known."""
+        return 1 + max(map(self.waits, self.fixes), default=0)
 
 
 # The base class of estimators, which give the law pose and velocity from measurements -------------
@@ -147,6 +146,10 @@ class Estimate(NamedTuple):
     age: Any = 0.0
     drift: Any = 1.0
     share: Any = 0.5
+
+
+FIX = "fix_"
+"""Prefix of the names of the fixes of a step."""
 
 
 class Fix(NamedTuple):
@@ -276,33 +279,51 @@ class Estimator(VehiclePart):
             bias=where(is_begun, here.bias, start.bias),
             covariance=where(is_begun[..., None], here.covariance, start.covariance),
         )
-        here = self._ahead(schedule, here, past, 0)
-        fix = past.fix(0, here.pose, has_start)
-        here, innovations = self.corrected(schedule, here, fix)
-        changed = self._stored(schedule, here, "behind_") if depth else {}
-        for step in range(1, depth + 1):
-            here = self._ahead(schedule, here, past, step)
-            if any(schedule.available(step)):
-                here, _ = self.corrected(schedule, here, past.fix(step, here.pose))
+        rows = [past.row(step, has_start) for step in range(depth + 1)]
+        fixed, unfixed = rows[: schedule.fixed_steps], rows[schedule.fixed_steps :]
+        step = partial(self._fixed, schedule, bool(unfixed))
+        kept = self._stored(schedule, here)
+        first, last = repeated(step, kept, fixed)
+        changed = {f"behind_{name}": first[name] for name in kept if depth}
+        if unfixed:
+            last = {name: last[name] for name in kept}
+            _, last = repeated(partial(self._ahead, schedule), last, unfixed, apart=True)
+        here = self._loaded(G, last)
         changed |= self._stored(schedule, here) | past.later
         error = G.log(G.inverse(here.pose) @ measured.true_pose)
         changed["velocity"] = measured.velocity - here.bias
         changed["error"] = np.concatenate([error, measured.true_bias - here.bias], axis=-1)
         changed["begun"] = 1.0 + 0.0 * begun
-        if innovations is not None:
+        if "innovations" in first:
             # Count, squares and products of the innovations, and the last ones
-            last, counted = states["last_innovation"], innovations * fix.arrived
-            sums = fix.arrived, counted * counted, counted * last
+            innovations, arrived = first["innovations"], first["arrived"]
+            previous, counted = states["last_innovation"], innovations * arrived
+            sums = arrived, counted * counted, counted * previous
             new = [np.asarray(each.sum(axis=-1))[..., None] for each in sums]
             changed["innovations"] = states["innovations"] + np.concatenate(new, axis=-1)
-            changed["last_innovation"] = where(less(0.5, fix.arrived), innovations, last)
+            changed["last_innovation"] = where(less(0.5, arrived), innovations, previous)
             judged = slice(0, 2 * G.dimension)
             changed["lost"] = indefinite(here.covariance[..., judged, judged])[..., None]
         return changed
 
-    def _ahead(self, schedule: Schedule, here: Estimate, past: "_Past", step: int) -> Estimate:
-        here = past.weighed(step, here)
-        return self.predicted(schedule, here, past.velocity(step, here), past.duration(step))
+    def _fixed(self, schedule: Schedule, apart: bool, kept: Arrays, row: Arrays) -> Arrays:
+        """Return the estimate after a step with its fix, and the innovations, if any."""
+        motion = {name: array for name, array in row.items() if not name.startswith(FIX)}
+        ahead, _ = repeated(partial(self._ahead, schedule), kept, [motion], apart)
+        here = self._loaded(schedule.G, ahead)
+        fix = _fix(schedule, row, here.pose)
+        here, innovations = self.corrected(schedule, here, fix)
+        more = {} if innovations is None else {"innovations": innovations, "arrived": fix.arrived}
+        return self._stored(schedule, here) | more
+
+    def _ahead(self, schedule: Schedule, kept: Arrays, row: Arrays) -> Arrays:
+        """Return the estimate after a step without its fix."""
+        here = _weighed(schedule, row, self._loaded(schedule.G, kept))
+        # The noise of the first velocity, where it is estimated, is taken off.
+        first, last = row["first"] - here.noise, row["last"]
+        velocity = (1.0 - here.share) * first + here.share * last
+        here = self.predicted(schedule, here, velocity, schedule.period * row["live"])
+        return self._stored(schedule, here)
 
     def _start(self, schedule: Schedule, measured: Measurement) -> Estimate:
         G, Q = schedule.G, measured.true_pose
@@ -314,7 +335,7 @@ class Estimator(VehiclePart):
             first[channel.entries] = measured.pose[channel.entries]
         return self.first(G, first)
 
-    def _loaded(self, G: MatrixLieGroup, states: Arrays, prefix: str) -> Estimate:
+    def _loaded(self, G: MatrixLieGroup, states: Arrays, prefix: str = "") -> Estimate:
         pose, bias = G.unpack(states[f"{prefix}pose"]), states[f"{prefix}bias"]
         age = states.get(f"{prefix}age", 0.0)
         if not self.has_covariance:
@@ -322,14 +343,14 @@ class Estimator(VehiclePart):
         covariance = symmetric(states[f"{prefix}covariance"], 3 * G.dimension)
         return Estimate(pose, bias, covariance, states[f"{prefix}noise"], age)
 
-    def _stored(self, schedule: Schedule, now: Estimate, prefix: str = "") -> dict[str, Array]:
+    def _stored(self, schedule: Schedule, now: Estimate) -> dict[str, Array]:
         stored = {"pose": schedule.G.pack(now.pose), "bias": now.bias}
         if self.has_covariance:
             rows, columns = np.triu_indices(3 * schedule.G.dimension)
             stored |= {"covariance": now.covariance[..., rows, columns], "noise": now.noise}
         if schedule.rare:
             stored["age"] = now.age
-        return {f"{prefix}{name}": values for name, values in stored.items()}
+        return stored
 
 
 class _Past:
@@ -358,27 +379,31 @@ class _Past:
         past = {f"past_{name}": ring[1:] for name, ring in rings.items() if ring[1:]}
         return {name: np.concatenate(ring, axis=-1) for name, ring in past.items()}
 
-    def weighed(self, step: int, here: Estimate) -> Estimate:
-        """Return the estimate before a step, with the weight of the velocity at its end."""
-        schedule, new = self._schedule, np.ones(self._schedule.G.dimension)
-        if not schedule.rare:
-            return here._replace(drift=new, share=new / 2)
-        new = new + 0.0 * self._measured.velocity
-        for number, channel in enumerate(schedule.rare, len(schedule.fixes)):
-            new[channel.entries] = self._fresh[step][..., number, None]
-        drift = new * (1.0 + here.age)  # its half makes up for the ticks of the last one
-        age = (1.0 - new) * (here.age + self._live[step])
-        # A velocity at the end of the step is known where it is not late.
-        known = np.where(step <= schedule.depth - self._delays, 1.0, 0.0)
-        return here._replace(age=age, drift=drift, share=known * drift / 2)
+    def row(self, step: int, at_start: bool) -> dict[str, Array]:
+        """Return the measurements of a step.
 
-    def velocity(self, step: int, here: Estimate) -> Array:
-        """Return the mean velocity of a step, by its weights; the last one stands for unknown ones.
-
-        The noise of the first, where it is estimated, is taken off.
+        They are the velocities ``first`` and ``last`` at its ends, and whether it is ``live``: 0
+        before the start. Where velocities are not measured at every tick, ``fresh`` is 1 for each
+        of these parts that is measured at its end, and ``known`` for each axis that is not late.
+        For each fix they are its values, and whether it is fresh. The first one counts `at_start`.
         """
-        first, last = self._measured_at(step - 1) - here.noise, self._measured_at(step)
-        return (1.0 - here.share) * first + here.share * last
+        schedule, live = self._schedule, self._live[step]
+        row = {"live": live, "first": self._measured_at(step - 1), "last": self._measured_at(step)}
+        if schedule.rare:
+            row["fresh"] = self._fresh[step][..., len(schedule.fixes) :]
+            row["known"] = np.where(step <= schedule.depth - self._delays, 1.0, 0.0)
+        if step >= schedule.fixed_steps:
+            return row
+        for number, (channel, values) in enumerate(zip(schedule.fixes, self._values, strict=True)):
+            value, fresh = values[-1], np.zeros_like(live)
+            if step <= schedule.waits(channel):
+                value, fresh = values[step], self._fresh[step][..., number, None]
+            if at_start and step == 0:
+                value = where(less(0.5, self._begun), value, values[-1])
+            row |= {f"{FIX}{number}": value, f"{FIX}{number}_fresh": fresh}
+        if at_start:
+            row[f"{FIX}starts"] = 1.0 - self._begun if step == 0 else np.zeros_like(live)
+        return row
 
     def _measured_at(self, step: int) -> Array:
         """Return the velocity at the end of a step, of each axis the last that is known there."""
@@ -389,25 +414,31 @@ class _Past:
         columns = [self._velocities[k][..., axis, None] for axis, k in enumerate(places)]
         return np.concatenate(columns, axis=-1)
 
-    def duration(self, step: int) -> Array:
-        """Return the duration of a step, s, ``(..., 1)``: 0 before the start."""
-        return self._schedule.period * self._live[step]
 
-    def fix(self, step: int, pose: Array, at_start: bool = False) -> Fix:
-        """Return the fix at the end of a step; the first fix counts only with `at_start`."""
-        fixed, arrived = pose.copy(), 0.0 * self._measured.velocity
-        for number, channel in self._schedule.available(step):
-            count = self._live[step] * self._fresh[step][..., number, None]
-            value = self._values[number][step]
-            if at_start:
-                count = count + (1.0 - self._begun)
-                value = where(less(0.5, self._begun), value, self._values[number][-1])
-            was = pose[channel.entries]
-            value = value.reshape(was.shape)
-            counts = less(0.5, count.reshape(*count.shape[:-1], *(1,) * len(channel.shape)))
-            fixed[channel.entries] = where(counts, value, was)
-            arrived[..., channel.part.axes] = count
-        return Fix(fixed, arrived)
+def _weighed(schedule: Schedule, row: Arrays, here: Estimate) -> Estimate:
+    """Return the estimate before a step, with the weight of the velocity at its end."""
+    new = np.ones(schedule.G.dimension)
+    if not schedule.rare:
+        return here._replace(drift=new, share=new / 2)
+    new = new + 0.0 * row["last"]
+    for number, channel in enumerate(schedule.rare):
+        new[channel.entries] = row["fresh"][..., number, None]
+    drift = new * (1.0 + here.age)  # its half makes up for the ticks of the last one
+    age = (1.0 - new) * (here.age + row["live"])
+    return here._replace(age=age, drift=drift, share=row["known"] * drift / 2)
+
+
+def _fix(schedule: Schedule, row: Arrays, pose: Array) -> Fix:
+    """Return the fix at the end of a step, at which the pose is that without it."""
+    fixed, arrived = pose.copy(), 0.0 * row["last"]
+    for number, channel in enumerate(schedule.fixes):
+        value, count = row[f"{FIX}{number}"], row["live"] * row[f"{FIX}{number}_fresh"]
+        count = count + row.get(f"{FIX}starts", 0.0)
+        was = pose[channel.entries]
+        counts = less(0.5, count.reshape(*count.shape[:-1], *(1,) * len(channel.shape)))
+        fixed[channel.entries] = where(counts, value.reshape(was.shape), was)
+        arrived[..., channel.part.axes] = count
+    return Fix(fixed, arrived)
 
 
 def _cut(ring: Array | None, length: int, count: int) -> list[Array]:

@@ -67,7 +67,7 @@ def integration_source(
         _defined(sizes),
         _array("char eqt_all", [1 for _ in states]),
         _array("char eqt_seen", [int(place in seen) for place in states]),
-        f"static {c_function(fused(program), 'eqt_field')}",
+        c_function(fused(program), "eqt_field", static=True),
     ]
     names = ["dop853.h", "advance.h", "store.h"]
     if walks:
@@ -111,7 +111,7 @@ def _measuring(at_samples: SampleProgram) -> str:
     return (
         f"{_defined(sizes)}{_array('int64_t eqt_lengths', at_samples.stretches)}"
         f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
-        f"static {c_function(at_samples.program, 'eqt_look_at')}"
+        f"{c_function(at_samples.program, 'eqt_look_at', static=True)}"
     )
 
 
@@ -139,7 +139,7 @@ def evaluation_source(program: Program, stretches: Sequence[int], lanes: int) ->
         "EQT_CALL(in, out)": f"eqt_program({', '.join(arguments)})",
     }
     arrays = _array("int64_t eqt_lengths", stretches) + _array("int64_t eqt_found_lengths", lengths)
-    emitted = f"static {c_function(named, 'eqt_program')}"
+    emitted = c_function(named, "eqt_program", static=True)
     texts = [_defined(sizes) + arrays, emitted, _text("rows.h"), _text("evaluate.h")]
     return "\n".join([_head(lanes), *texts])
 

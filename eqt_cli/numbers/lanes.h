@@ -27,6 +27,13 @@ typedef uint64_t eqt_uint64;
 #define EQT_RARE static
 #endif
 
+/* The body of a loop, which would make the function around it long to compile. */
+#if defined(__GNUC__)
+#define EQT_APART __attribute__((noinline))
+#else
+#define EQT_APART
+#endif
+
 #if EQT_LANES == 1
 
 typedef double eqt_real;

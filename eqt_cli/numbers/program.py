@@ -9,7 +9,7 @@ import math
 import operator
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -46,15 +46,28 @@ class Operation(NamedTuple):
     Its name is ``add``, ``subtract``, ``multiply``, ``divide``, ``negative`` or ``pow``, an
     elementary function such as ``sin``, one of `COMPARISONS`, or ``select``: its second operand if
     its first, a comparison, holds, else its third. If products are fused, it may be ``fma``,
-    a b + c.
+    a b + c. A ``loop`` is `of` a `Loop`, and a ``result`` the number `of` its operand, a loop.
     """
 
     name: str
     operands: tuple[int, ...]
+    of: Any = None
 
     def moved(self, places: Places) -> Operation:
         """Return the operation on values that have moved to these places."""
-        return Operation(self.name, tuple(places[operand] for operand in self.operands))
+        return self._replace(operands=tuple(places[operand] for operand in self.operands))
+
+
+class Loop(NamedTuple):
+    """A program that is run for so many rows of numbers, one after the other.
+
+    Its operands are what is ``carried`` to the first row, then all rows, then what is ``shared``.
+    Of the numbers that the program gives, the first ones are carried to the next row. The results
+    are those after the first row, followed by those after the last.
+    """
+
+    program: Program
+    rows: int
 
 
 Value: TypeAlias = Input | Constant | Operation
@@ -104,7 +117,9 @@ class Program:
     @cached_property
     def operations(self) -> int:
         """The number of operations."""
-        return sum(isinstance(value, Operation) for value in self.values)
+        done = [value for value in self.values if isinstance(value, Operation)]
+        loops = [value.of for value in done if value.name == "loop"]
+        return len(done) + sum(loop.rows * loop.program.operations for loop in loops)
 
 
 # Tracing: a function is called with symbols, and its operations become a program -----------------
@@ -121,13 +136,13 @@ class Symbol:
         Number of symbols created before it.
     depth
         Length of the longest chain of operations that leads to it.
-    name, operands
+    name, operands, of
         The operation; inputs and constants have no operands.
     number
         The value of a constant; else None.
     """
 
-    __slots__ = ("depth", "index", "name", "number", "operands", "trace")
+    __slots__ = ("depth", "index", "name", "number", "of", "operands", "trace")
 
     def __init__(
         self,
@@ -135,8 +150,10 @@ class Symbol:
         name: str,
         operands: tuple[Symbol, ...] = (),
         number: float | None = None,
+        of: Any = None,
     ) -> None:
         self.trace, self.name, self.operands, self.number = trace, name, operands, number
+        self.of = of
         self.index = len(trace)
         self.depth: int = 1 + max([operand.depth for operand in operands]) if operands else 0
 
@@ -185,12 +202,18 @@ class _Trace(dict[Any, Symbol]):
     def symbol(self, value: Any) -> Symbol:
         return value if isinstance(value, Symbol) else self.constant(float(value))
 
-    def operation(self, name: str, *operands: Symbol) -> Symbol:
-        key = name, *[operand.index for operand in operands]
+    def operation(self, name: str, *operands: Symbol, of: Any = None) -> Symbol:
+        key = name, *[operand.index for operand in operands], *[of] * (of is not None)
         symbol = self.get(key)
         if symbol is None:
-            self[key] = symbol = Symbol(self, name, operands)
+            self[key] = symbol = Symbol(self, name, operands, of=of)
         return symbol
+
+    def inputs(self, group: str, length: int, *inside: int) -> Array:
+        symbols = np.empty(length, dtype=object)
+        for index in range(length):
+            self["input", group, index, *inside] = symbols[index] = Symbol(self, "input")
+        return symbols
 
 
 _NUMBERS = int, float, np.number
@@ -334,6 +357,7 @@ register_symbols(
         "less": _less,
         "smooth_less": _compared("smooth_less"),
         "where": _selected,
+        "repeated": lambda *arguments: _repeated(*arguments),
     },
 )
 
@@ -350,21 +374,15 @@ def traced(function: Callable[[dict[str, Array]], Arrays], inputs: Mapping[str, 
         The length of each group, by its name.
     """
     trace = _Trace()
-    symbols_of: dict[str, Array] = {}
-    for group, length in inputs.items():
-        symbols_of[group] = np.empty(length, dtype=object)
-        for index in range(length):
-            trace["input", group, index] = symbols_of[group][index] = Symbol(trace, "input")
+    symbols_of = {group: trace.inputs(group, length) for group, length in inputs.items()}
     arrays = {name: np.asarray(array, dtype=object) for name, array in function(symbols_of).items()}
     entries = {name: [*map(trace.symbol, array.flat)] for name, array in arrays.items()}
     symbols = _needed([entry for listed in entries.values() for entry in listed])
     places = {symbol: place for place, symbol in enumerate(symbols)}
     keys = list(trace)
     values = tuple(
-        Constant(symbol.number)
-        if symbol.number is not None
-        else Operation(symbol.name, tuple(places[operand] for operand in symbol.operands))
-        if symbol.operands
+        _value(symbol, places)
+        if symbol.operands or symbol.number is not None
         else Input(*keys[symbol.index][1:])
         for symbol in symbols
     )
@@ -375,20 +393,96 @@ def traced(function: Callable[[dict[str, Array]], Arrays], inputs: Mapping[str, 
     return Program(tuple(inputs.items()), values, outputs)
 
 
-def _needed(roots: list[Symbol]) -> list[Symbol]:
+def _value(symbol: Symbol, places: Mapping[Symbol, int]) -> Value:
+    """Return a constant or an operation of a program from its symbol."""
+    if symbol.number is not None:
+        return Constant(symbol.number)
+    return Operation(symbol.name, tuple(places[each] for each in symbol.operands), symbol.of)
+
+
+def _needed(roots: list[Symbol], begin: int = 0) -> list[Symbol]:
     """Return the symbols that the roots need, each as late as possible in a walk from the roots.
 
-    Of two operands the deeper one comes first: then fewer values wait for the other.
+    Of two operands the deeper one comes first: then fewer values wait for the other. What symbols
+    before number `begin` need is left out, but for comparisons.
     """
     ordered: dict[Symbol, None] = {}
     waiting = roots[::-1]
     while waiting:
-        needed = [operand for operand in waiting[-1].operands if operand not in ordered]
+        last = waiting[-1]
+        operands = last.operands if last.index >= begin or last.name in COMPARISONS else ()
+        needed = [operand for operand in operands if operand not in ordered]
         if needed:
             waiting += sorted(needed, key=operator.attrgetter("depth"))
         else:
             ordered[waiting.pop()] = None
     return list(ordered)
+
+
+def _repeated(
+    step: Callable[[dict[str, Array], dict[str, Array]], Arrays],
+    carried: Arrays,
+    rows: Sequence[Arrays],
+) -> list[dict[str, Array]]:
+    """Return what `repeated` does, by a loop of which one step is traced.
+
+    What a step computes from numbers of no row is computed before it, but for comparisons.
+    """
+    entries = [entry for array in carried.values() for entry in array.flat]
+    trace = next(entry.trace for entry in entries if isinstance(entry, Symbol))
+    start = [trace.symbol(entry) for entry in entries]
+    table = [[*map(trace.symbol, _flat(row))] for row in rows]
+    varying = [
+        k
+        for k, column in enumerate(zip(*table, strict=True))
+        if any(entry is not column[0] or entry.number is None for entry in column)
+    ]
+    begin = len(trace)
+    variables = trace.inputs("carried", len(start), begin)
+    row = np.array(table[0], dtype=object)
+    row[varying] = trace.inputs("row", len(varying), begin)
+    after = step(_shaped(variables, carried), _shaped(row, rows[0]))
+    named = {name: np.asarray(after[name], dtype=object) for name in [*carried, *after]}
+    roots = [*map(trace.symbol, _flat(named))]
+
+    inside, needed, keys = set[Symbol](), dict[Symbol, None](), list(trace)
+    for symbol in _needed(roots, begin):
+        inner = symbol.name == "input" and keys[symbol.index][3:] == (begin,)
+        if inner or symbol.name in COMPARISONS or any(each in inside for each in symbol.operands):
+            inside.add(symbol)
+            needed |= dict.fromkeys((*symbol.operands, symbol))
+    needed |= dict.fromkeys(roots)
+    places = {symbol: place for place, symbol in enumerate(needed)}
+    shared, values = list[Symbol](), list[Value]()
+    for symbol in needed:
+        if symbol.number is None and symbol not in inside:
+            values.append(Input("shared", len(shared)))
+            shared.append(symbol)
+        elif symbol.name == "input":
+            values.append(Input(*keys[symbol.index][1:3]))
+        else:
+            values.append(_value(symbol, places))
+    sizes = ("carried", len(start)), ("row", len(varying)), ("shared", len(shared))
+    output = Output("after", (len(roots),), tuple(places[root] for root in roots))
+    body = Loop(Program(sizes, tuple(values), (output,)), len(rows))
+    numbers = [entries[k] for entries in table for k in varying]
+    loop = trace.operation("loop", *start, *numbers, *shared, of=body)
+    ends = 0, (len(rows) > 1) * len(roots)
+    results = [
+        [trace.operation("result", loop, of=end + k) for k in range(len(roots))] for end in ends
+    ]
+    return [_shaped(np.array(each, dtype=object), named) for each in results]
+
+
+def _flat(arrays: Arrays) -> list[Any]:
+    return [entry for array in arrays.values() for entry in np.asarray(array).flat]
+
+
+def _shaped(entries: Array, like: Arrays) -> dict[str, Array]:
+    """Return arrays of the shapes of others from the entries of all of them."""
+    ends = np.cumsum([np.size(array) for array in like.values()])[:-1]
+    parts = zip(like.items(), np.split(entries, ends), strict=True)
+    return {name: part.reshape(np.shape(array)) for (name, array), part in parts}
 
 
 # Joins programs, and fuses their operations, without changing a bit -------------------------------
@@ -535,12 +629,20 @@ class ArrayProgram:
         self._calls: list[tuple[Callable[..., Any], list[Array]]] = []
         places: list[int] = []
         rows: list[Array] = []
+        loops: dict[int, _Repeated] = {}
         for place, value in enumerate(program.values, start=sum(lengths.values())):
             if isinstance(value, Input):
                 place = starts[value.group] + value.number
             row = self._arrays[place]
             if isinstance(value, Constant):
                 row.fill(value.number)
+            elif isinstance(value, Operation) and value.name == "loop":
+                repeat = _Repeated(value.of, [rows[operand] for operand in value.operands])
+                self._calls.append((repeat, []))
+                loops[place] = repeat
+            elif isinstance(value, Operation) and value.name == "result":
+                row = loops[places[value.operands[0]]].results[value.of]
+                self._calls.append((np.copyto, [self._arrays[place], row]))
             elif isinstance(value, Operation):
                 if value.name in COMPARISONS:
                     row = np.empty(runs, dtype=bool)
@@ -561,6 +663,38 @@ class ArrayProgram:
             name: self._arrays[places].reshape(*shape, -1)
             for name, (shape, places) in self._outputs.items()
         }
+
+
+class _Repeated:
+    """A loop as NumPy calls; `results` are rows that it fills in."""
+
+    def __init__(self, loop: Loop, operands: list[Array]) -> None:
+        self._program = ArrayProgram(loop.program, len(operands[0]))
+        carried, row, shared = (length for _, length in loop.program.inputs)
+        cuts = [carried, carried + row * loop.rows]
+        self._start, self._rows, self._shared = (
+            operands[: cuts[0]],
+            operands[cuts[0] : cuts[1]],
+            operands[cuts[1] :],
+        )
+        assert len(self._shared) == shared
+        self._loop, length = loop, loop.program.outputs[0].shape[0]
+        self.results = np.empty((2 * length, len(operands[0])))
+
+    def __call__(self) -> None:
+        inputs, width = self._program.inputs, len(self._program.inputs["row"])
+        for group, rows in (("carried", self._start), ("shared", self._shared)):
+            for to, row in zip(inputs[group], rows, strict=True):
+                to[:] = row
+        first, last = np.split(self.results, 2)
+        for step in range(self._loop.rows):
+            here = self._rows[step * width : (step + 1) * width]
+            for to, row in zip(inputs["row"], here, strict=True):
+                to[:] = row
+            last[:] = self._program()["after"]
+            inputs["carried"][:] = last[: len(self._start)]
+            if step == 0:
+                first[:] = last
 
 
 def _select(condition: Array, a: Array, b: Array, out: Array) -> None:
@@ -623,54 +757,219 @@ FUNCTIONS_HEADER = Path(__file__).with_name("functions.h")
 _INFIX = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
 
 
-def c_function(program: Program, name: str) -> str:
-    """Return the definition of a C function for a program.
+def c_function(program: Program, name: str, static: bool = False) -> str:
+    """Return the definition of a C function for a program, and before it those of its loops.
 
     It takes a pointer ``in_GROUP`` for each group of inputs, then ``out_NAME`` for each output, in
     their order. Outputs must not overlap inputs. Elementary functions have the names of the
-    program, prefixed with ``eqt_``.
+    program, prefixed with ``eqt_``. In a `static` one, long outputs that move their entries are
+    written by loops, too, so that its length does not grow with theirs.
 
     Raises
     ------
     ValueError
         If a name is not an identifier of C.
     """
-    groups = [group for group, _ in program.inputs]
-    outputs = [output.name for output in program.outputs]
-    for each in (name, *groups, *outputs):
+    for each in (name, *dict(program.inputs), *(output.name for output in program.outputs)):
         if not _is_name(each):
             raise ValueError(f"{each!r} is not an identifier of C")
-    taken = [f"const eqt_real *__restrict in_{group}" for group in groups]
-    results = [f"eqt_real *__restrict out_{output}" for output in outputs]
-    used = {value.group for value in program.values if isinstance(value, Input)}
-    targets: dict[int, list[str]] = {}
-    for output in program.outputs:
-        for entry, place in enumerate(output.entries):
-            targets.setdefault(place, []).append(f"out_{output.name}[{entry}] = v{place};")
-    lines = [f"(void)in_{group};" for group in groups if group not in used]
-    for place in range(len(program.values)):
-        lines += [_definition(program, place), *targets.get(place, [])]
-    body = "".join(f"    {line}\n" for line in lines)
-    return f"void {name}({', '.join(taken + results)})\n{{\n{body}}}\n"
+    bodies = {body: f"{name}_{k}" for k, body in enumerate(_bodies(program), start=1)}
+    functions = [("EQT_APART static ", body, called) for body, called in bodies.items()]
+    functions.append(("static " if static else "", program, name))
+    return "".join(
+        kind + _Text(each, bodies, static).function(called) for kind, each, called in functions
+    )
 
 
-def _definition(program: Program, place: int) -> str:
-    value, kind = program.values[place], "eqt_real"
-    if isinstance(value, Input):
-        formula = f"in_{value.group}[{value.number}]"
-    elif isinstance(value, Constant):
-        formula = f"eqt_constant({_literal(value.number)})"
-    else:
-        operands = [f"v{operand}" for operand in value.operands]
-        if value.name in _INFIX:
-            formula = f" {_INFIX[value.name]} ".join(operands)
-        elif value.name == "negative":
-            formula = f"-{operands[0]}"
+def _bodies(program: Program) -> dict[Program, None]:
+    """Return the programs of all loops, those within others first."""
+    bodies: dict[Program, None] = {}
+    for value in program.values:
+        if isinstance(value, Operation) and value.name == "loop":
+            bodies |= {**_bodies(value.of.program), value.of.program: None}
+    return bodies
+
+
+MOST_PERIOD, LEAST_MOVED = 16, 12
+"""Longest period of numbers that move, as the entries of a pose, and least numbers of a loop."""
+
+
+class _Text:
+    """The lines of a C function, by the places of a program."""
+
+    def __init__(self, program: Program, bodies: Mapping[Program, str], moves: bool) -> None:
+        self._program, self._values, self._bodies = program, program.values, bodies
+        operations = [value for value in self._values if isinstance(value, Operation)]
+        self._used = Counter(place for each in operations for place in each.operands)
+        self._used.update(place for output in program.outputs for place in output.entries)
+        self._moves = moves or any(value.name == "loop" for value in operations)
+
+    def function(self, name: str) -> str:
+        """Return the definition of the function."""
+        program, values = self._program, self._values
+        groups = [group for group, _ in program.inputs]
+        taken = [f"const eqt_real *__restrict in_{group}" for group in groups]
+        results = [f"eqt_real *__restrict out_{output.name}" for output in program.outputs]
+        used = {value.group for value in values if isinstance(value, Input)}
+        targets: dict[int, list[str]] = {}
+        last: list[str] = []
+        for output in program.outputs:
+            target = f"out_{output.name}"
+            for first, period, rows in self._stretches(output.entries):
+                entries = output.entries[first : first + period * rows]
+                if rows > 1:
+                    last += self._moved(target, first, entries, period)
+                    self._release(entries)
+                else:
+                    for entry, place in enumerate(entries, start=first):
+                        targets.setdefault(place, []).append(f"{target}[{entry}] = v{place};")
+        loops = {
+            place: self._loop(place, value)
+            for place, value in enumerate(values)
+            if isinstance(value, Operation) and value.name == "loop"
+        }
+        lines = [f"(void)in_{group};" for group in groups if group not in used]
+        for place in range(len(values)):
+            if place in loops:
+                lines += loops[place]
+            elif self._used[place] > 0:
+                lines.append(self._definition(place))
+            lines += targets.get(place, [])
+        body = "".join(f"    {line}\n" for line in [*lines, *last])
+        return f"void {name}({', '.join(taken + results)})\n{{\n{body}}}\n"
+
+    def _definition(self, place: int) -> str:
+        value, kind = self._values[place], "eqt_real"
+        if isinstance(value, Input) or (isinstance(value, Operation) and value.name == "result"):
+            formula = self._form(place)[0].format(*self._form(place)[1])
+        elif isinstance(value, Constant):
+            formula = f"eqt_constant({_literal(value.number)})"
         else:
-            kind = "eqt_mask" if value.name in COMPARISONS else kind
-            called = "less" if value.name in COMPARISONS else value.name
-            formula = f"eqt_{called}({', '.join(operands)})"
-    return f"const {kind} v{place} = {formula};"
+            operands = [f"v{operand}" for operand in value.operands]
+            if value.name in _INFIX:
+                formula = f" {_INFIX[value.name]} ".join(operands)
+            elif value.name == "negative":
+                formula = f"-{operands[0]}"
+            else:
+                kind = "eqt_mask" if value.name in COMPARISONS else kind
+                called = "less" if value.name in COMPARISONS else value.name
+                formula = f"eqt_{called}({', '.join(operands)})"
+        return f"const {kind} v{place} = {formula};"
+
+    def _loop(self, place: int, value: Operation) -> list[str]:
+        """Return the lines of a loop, whose results are in an array that has its place as name."""
+        program, rows = value.of
+        carried, width, _ = (length for _, length in program.inputs)
+        length, behind = program.outputs[0].shape[0], carried + width * rows
+        parts = {"i": value.operands[:carried], "s": value.operands[behind:]}
+        lines = [f"eqt_real l{place}[{3 * length}], r{place}[{width + 1}];"]
+        for letter, places in parts.items():
+            lines.append(f"eqt_real {letter}{place}[{len(places) + 1}];")
+            for first, period, count in self._stretches(places):
+                entries = places[first : first + period * count]
+                lines += self._moved(f"{letter}{place}", first, entries, period)
+        table = value.operands[carried:behind]
+        listed = [self._form(each) for each in table]
+        self._release(table)
+        begin = 0
+        while begin < rows:
+            # The row after the first has its input from there; others take turns behind the last.
+            end = rows if begin else 1
+            end = min(end, begin + self._steps(listed, begin * width, width))
+            shifts = self._shifts(listed, begin * width, width) if end - begin > 1 else None
+            formulas = self._formulas(listed[begin * width : (begin + 1) * width], shifts, begin)
+            turn = f"{length} * (1 + ({rows - 1} - k) % 2)"
+            before = f"k == 1 ? l{place} : l{place} + {length} * (1 + ({rows} - k) % 2)"
+            before, to = (before, f"l{place} + {turn}") if begin else (f"i{place}", f"l{place}")
+            lines.append(f"for (int k = {begin}; k < {end}; k++) {{")
+            lines += [f"    r{place}[{k}] = {formula};" for k, formula in enumerate(formulas)]
+            lines.append(f"    {self._bodies[program]}({before}, r{place}, s{place}, {to});")
+            lines.append("}")
+            begin = end
+        return lines
+
+    def _release(self, places: Iterable[int]) -> None:
+        """Count off values that are read where they are stored, so that they get no name."""
+        for place in places:
+            value = self._values[place]
+            if self._form(place, depth=1)[1]:
+                self._used[place] -= 1
+                if isinstance(value, Operation) and value.name == "select":
+                    self._release(value.operands)
+
+    def _form(self, place: int, depth: int = 0) -> tuple[str, tuple[int, ...]]:
+        """Return how a value is read, and the numbers in it that may move from entry to entry."""
+        value = self._values[place]
+        if isinstance(value, Input):
+            return f"in_{value.group}[{{}}]", (value.number,)
+        if isinstance(value, Operation) and value.name == "result":
+            return f"l{value.operands[0]}[{{}}]", (value.of,)
+        only_here = depth and self._used[place] == 1
+        if only_here and isinstance(value, Operation) and value.name == "select":
+            parts = [self._form(operand) for operand in value.operands]
+            text = ", ".join(text for text, _ in parts)
+            return f"eqt_select({text})", tuple(k for _, numbers in parts for k in numbers)
+        return f"v{place}", ()
+
+    def _steps(self, forms: list[Any], first: int, period: int) -> int:
+        """Return how many rows, of `period` forms each, differ by equal shifts of their numbers."""
+        shifts, rows = self._shifts(forms, first, period), 1
+        while shifts is not None and shifts == self._shifts(forms, first, period):
+            first, rows = first + period, rows + 1
+        return rows
+
+    def _shifts(self, forms: list[Any], first: int, period: int) -> list[tuple[int, ...]] | None:
+        one, other = (forms[first + k * period : first + (k + 1) * period] for k in (0, 1))
+        if len(other) < period or any(a[0] != b[0] for a, b in zip(one, other, strict=True)):
+            return None
+        return [
+            tuple(y - x for x, y in zip(a[1], b[1], strict=True))
+            for a, b in zip(one, other, strict=True)
+        ]
+
+    def _stretches(self, places: Sequence[int]) -> Iterator[tuple[int, int, int]]:
+        """Yield first, period and rows of stretches: one row where nothing moves."""
+        forms = [self._form(place, depth=1) for place in places]
+        first = begun = 0
+        while first < len(places):
+            period, rows = 1, 1
+            if self._moves:
+                # The shortest period of those that reach as far.
+                counts = [(k * self._steps(forms, first, k), -k) for k in range(1, MOST_PERIOD + 1)]
+                reach, period = max(
+                    (each for each in counts if each[0] > -each[1]), default=(1, -1)
+                )
+                period, rows = -period, reach // -period
+            if period * rows >= LEAST_MOVED and rows > 2:
+                if begun < first:
+                    yield begun, first - begun, 1
+                yield first, period, rows
+                first = begun = first + period * rows
+            else:
+                first += 1
+        if begun < first:
+            yield begun, first - begun, 1
+
+    def _moved(self, target: str, first: int, places: Sequence[int], period: int) -> list[str]:
+        """Return the lines that write a stretch."""
+        forms = [self._form(place, depth=1) for place in places]
+        if len(places) == period:
+            return [f"{target}[{k}] = v{place};" for k, place in enumerate(places, start=first)]
+        formulas = self._formulas(forms[:period], self._shifts(forms, 0, period), 0)
+        to = [f"{target}[{first + k} + {period} * k]" for k in range(period)]
+        lines = [f"    {a} = {formula};" for a, formula in zip(to, formulas, strict=True)]
+        return [f"for (int k = 0; k < {len(places) // period}; k++) {{", *lines, "}"]
+
+    def _formulas(self, forms: list[Any], shifts: Any, begin: int) -> list[str]:
+        """Return the formulas of a row, with the number k of the row from `begin` on."""
+        formulas = []
+        for (text, numbers), by in zip(forms, shifts or [()] * len(forms), strict=True):
+            places = [
+                f"{number - begin * shift} + {shift} * k" if shift else str(number)
+                for number, shift in zip(numbers, by or [0] * len(numbers), strict=True)
+            ]
+            formulas.append(text.format(*places))
+        return formulas
 
 
 def _literal(number: float) -> str:

@@ -15,8 +15,9 @@ from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remarks
 from eqt_cli.config.study import study
 from eqt_cli.engines.engine import INDEFINITE, Status
+from eqt_cli.engines.native import programs
 from eqt_cli.loop.signals import compute
-from eqt_cli.numbers.program import traced
+from eqt_cli.numbers.program import c_function, traced
 from eqt_cli.numbers.rounded import evaluated
 
 FIXES = "[{kind: noise, std: 0.02, period: 0.2}]"
@@ -222,10 +223,22 @@ def test_a_run_has_the_same_bits_alone(solved, engine):
 
 
 def test_engines_agree(solved):
-    late = "[{kind: noise, std: 0.02, period: 0.2, delay: 1, dropout: 0.2}]"
+    late = "[{kind: noise, std: 0.02, period: 0.2, delay: 4, dropout: 0.2}]"
     found = [solved(text("eqf", pose=late, engine=engine))[1].states
              for engine in ("solve_ivp", "native")]  # fmt: skip
     np.testing.assert_allclose(found[1], found[0], rtol=0, atol=1e-8)
+
+
+def test_a_later_fix_makes_no_longer_program(tmp_path):
+    """The steps from the oldest instant kept to the present are one loop."""
+    lengths = []
+    for delay in (5, 50):
+        pose = f"[{{kind: noise, std: 0.02, period: 0.2, delay: {delay}}}]"
+        path = tmp_path / f"late_{delay}.yaml"
+        path.write_text(text("complementary", pose=pose))
+        program = programs(study(read_config(path)).base.loop).after_instant
+        lengths.append(len(c_function(program, "law", static=True)))
+    assert lengths[1] < 1.05 * lengths[0]
 
 
 @pytest.mark.parametrize("name", ["SO2", "SO3", "SE2", "SE3", "SE23", "R3", "SO3*R3"])

@@ -84,7 +84,9 @@ def digest(program, names):
         elif isinstance(value, Constant):
             forms.append((abs(value.number).hex(), -1 if value.number < 0 else 1))
         else:
-            forms.append(form(value.name, [forms[operand] for operand in value.operands]))
+            of = value.of if value.name != "loop" else (digest(value.of.program, {}), value.of.rows)
+            name = value.name if of is None else f"{value.name} {of}"
+            forms.append(form(name, [forms[operand] for operand in value.operands]))
     lines = []
     for output in program.outputs:
         entries = [f"{sign} {name}" for name, sign in (forms[entry] for entry in output.entries)]

@@ -318,6 +318,78 @@ def test_of_two_products_in_a_sum_the_one_that_is_computed_first_is_kept(functio
     assert {value.number for value in used if isinstance(value, Input)} == kept
 
 
+# A filter of measurements that wait in a ring: y ← y + g (x − y) where x has arrived --------------
+
+
+def filtered(given, apart=False):
+    """The filter after its first and its last measurement, the ring a tick later, and a gain."""
+    ring, now = given["ring"].reshape(-1, 2), given["now"]
+    rows = [{"x": x[:1], "arrived": x[1:]} for x in [*ring, now]]
+    gain = given["gain"] * given["gain"]
+
+    def step(carried, row):
+        y = carried["y"] + gain * (row["x"] - carried["y"])
+        y = where(less(gain, 0.0), 0.0, where(less(0.5, row["arrived"]), y, carried["y"]))
+        return {"y": y, "change": y - carried["y"]}
+
+    def steps(carried, row):
+        return arrays.repeated(step, carried, [row], apart)[1] | {"twice": 2.0 * row["x"]}
+
+    first, last = arrays.repeated(steps, {"y": given["y"]}, rows[:2])
+    if rows[2:]:
+        _, last = arrays.repeated(step, {"y": last["y"]}, rows[2:], apart)
+    later = np.concatenate([given["ring"][2:], now])
+    return {"first": first["y"], "twice": first["twice"], **last, "ring": later}
+
+
+def ring_of(length):
+    random = np.random.default_rng(length)
+    given = {"ring": random.normal(size=2 * length), "now": random.normal(size=2)}
+    return given | {"y": np.array([0.3]), "gain": np.array([0.7])}
+
+
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize("length", [1, 2, 3, 30])
+def test_a_loop_computes_what_its_steps_do(in_c, length, apart):
+    given = ring_of(length)
+    expected = filtered(given)
+    program = traced(lambda x: filtered(x, apart), {name: x.size for name, x in given.items()})
+    for computed in (in_c(program, **given), evaluated(program, **given)):
+        for name, value in expected.items():
+            np.testing.assert_array_equal(computed[name], np.atleast_1d(value), err_msg=name)
+
+
+def test_a_program_is_no_longer_for_a_longer_ring():
+    """But for the digits of its numbers; in static functions, moves are loops, too."""
+    lengths = []
+    for length in (10, 1000):
+        sizes = {name: x.size for name, x in ring_of(length).items()}
+        program = traced(lambda x: filtered(x, apart=True), sizes)
+        assert names(program).count("loop") == 2
+        lengths.append(len(c_function(program, "law", static=True)))
+    assert lengths[1] < lengths[0] + 100
+    assert c_function(program, "law").count("noinline") == 0
+
+
+def test_a_step_that_loops_share_is_one_function():
+    sizes = {name: x.size for name, x in ring_of(9).items()}
+    program = traced(lambda x: filtered(x, apart=True), sizes)
+    assert c_function(program, "law").count("EQT_APART") == 2  # with the one that it is part of
+
+
+def test_a_select_of_what_waits_is_written_as_a_loop():
+    """As where the first measurement of a sensor fills all places of a delay."""
+
+    def waiting(given):
+        now, held = given["now"], given["held"]
+        first, moved = less(0.5, given["first"]), held[3:]
+        return {"held": np.concatenate([where(first, np.tile(now, len(moved) // 3), moved), now])}
+
+    programs = [traced(waiting, {"held": n, "now": 3, "first": 1}) for n in (30, 300)]
+    texts = [c_function(program, "law", static=True) for program in programs]
+    assert len(texts[1]) < len(texts[0]) + 20 < len(c_function(programs[0], "law"))
+
+
 def test_names_that_are_none_in_c():
     program = program_of(lambda x: x)
     head = "void law(const eqt_real *__restrict in_x, eqt_real *__restrict out_y)"
