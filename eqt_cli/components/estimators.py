@@ -282,11 +282,11 @@ class Estimator(VehiclePart):
         rows = [past.row(step, has_start) for step in range(depth + 1)]
         fixed, unfixed = rows[: schedule.fixed_steps], rows[schedule.fixed_steps :]
         step = partial(self._fixed, schedule, bool(unfixed))
-        kept = self._stored(schedule, here)
-        first, last = repeated(step, kept, fixed)
-        changed = {f"behind_{name}": first[name] for name in kept if depth}
+        estimate = self._stored(schedule, here)
+        first, last = repeated(step, estimate, fixed)
+        changed = {f"behind_{name}": first[name] for name in estimate if depth}
         if unfixed:
-            last = {name: last[name] for name in kept}
+            last = {name: last[name] for name in estimate}
             _, last = repeated(partial(self._ahead, schedule), last, unfixed, apart=True)
         here = self._loaded(G, last)
         changed |= self._stored(schedule, here) | past.later
@@ -306,19 +306,19 @@ class Estimator(VehiclePart):
             changed["lost"] = indefinite(here.covariance[..., judged, judged])[..., None]
         return changed
 
-    def _fixed(self, schedule: Schedule, apart: bool, kept: Arrays, row: Arrays) -> Arrays:
+    def _fixed(self, schedule: Schedule, apart: bool, estimate: Arrays, row: Arrays) -> Arrays:
         """Return the estimate after a step with its fix, and the innovations, if any."""
         motion = {name: array for name, array in row.items() if not name.startswith(FIX)}
-        ahead, _ = repeated(partial(self._ahead, schedule), kept, [motion], apart)
+        ahead, _ = repeated(partial(self._ahead, schedule), estimate, [motion], apart)
         here = self._loaded(schedule.G, ahead)
         fix = _fix(schedule, row, here.pose)
         here, innovations = self.corrected(schedule, here, fix)
         more = {} if innovations is None else {"innovations": innovations, "arrived": fix.arrived}
         return self._stored(schedule, here) | more
 
-    def _ahead(self, schedule: Schedule, kept: Arrays, row: Arrays) -> Arrays:
+    def _ahead(self, schedule: Schedule, estimate: Arrays, row: Arrays) -> Arrays:
         """Return the estimate after a step without its fix."""
-        here = _weighed(schedule, row, self._loaded(schedule.G, kept))
+        here = _weighed(schedule, row, self._loaded(schedule.G, estimate))
         # The noise of the first velocity, where it is estimated, is taken off.
         first, last = row["first"] - here.noise, row["last"]
         velocity = (1.0 - here.share) * first + here.share * last

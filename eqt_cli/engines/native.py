@@ -21,7 +21,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from eqt_cli.base.arrays import Array, Arrays
-from eqt_cli.base.errors import EqtError, Problems, TraceError
+from eqt_cli.base.errors import EqtError, Problems, Remedy, TraceError
 from eqt_cli.base.option_types import Count, Positive, Scale
 from eqt_cli.base.stored import Status
 from eqt_cli.components.laws import CodeCall, RunsCode
@@ -92,6 +92,11 @@ class LoopPrograms:
     command: Program | None = None
 
 
+MOST_OPERATIONS = 60_000
+"""Operations of a function beyond which it is not compiled. gcc takes 2 s for 10,000, 20 s and 0.6
+GB for 36,000, so about a minute for these; a count is the same under any load, unlike a time."""
+
+
 @lru_cache(maxsize=64)
 def programs(loop: ClosedLoop) -> LoopPrograms:
     """Return the programs of a closed loop, traced once.
@@ -99,8 +104,23 @@ def programs(loop: ClosedLoop) -> LoopPrograms:
     Raises
     ------
     TraceError
-        If a component does what programs cannot; it names component, operation and remedy.
+        If a component does what programs cannot; it names component, operation and remedy. Or if
+        a program is too long to be compiled.
     """
+    whole = _programs(loop)
+    parts = [whole.field, whole.after_instant, whole.command]
+    parts += [whole.around_code.input, whole.around_code.after] if whole.around_code else []
+    longest = max(program.longest for program in parts if program is not None)
+    if longest > MOST_OPERATIONS:
+        raise TraceError(
+            f"the loop takes {longest:,} operations at a time; beyond {MOST_OPERATIONS:,}, a C "
+            "compiler takes more than a minute",
+            Remedy("use engine solve_ivp"),
+        )
+    return whole
+
+
+def _programs(loop: ClosedLoop) -> LoopPrograms:
 
     # A law is promised a leading run axis; here it has one entry.
     def field(inputs: Arrays) -> Arrays:
@@ -267,7 +287,8 @@ def sampled(
         return {name: np.asarray(values)[0] for name, values in computed.items()}
 
     try:
-        return traced(arrays, inputs_of(loop, sum(lengths)))
+        program = traced(arrays, inputs_of(loop, sum(lengths)))
+        return program if program.longest <= MOST_OPERATIONS else None
     except Exception:
         return None
 

@@ -121,6 +121,13 @@ class Program:
         loops = [value.of for value in done if value.name == "loop"]
         return len(done) + sum(loop.rows * loop.program.operations for loop in loops)
 
+    @property
+    def longest(self) -> int:
+        """The number of operations of its longest piece of text: itself, or the body of a loop."""
+        done = [value for value in self.values if isinstance(value, Operation)]
+        loops = (value.of.program.longest for value in done if value.name == "loop")
+        return max(len(done), *loops, 0)
+
 
 # Tracing: a function is called with symbols, and its operations become a program -----------------
 

@@ -66,7 +66,7 @@ Desired = Arrays
 
 def shared_reference(study: Study) -> dict[str, Array]:
     """Solve the reference that all runs share."""
-    with hurried():
+    with hurried(), working_for("the reference"):
         return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
 
 

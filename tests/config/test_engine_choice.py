@@ -12,7 +12,7 @@ from eqt_cli.base.errors import ConfigError, EqtError
 from eqt_cli.base.files import read_record, write_record
 from eqt_cli.config.document import read_config
 from eqt_cli.config.study import add_grids, study
-from eqt_cli.engines import compiler
+from eqt_cli.engines import compiler, native
 from eqt_cli.engines.native import Native, programs
 from eqt_cli.results.result import open_result
 
@@ -114,6 +114,15 @@ def test_a_law_that_cannot_be_compiled_is_called(told):
     named = read("solver.engine=native", **own("numpy"))  # which never gives way
     with pytest.raises(EqtError, match="cannot be compiled"):
         programs(named.base.loop)
+
+
+def test_what_no_compiler_ends_is_called_and_says_how_long_it_is(monkeypatch, told):
+    monkeypatch.setattr(native, "MOST_OPERATIONS", 100)
+    programs.cache_clear()
+    assert read().base.engine.name == "solve_ivp"
+    [remark] = told.remarks
+    assert "operations at a time; beyond 100, a C compiler takes more than a minute" in remark
+    programs.cache_clear()
 
 
 @pytest.mark.parametrize(
