@@ -1,9 +1,9 @@
 """What `eqt_cli.extend` offers and where that is, for type checkers and for the module itself."""
 
-from eqt_cli.analysis.compare import AtMost as AtMost
-from eqt_cli.analysis.compare import Claim as Claim
-from eqt_cli.analysis.compare import ClaimSet as ClaimSet
-from eqt_cli.analysis.compare import Less as Less
+from eqt_cli.analysis.claims import AtMost as AtMost
+from eqt_cli.analysis.claims import Claim as Claim
+from eqt_cli.analysis.claims import ClaimSet as ClaimSet
+from eqt_cli.analysis.claims import Less as Less
 from eqt_cli.base.arrays import Array as Array
 from eqt_cli.base.arrays import absolute as absolute
 from eqt_cli.base.arrays import apply_matrix as apply_matrix

@@ -40,9 +40,10 @@ else:
 # %% Compare controllers run by run: they all start from the same initial states.
 comparison = eqt_cli.compare(result, metrics=["mean_torque", "mean_pose_error"], windows=["0:5"])
 for pair in comparison.pairs:
-    if (pair.first, pair.second) == ("eqt", "gt"):
+    if (pair.first, pair.second) == ("gt", "eqt"):
         name = pair.measured.quantity.name
-        print(f"{name}, eqt − gt: {pair.difference:.3f} [{pair.low:.3f}, {pair.high:.3f}]")
+        interval = f"[{pair.low:.3f}, {pair.high:.3f}]"
+        print(f"{name}, gt − eqt: {pair.difference:.3f} {interval}, {pair.word}")
 for claim in comparison.judgements:
     if claim.pair is not None:
         less = f"{claim.pair.first} has less {claim.pair.measured.quantity.plain}"

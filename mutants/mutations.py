@@ -20,6 +20,8 @@ CORE = (
     "config/designs.py",
     "analysis/intervals.py",
     "analysis/compare.py",
+    "analysis/comparison.py",
+    "analysis/claims.py",
     "extensions/proofs/margins.py",
     "results/metrics.py",
     "results/quantity.py",

@@ -13,15 +13,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NamedTuple
 
-from eqt_cli.analysis.intervals import Interval
+from eqt_cli.analysis.intervals import UNKNOWN, Interval
 from eqt_cli.base import units
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of, fixed
 
 TWO_SIDED = 0.90
 """Confidence of an interval whose ends are both one-sided bounds of 95 %."""
-
-UNKNOWN = Interval(math.nan, math.nan, math.nan)
 
 Outcome = StrEnum("Outcome", {"WORSE": "worse", "NOT_SHOWN": "not shown", "HOLDS": "holds"})
 """What the bounds of a change say of a margin, the worst first."""

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from eqt_cli.base.arrays import Array
-from eqt_cli.base.reporting import fixed, reporter, step
-from eqt_cli.results.quantity import Plain, Quantity
-from eqt_cli.results.result import PerRun
+from eqt_cli.base.reporting import reporter, step
+from eqt_cli.results.quantity import Quantity
 
 # Intervals of means, ratios and shares, by bootstrap and in closed form, and the runs needed ------
 
@@ -159,6 +156,9 @@ class Interval(NamedTuple):
     high: float
 
 
+UNKNOWN = Interval(math.nan, math.nan, math.nan)
+
+
 def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> Interval:
     """Return the share of runs with the score interval of Wilson (1927), without correction.
 
@@ -170,7 +170,7 @@ def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> I
         Whether to use the interval of Clopper and Pearson (1934), which also holds for rare events.
     """
     if not runs:
-        return Interval(math.nan, math.nan, math.nan)
+        return UNKNOWN
     from scipy.special import betaincinv, ndtri  # slow to import, and most tables do not need it
 
     of, tail = count / runs, (1 - confidence) / 2
@@ -218,7 +218,7 @@ def difference_of_shares(first: Array, second: Array, confidence: float) -> tupl
     known = np.isfinite(first) & np.isfinite(second)
     x, y, n = first[known] > 0, second[known] > 0, int(known.sum())
     if not n:
-        return Interval(math.nan, math.nan, math.nan), math.nan
+        return UNKNOWN, math.nan
     a, b, c, d = (int(np.count_nonzero(outcome)) for outcome in (x & y, x & ~y, ~x & y, ~x & ~y))
     value, p_value = (b - c) / n, float(sign_test(max(b, c), b + c))
     if n < FEWEST:
@@ -258,7 +258,10 @@ def relative_difference(differences: Array, second: Array, confidence: float) ->
         of both is below 0.
     """
     known = np.isfinite(differences) & np.isfinite(second)
-    d, y = differences[known], second[known] * np.sign(_mean(second[known]))
+    d, y = (
+        differences[known],
+        second[known] * np.sign(second[known].mean() if known.any() else math.nan),
+    )
     n, share = len(d), float(d.mean() / y.mean()) if y.any() else math.nan
     if n < FEWEST or not y.any():
         return Interval(share, math.nan, math.nan)
@@ -293,7 +296,7 @@ def median_of_runs(values: Array, confidence: float) -> Interval:
     ordered = np.sort(values)
     n = len(ordered)
     if not n:
-        return Interval(math.nan, math.nan, math.nan)
+        return UNKNOWN
     ranks = np.arange(1, n // 2 + 1)
     allowed = np.count_nonzero(sign_test(n + 1 - ranks, n) <= 1 - confidence)
     with np.errstate(invalid="ignore"):  # between −∞ and ∞
@@ -353,7 +356,7 @@ def runs_without_exception(confidence: float) -> int:
     return math.ceil(math.log(1 - confidence) / math.log(SHARE))
 
 
-# Statistics of single controllers, and of pairs on the same initial states ------------------------
+# Differences of two laws on the same initial states -----------------------------------------------
 
 
 RESOLUTION = 1e-6
@@ -372,270 +375,6 @@ class Word(StrEnum):
     WORSE = "worse"
     ALIKE = "no difference"
     UNDECIDED = "undecided"
-
-
-@dataclass(frozen=True)
-class Level:
-    """A measure of one law.
-
-    Attributes
-    ----------
-    measured, controller
-        The measure, and the label of the controller.
-    runs
-        Number of good runs with a value.
-    censored
-        Number of these whose value lies beyond the horizon and counts as the horizon.
-    failed, undefined
-        Numbers of failed runs, and of good runs without a value.
-    mean, low, high
-        Mean over runs and its interval. For counts of runs: the share and its Wilson interval.
-    standard_deviation, median
-        Standard deviation and median over runs.
-    """
-
-    measured: PerRun
-    controller: str
-    runs: int
-    censored: int
-    failed: int
-    undefined: int
-    mean: float
-    low: float
-    high: float
-    standard_deviation: float
-    median: float
-
-
-@dataclass(frozen=True)
-class Pair:
-    """A measure of two laws, run by run on the same initial states.
-
-    Attributes
-    ----------
-    measured, first, second
-        The measure, and the labels of the controllers. Differences are first minus second.
-    pairs
-        Number of runs in which both have a value.
-    censored
-        Number of pairs with at least one value beyond the horizon, which counts as the horizon.
-    failed, undefined
-        Numbers of runs left out because one of the two failed, or has no value.
-    difference, low, high
-        Mean difference and its interval; for shares of runs the interval of Newcombe.
-    relative, relative_low, relative_high
-        `relative_difference`; of shares, the difference itself.
-    medians
-        `median_of_runs` of the difference of a run relative to the second law, and of the reverse
-        relative to the first; a run that failed is worse than any. Of shares of time, of the
-        difference itself; of shares of runs, the difference with its interval.
-    better_in
-        In how many runs the first law is better, and the second; a run that failed is worse.
-    runs
-        Number of runs behind `better_in`, in which both have a value or only one failed.
-    mean_first, mean_second
-        Means over the pairs.
-    cohen_d
-        Mean divided by standard deviation of the differences.
-    first_better
-        Share of pairs in which the first is better; ties count half.
-    ties
-        Number of pairs in which both are equal.
-    runs_to_decide
-        Number of runs that would decide the sign (`runs_to_decide`); None for fewer than `FEWEST`
-        pairs, whose spread is too uncertain.
-    p_value
-        P-value of `sign_test` in these runs; of shares of runs, where the two differ (McNemar).
-    """
-
-    measured: PerRun
-    first: str
-    second: str
-    pairs: int
-    censored: int
-    failed: int
-    undefined: int
-    difference: float
-    low: float
-    high: float
-    relative: float
-    relative_low: float
-    relative_high: float
-    mean_first: float
-    mean_second: float
-    cohen_d: float
-    medians: tuple[Interval, Interval]
-    better_in: tuple[int, int]
-    runs: int
-    first_better: float
-    ties: int
-    runs_to_decide: int | None
-    p_value: float
-
-    def __repr__(self) -> str:
-        """The difference with its interval, in a line."""
-        write = Plain()
-        interval = write.interval(self.difference, self.low, self.high)
-        measured = f"{self.measured.quantity.name} {write.window(self.measured.seen)}"
-        value = " ".join(filter(None, [interval, write.unit(self.measured.unit)]))
-        return f"Pair({self.first} − {self.second}, {measured}: {value}, {self.pairs} pairs)"
-
-    def word(self, negligible: float = NEGLIGIBLE) -> Word:
-        """Return the word for the first law against the second, by this number alone.
-
-        *No difference* if the interval of the median lies within ±`negligible`, else *better* or
-        *worse* if it lies on one side of 0, and the mean of these runs does, too.
-        """
-        better, (_, low, high) = self.measured.quantity.better, self.medians[0]
-        if max(abs(low), abs(high)) <= negligible:
-            return Word.ALIKE
-        if better == "neither" or not (low > 0 or high < 0) or self.means_contradict:
-            return Word.UNDECIDED
-        return Word.BETTER if (high < 0) == (better == "lower") else Word.WORSE
-
-    @property
-    def means_contradict(self) -> bool:
-        """Whether the mean of the differences has not the sign of their median."""
-        return self.difference * self.medians[0].value <= 0
-
-    @property
-    def percent(self) -> str:
-        """The median as ``−16 % [−19, −13]``; of shares in points of 100."""
-        values = [100 * x for x in self.medians[0]]
-        if not math.isfinite(values[0]):
-            return "-"
-        half = (values[2] - values[1]) / 2  # of rounding alone below 1e-9
-        digits = min(max(0, -math.floor(math.log10(half / 2))), 2) if 1e-9 < half < math.inf else 0
-        mean, *ends = (fixed(value, digits, signed=True).replace("-", "−") for value in values)
-        unit = "points" if self.measured.is_share else "%"
-        return f"{mean} {unit} [{', '.join(ends)}]" if math.isfinite(half) else f"{mean} {unit}"
-
-    def swapped(self) -> Pair:
-        """Return the pair with the two controllers exchanged."""
-        relative = [-self.relative, -self.relative_high, -self.relative_low]
-        if not self.measured.is_share:
-            sign, other = np.sign([self.mean_second, self.mean_first])
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ratios = 1 + sign * np.array([self.relative, self.relative_low, self.relative_high])
-                value, *ends = (other * (1 / ratios - 1)).tolist()
-                around_0 = not ratios[1] * ratios[2] >= 0  # such an interval has no inverse
-            relative = [value, *(2 * [math.nan] if around_0 else sorted(ends))]
-        return replace(
-            self,
-            first=self.second,
-            second=self.first,
-            difference=-self.difference,
-            low=-self.high,
-            high=-self.low,
-            relative=relative[0],
-            relative_low=relative[1],
-            relative_high=relative[2],
-            mean_first=self.mean_second,
-            mean_second=self.mean_first,
-            cohen_d=-self.cohen_d,
-            medians=self.medians[::-1],
-            better_in=self.better_in[::-1],
-            first_better=1 - self.first_better,
-        )
-
-
-def statistics(
-    measured: Sequence[PerRun], labels: Sequence[str], good: Array, how: Resampling
-) -> tuple[list[Level], list[Pair], int]:
-    """Return the levels of all controllers, all pairs, and the number of resamples.
-
-    All means are resampled together: resample k draws the same runs for all numbers. Shares of runs
-    have intervals in closed form.
-    """
-    couples = list(combinations(range(len(labels)), 2))
-    columns = []
-    for s in measured:
-        if not s.quantity.counts:
-            differences = (resolved_differences(s.values[a], s.values[b]) for a, b in couples)
-            columns += [*s.values, *differences]
-    table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
-    means = intervals_of_means(table, how)
-    ends = iter(map(Interval, means.mean.tolist(), means.low.tolist(), means.high.tolist()))
-    levels, pairs = [], []
-    for s in measured:
-        for c, label in enumerate(labels):
-            of_runs = shares(s.values[c], how.confidence) if s.quantity.counts else next(ends)
-            levels.append(_level(s, c, label, good, Interval(*of_runs)))
-        for a, b in couples:
-            if s.quantity.counts:
-                interval, _ = difference_of_shares(s.values[a], s.values[b], how.confidence)
-            else:
-                interval = next(ends)
-            pairs.append(_pair(s, a, b, labels, good, how.confidence, interval))
-    return levels, pairs, means.resamples
-
-
-def _level(s: PerRun, c: int, label: str, good: Array, interval: Interval) -> Level:
-    values = s.values[c][np.isfinite(s.values[c])]
-    failed = int(np.count_nonzero(~good[c, : s.runs]))
-    if s.runs == 1:
-        interval = Interval(interval.value, math.nan, math.nan)
-    return Level(
-        s,
-        label,
-        len(values),
-        int(np.count_nonzero(s.censored[c])),
-        failed,
-        s.runs - failed - len(values),
-        *interval,
-        standard_deviation=_deviation(values),
-        median=float(np.median(values)) if len(values) else float("nan"),
-    )
-
-
-def _pair(
-    s: PerRun,
-    a: int,
-    b: int,
-    labels: Sequence[str],
-    good: Array,
-    confidence: float,
-    interval: Interval,
-) -> Pair:
-    both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
-    differences = resolved_differences(s.values[a], s.values[b])[both]
-    failed = int(np.count_nonzero(~(good[a] & good[b])[: s.runs]))
-    deviation, mean = _deviation(differences), interval.value
-    with np.errstate(invalid="ignore", divide="ignore"):
-        cohen_d = float(np.float64(mean) / deviation)
-    second = s.values[b][both]
-    relative = relative_difference(differences, second, confidence)
-    better = -differences if s.quantity.better != "higher" else differences
-    first_better = _mean((better > 0) + (better == 0) / 2)
-    values, failures = s.values[[a, b]], ~good[[a, b], : s.values.shape[1]]
-    alone = np.zeros(2, dtype=int) if s.quantity.counts else _alone(values, failures)
-    ahead = [x.item() for x in np.count_nonzero([better > 0, better < 0], axis=-1) + alone]
-    runs = len(differences) + int(alone.sum())
-    tested = sum(ahead) if s.quantity.counts else runs
-    return Pair(
-        s,
-        labels[a],
-        labels[b],
-        len(differences),
-        int(np.count_nonzero((s.censored[a] | s.censored[b]) & both)),
-        failed,
-        s.runs - failed - len(differences),
-        *interval,
-        *(interval if s.is_share else relative),
-        mean_first=_mean(s.values[a][both]),
-        mean_second=_mean(second),
-        cohen_d=cohen_d,
-        medians=(
-            median_difference(s.quantity, values, failures, confidence),
-            median_difference(s.quantity, values[::-1], failures[::-1], confidence),
-        ),
-        better_in=(ahead[0], ahead[1]),
-        runs=runs,
-        first_better=first_better,
-        ties=int(np.count_nonzero(differences == 0)),
-        runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
-        p_value=float(sign_test(max(ahead), tested)) if runs else math.nan,
-    )
 
 
 def median_difference(
@@ -658,11 +397,11 @@ def median_difference(
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = differences / np.abs(values[1])
         differences = np.where(differences == 0, 0.0, relative)  # not 0/0
-    lost = np.repeat(quantity.cost(np.array([-np.inf, np.inf])), _alone(values, failed))
+    lost = np.repeat(quantity.cost(np.array([-np.inf, np.inf])), runs_alone(values, failed))
     return median_of_runs(np.r_[differences[np.isfinite(values).all(axis=0)], lost], confidence)
 
 
-def _alone(values: Array, failed: Array) -> Array:
+def runs_alone(values: Array, failed: Array) -> Array:
     """Return the number of runs in which the other of two laws failed, for each law."""
     return (np.isfinite(values) & failed[::-1]).sum(axis=-1)
 
@@ -672,12 +411,3 @@ def resolved_differences(first: Array, second: Array) -> Array:
     with np.errstate(invalid="ignore"):  # the rise of L relative to L(0) = 0 is infinite
         equal = np.abs(first - second) <= RESOLUTION * np.maximum(np.abs(first), np.abs(second))
         return np.where(equal, 0.0, first - second)
-
-
-def _mean(values: Array) -> float:
-    return float(np.mean(values)) if len(values) else float("nan")
-
-
-def _deviation(values: Array) -> float:
-    with np.errstate(over="ignore"):
-        return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")

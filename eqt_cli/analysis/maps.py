@@ -156,6 +156,12 @@ class Map:
         """Return the number of points that a law wins."""
         return sum(cell.winner == law for cell in self.cells)
 
+    def without_winners(self) -> dict[str, int]:
+        """Return the number of points that no law wins, by word."""
+        alike = sum(cell.winner == NOBODY and cell.alike for cell in self.cells)
+        words = {str(Word.ALIKE): alike} if alike else {}
+        return {**words, self.without_winner: self.wins(NOBODY) - alike}
+
 
 def compare_map(
     result: Result,
@@ -376,12 +382,13 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         if won:
             most = max(won, key=lambda cell: abs(cell.lead.value))
             at = write.text(f"point {most.point}, {result.point_name(most.point)}")
-            largest = [_difference(most, write), at]
+            largest = [_difference(wins, most, write), at]
         counted.append([write.text(title), str(len(won)), *largest])
-    counted.append([wins.without_winner, str(wins.wins(NOBODY)), "", ""])
+    counted += [[word, str(count), "", ""] for word, count in wins.without_winners().items()]
     each = f"{count_of(wins.runs, 'run')} each"
     caption = f"Which law has the better {name}, at {points} points of {each}"
-    header = ["law", "points won", f"largest median difference, {write.text('%')}", "at"]
+    heading = write.text("largest median difference, % of the other law")
+    header = ["law", "points won", heading, "at"]
     notes = [write.text(note) for note in _notes(wins)]
     summary = TextTable("winners", caption, header, [Block("", counted)], notes)
     if points > MOST_POINTS and not whole:
@@ -394,8 +401,8 @@ def map_tables(wins: Map, result: Result, write: Plain, *, whole: bool = False) 
         means = [_mean(wins.means[cell.point, law], *lost) for law, lost in enumerate(counts)]
         p_value = "-" if math.isnan(cell.p_value) else f"{cell.p_value:.2g}"
         winner = write.text(wins.verdict(cell))
-        rows.append([*place, *means, winner, _difference(cell, write), p_value])
-    difference = f"median difference, {write.text('%')}"
+        rows.append([*place, *means, winner, _difference(wins, cell, write), p_value])
+    difference = write.text("median difference, % of the second")
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
     header = ["point", "at", *map(write.text, wins.titles), "winner", difference, "adjusted p"]
     caption += f", {unit}" if unit else ""
@@ -464,12 +471,13 @@ def _mean(mean: float, failed: int, censored: int) -> str:
     return significant(mean) + "".join(marks)
 
 
-def _difference(cell: Cell, write: Plain) -> str:
-    """Format the median difference of the best law from the next one, in percent of that one."""
+def _difference(wins: Map, cell: Cell, write: Plain) -> str:
+    """``EqT − GT: -5.3 [-7.1, -2.9]``, the best law against the next one, in percent of that."""
     if not cell.difference.value or not all(map(isfinite, cell.lead)):
         return "-"
-    mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
-    return write.number(f"{mean} [{low}, {high}]")
+    laws = write.text(" − ".join(wins.titles[law] for law in (cell.best, cell.runner_up)))
+    middle, low, high = (fixed(100 * share, 1) for share in cell.lead)
+    return f"{laws}: {write.number(f'{middle} [{low}, {high}]')}"
 
 
 def map_records(wins: Map, result: Result) -> list[dict[str, Any]]:
@@ -560,7 +568,7 @@ def winners(result: Result) -> list[Map]:
 def _won(wins: Map) -> str:
     """As in ``Points won by mean ‖I − Q_E‖: EqT 3, GT 12, undecided 5``."""
     counts = {title: wins.wins(law) for law, title in enumerate(wins.titles)}
-    counts[wins.without_winner] = wins.wins(NOBODY)
+    counts |= wins.without_winners()
     points = ", ".join(f"{name} {count}" for name, count in counts.items())
     few = f" (ensemble.runs: {wins.fewest} or more)" * wins.has_too_few_runs
     won = f"Points won by {Plain().name(wins.quantity)}: {points}{few}"

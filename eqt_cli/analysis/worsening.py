@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 
 from eqt_cli.analysis import intervals
-from eqt_cli.analysis.compare import compare_two
-from eqt_cli.analysis.comparison import Comparison
+from eqt_cli.analysis.compare import compare
+from eqt_cli.analysis.comparison import Comparison, Pair
+from eqt_cli.analysis.comparison_tables import name_of
 from eqt_cli.analysis.gate import TWO_SIDED, Finding, Rule, rules_of
-from eqt_cli.analysis.intervals import FEWEST, Interval, Pair, Resampling, Word
-from eqt_cli.analysis.verdict import answers, names_of, unresolved
+from eqt_cli.analysis.intervals import FEWEST, Interval, Resampling, Word
 from eqt_cli.base.errors import EqtError
 from eqt_cli.base.reporting import count_of
 from eqt_cli.results.quantity import Window
@@ -90,19 +90,19 @@ def findings(
         names = {*baseline.metrics} & {*candidate.metrics}
         numbers = ((baseline.metric(name, base_row), candidate.metric(name, row)) for name in names)
         unchanged[law] = all(np.array_equal(*two, equal_nan=True) for two in numbers)
-    worse = [x for x in answers(comparison) if x.decided and x.word is Word.WORSE]
-    for pair in (x.pair for x in worse if Rule("worse") in rules):
-        number = f"{comparison.titles[pair.first]}: {names_of([pair.measured], comparison)[0]}"
-        yield Finding(Rule("worse"), number, why=pair.percent)
-    compared = partial(compare_two, baseline, candidate, windows=windows, counterparts=counterparts)
+    for pair in comparison.rows() if Rule("worse") in rules else ():
+        if pair.word is Word.WORSE:
+            number = f"{comparison.titles[pair.first]}: {name_of(pair.measured, comparison)}"
+            yield Finding(Rule("worse"), number, why=pair.percent)
+    compared = partial(compare, baseline, candidate, windows=windows, counterparts=counterparts)
     how = Resampling(TWO_SIDED, FEWEST)  # of Fieller and Newcombe: no resample is read
     for rule in (rule for rule in rules if rule.margin < math.inf):
         bounds = compared(metrics=[rule.metric], how=how)
         if not bounds.pairs:
             raise candidate.error(f"has '{rule.metric}' in another unit, or not over the whole run")
-        for pair in bounds.against():
+        for pair in bounds.pairs:
             law = pair.first.partition("/")[2]
-            number = f"{candidate.title_of[law]}: {names_of([pair.measured], bounds)[0]}"
+            number = f"{candidate.title_of[law]}: {name_of(pair.measured, bounds)}"
             yield judged(rule, pair, number, bounds, unchanged[law])
 
 
@@ -110,10 +110,7 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
     """Judge a number of two laws, of which the first is the new one."""
     measured, counts, n, why = pair.measured, pair.measured.quantity.counts, pair.pairs, ""
     factor = rule.factor(measured.unit, is_share=measured.is_share)
-    rows = [bounds.labels.index(law) for law in (pair.first, pair.second)]
-    values, base_values = measured.values[rows]
-    finite = np.isfinite(values) & np.isfinite(base_values)
-    differences = intervals.resolved_differences(values, base_values)[finite]
+    differences, before = pair.differences, float(pair.values[1].mean()) if n else math.nan
     spread = float(np.std(differences, ddof=1)) if n > 1 else math.nan
     change, to_show = Interval(pair.relative, pair.relative_low, pair.relative_high), FEWEST
     if counts:  # Newcombe's bounds are too narrow where few runs differ, so these count, too
@@ -124,7 +121,7 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
         spread = math.sqrt(lost.value + gained.value)
         to_show = math.ceil(math.log(0.05) / math.log1p(-min(rule.margin / factor, 0.9)))
     elif rule.unit == "%":
-        spread /= abs(pair.mean_second) or math.nan
+        spread /= abs(before) or math.nan
     else:  # Fieller's interval relative to a constant is Student's
         size = 10 * float(np.abs(differences).max(initial=0.0)) or 1.0
         relative = intervals.relative_difference(differences, np.full(n, size), TWO_SIDED)
@@ -135,7 +132,7 @@ def judged(rule: Rule, pair: Pair, number: str, bounds: Comparison, unchanged: b
     if spread > 0:
         runs = intervals.runs_to_decide(rule.margin / factor / spread, TWO_SIDED)
         to_show = max(to_show, runs or 0)
-    vague = not pair.mean_second or unresolved(pair, bounds.resolution)
+    vague = not before or bounds.unresolved(pair)
     if pair.censored:
         why = f"{count_of(pair.censored, 'run')} did not settle; use 'settled worse by 2 points'"
     elif pair.undefined:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,55 +91,43 @@ def compare(
     --------
     >>> comparison = eqt_cli.compare("results/paper", ["mean_torque"], ["0:5"])
     >>> [(pair.first, pair.second) for pair in comparison.pairs][:2]
-    [('eqt', 'gt'), ('eqt', 'nog')]
+    [('gt', 'eqt'), ('nog', 'eqt')]
     """
     from eqt_cli.analysis.compare import compare as compare_results
-    from eqt_cli.analysis.compare import compare_two
 
     for name, names in (("metrics", metrics), ("fail_on", fail_on or ()), ("same", same)):
         require_list(name, names)
     if other is None and (fail_on is not None or law or same):
         raise EqtError("fail_on, law and same compare two results; give other, too")
+    over, how = _windows(windows), Resampling(confidence, resamples, seed)
+    compared = partial(
+        compare_results, metrics=metrics, windows=over, how=how, negligible=negligible
+    )
+    with open_at(path_from("result", result), point) as opened:
+        before = opened.in_units(units)
+        if other is None:
+            chosen = chosen_labels(before, controllers, without_start=without_start)
+            return compared(before, labels=chosen)
+        from eqt_cli.analysis.worsening import checked, findings
+
+        with open_at(path_from("other", other), point) as second:
+            now, is_gate = second.in_units(units), fail_on is not None
+            _require_same(opened, second, same)
+            pairs = _counterparts(opened, second, law or {}, controllers, all_needed=is_gate)
+            rules = checked(fail_on, before, now, over) if fail_on is not None else []
+            between = _between(opened, second)
+            both = compared(before, now, between=between, counterparts=pairs)
+            gate = list(findings(both, before, now, rules, over, pairs)) if is_gate else None
+            return replace(both, gate=gate)
+
+
+def _windows(windows: Sequence[str | Window]) -> list[Window]:
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
-    parsed = []
     for window in windows:
         if not isinstance(window, str | Window):
             raise EqtError(f"windows: expected text such as '0:5', or a Window, got {window!r}")
-        parsed.append(Window.parse(window) if isinstance(window, str) else window)
-    with open_at(path_from("result", result), point) as opened:
-        results = opened.in_units(units)
-        how = Resampling(confidence, resamples, seed)
-        if other is not None:
-            from eqt_cli.analysis.worsening import checked, findings
-
-            with open_at(path_from("other", other), point) as second:
-                now, gated = second.in_units(units), fail_on is not None
-                _require_same(opened, second, same)
-                pairs = _counterparts(opened, second, law or {}, controllers, all_needed=gated)
-                rules = checked(fail_on, results, now, parsed) if fail_on is not None else []
-                compared = compare_two(
-                    results,
-                    now,
-                    metrics=metrics,
-                    windows=parsed,
-                    between=_between(opened, second),
-                    counterparts=pairs,
-                    how=how,
-                    negligible=negligible,
-                )
-                if gated:
-                    gate = findings(compared, results, now, rules, parsed, pairs)
-                    return replace(compared, gate=list(gate))
-                return compared
-        return compare_results(
-            results,
-            metrics=metrics,
-            windows=parsed,
-            labels=chosen_labels(results, controllers, without_start=without_start),
-            how=how,
-            negligible=negligible,
-        )
+    return [Window.parse(window) if isinstance(window, str) else window for window in windows]
 
 
 def _counterparts(

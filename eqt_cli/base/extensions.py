@@ -126,7 +126,7 @@ def all_kinds() -> dict[str, str]:
     modules = dict(_KINDS)
     for extension in shipped():
         modules |= extension.kinds
-    return {**modules, "claims": "eqt_cli.analysis.compare"}
+    return {**modules, "claims": "eqt_cli.analysis.claims"}
 
 
 @lru_cache(maxsize=1)

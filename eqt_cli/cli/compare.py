@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
@@ -102,7 +102,8 @@ def compare(
     than a margin, or if the runs do not show that it did not.
 
     This prints a row per law: its error, effort and settled runs against the first law, each with
-    an interval, ▲ where it is better and ▼ where it is worse. --table prints the numbers behind it.
+    an interval and a mark: ▲ better, ▼ worse, = no difference, ? undecided. --table prints the
+    numbers behind it.
 
     For a sweep, this shows which law is best at each point; --point selects one point.
 
@@ -141,7 +142,6 @@ def compare(
         --share P  At a point of a sweep, a law that settles in fewer than 1 − P of the runs where
             another one settles in P is not ranked.
     """
-    from eqt_cli import api
     from eqt_cli.analysis.intervals import Resampling
     from eqt_cli.api.loading import open_at
     from eqt_cli.results.quantity import Latex, Plain
@@ -157,16 +157,16 @@ def compare(
         with open_at(result, point) as results:
             _print_metrics(results, json)
         return
-    how = Resampling(confidence, resamples, seed)
     write = Latex() if format is TableFormat.LATEX else Plain()
-    shown = None
-    if measured is None:
-        options.require_measured(mapping, log_format, run)
-    elif metric or window or table not in (None, TableName.ALL):
-        raise EqtError(
-            "--measured compares with a recording; leave --metric, --window and other tables out"
-        )
-    else:
+    how, shown = Resampling(confidence, resamples, seed), None
+    chosen = {"metrics": metric or (), "controllers": controller or (), "units": unit or ()}
+    narrow = bool(window or against or without_start)
+    if measured is not None:
+        if metric or window or table not in (None, TableName.ALL):
+            raise EqtError(
+                "--measured compares with a recording; leave --metric, --window and other tables "
+                "out"
+            )
         explained = function_for("compare --measured")(
             result,
             measured,
@@ -177,68 +177,48 @@ def compare(
             point=point,
             units=unit or (),
         )
-        shown = _Findings(
-            *function_for("findings on a recording")(
-                explained, measured, write, table is TableName.ALL
-            )
-        )
-    if shown is None and point is None and other is None:
-        narrow = bool(window or against or without_start)
-        shown = _of_whole(
-            result, metric or (), table, controller or (), narrow, how, write, unit or (), share
-        )
+        tell = function_for("findings on a recording")
+        shown = _Findings(*tell(explained, measured, write, table is TableName.ALL))
+    else:
+        options.require_measured(mapping, log_format, run)
+        if point is None and other is None:
+            shown = _of_whole(result, chosen, table, narrow, write, how, share)
     if shown is None:
-        if table in _NEEDS:
-            raise EqtError(f"--table {table} needs {_NEEDS[table]}")
-        comparison = api.compare(
-            result,
-            metric or (),
-            window or (),
-            **of_two,
-            controllers=controller or (),
-            without_start=without_start,
-            point=point,
-            units=unit or (),
-            negligible=negligible,
-            **vars(how),
-        )
-        against = _labels(comparison, against or ())
+        more: dict[str, Any] = {"windows": window or (), "without_start": without_start}
+        more |= {"point": point, "negligible": negligible, **vars(how)}
         is_wide = format is TableFormat.LATEX and columns > 1
         as_rows = rows is Rows.CONTROLLERS or (rows is None and is_wide)
-        shown = _of_experiment(
-            comparison,
-            table,
-            against,
-            format,
-            write,
-            chosen=bool(metric or window),
-            laws_as_rows=as_rows,
-            json=json,
-        )
-        shown = _with_gate(shown, comparison.gate, gate.undecided is Undecided.PASS)
+        look = _Look(table, against or (), format, write, as_rows, json)
+        shown = _of_experiment(result, chosen | of_two | more, look, gate)
     with suppress(BrokenPipeError):  # the exit code is also for those whose reader has left
         _print(shown, result, format, json, columns)
     if not shown.passes:
         raise typer.Exit(4)
 
 
-def _with_gate(shown: _Findings, findings: Sequence[Finding] | None, lenient: bool) -> _Findings:
-    if findings is None:
-        return shown
-    from eqt_cli.analysis import gate
+class _Findings(NamedTuple):
+    """Findings to print: a document for programs, rows, tables, and what comes before them.
 
-    passes = gate.passes(findings, undecided=lenient)
-    record = {"passes": passes, "findings": [each.record() for each in findings]}
-    lines = [*gate.lines(findings, undecided=lenient), ""]
-    return shown._replace(document={"gate": record, **shown.document}, passes=passes, gate=lines)
+    Of a gate, its lines and whether it passes.
+    """
+
+    document: Mapping[str, Any] = {}
+    records: Sequence[Mapping[str, Any]] = ()
+    tables: Sequence[TextTable] = ()
+    remarks: Sequence[str] = ()
+    premises: Sequence[str] = ()
+    gate: Sequence[str] = ()
+    passes: bool = True
 
 
 def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, columns: int) -> None:
-    for line in () if json else shown.gate:
-        (output.print_text if format is TableFormat.TEXT else output.say)(line)
     if json:
         output.print_json({"path": str(result), **shown.document})
-    elif format is TableFormat.CSV:
+        return
+    is_text = format is TableFormat.TEXT
+    for line in shown.gate:
+        (output.print_text if is_text else output.say)(line)
+    if format is TableFormat.CSV:
         output.print_verbatim(as_csv(shown.records))
     elif format is TableFormat.LATEX:
         output.print_verbatim("\n\n".join(as_latex(each, columns) for each in shown.tables))
@@ -246,9 +226,10 @@ def _print(shown: _Findings, result: Path, format: TableFormat, json: bool, colu
         if shown.premises:
             output.print_text(*shown.premises)
         for number, each in enumerate(shown.tables):
-            output.print_text(*([""] * (number > 0 or bool(shown.premises))), output.laid_out(each))
+            blank = [""] if number > 0 or shown.premises else []
+            output.print_text(*blank, output.laid_out(each))
         _print_timing(result if result.is_dir() else result.parent, result)
-    for remark in () if json else shown.remarks:
+    for remark in shown.remarks:
         output.say(remark)
 
 
@@ -261,30 +242,23 @@ def _print_timing(folder: Path, result: Path) -> None:
             output.print_text("", *timing_lines(results))
 
 
-class _Findings(NamedTuple):
-    """Findings to print: a document for programs, rows, tables, and what comes before them.
+def _print_metrics(results: Result, json: bool) -> None:
+    from eqt_cli.results.quantity import WHOLE, Plain
 
-    Of a gate, its lines and whether it passes.
-    """
-
-    document: dict[str, Any]
-    records: Sequence[Mapping[str, Any]]
-    tables: Sequence[TextTable]
-    remarks: Sequence[str] = ()
-    premises: Sequence[str] = ()
-    gate: Sequence[str] = ()
-    passes: bool = True
+    write, rows = Plain(), []
+    for each in results.comparable.values():
+        window = "whole run" if each.window == WHOLE else f"{each.window} s"
+        rows.append([each.name, write.name(each), "any" if each.windowed else window])
+    output.print_records(["metric", "is", "window"], rows, json=json)
 
 
 def _of_whole(
     path: Path,
-    metrics: Sequence[str],
+    chosen: Mapping[str, Any],
     table: TableName | None,
-    laws: Sequence[str],
     narrowed: bool,
-    how: Resampling,
     write: Plain,
-    units: Sequence[str],
+    how: Resampling,
     share: float,
 ) -> _Findings | None:
     """Return the findings on a sweep, or those of an extension; None for other results.
@@ -298,11 +272,12 @@ def _of_whole(
     from eqt_cli.api.loading import open_at
 
     with open_at(path) as opened:
-        result = opened.in_units(units)
-        plain = not (metrics or laws or narrowed) and table in (None, TableName.FRONTS)
-        for answers in functions_for("answer of compare", result.path.parent) if plain else ():
-            if answer := answers(result, how, write):
-                return _Findings(*answer)
+        result = opened.in_units(chosen["units"])
+        plain = not (chosen["metrics"] or chosen["controllers"] or narrowed)
+        if plain and table in (None, TableName.FRONTS):
+            for answers in functions_for("answer of compare", result.path.parent):
+                if answer := answers(result, how, write):
+                    return _Findings(*answer)
         if not result.is_sweep:
             return None
         from eqt_cli.analysis.maps import map_records, map_tables
@@ -315,9 +290,8 @@ def _of_whole(
             )
         first = result.compared_first
         mapped = first[: 2 if first[:1] == ["position_rms"] else 1]  # and the attitude's
-        maps = api.compare_sweep(
-            path, metrics or mapped, controllers=laws, units=units, share=share, **vars(how)
-        )
+        metrics = chosen["metrics"] or mapped
+        maps = api.compare_sweep(path, **{**chosen, "metrics": metrics}, share=share, **vars(how))
         records = [record for one in maps for record in map_records(one, result)]
         whole = table is TableName.POINTS
         made = [each for one in maps for each in map_tables(one, result, write, whole=whole)]
@@ -327,16 +301,6 @@ def _of_whole(
         shown = [replace(each, notes=[]) for each in shown]
         shown[-1:] = [replace(each, notes=list(notes)) for each in shown[-1:]]
         return _Findings({"points": records}, records, shown)
-
-
-def _print_metrics(results: Result, json: bool) -> None:
-    from eqt_cli.results.quantity import WHOLE, Plain
-
-    write, rows = Plain(), []
-    for each in results.comparable.values():
-        window = "whole run" if each.window == WHOLE else f"{each.window} s"
-        rows.append([each.name, write.name(each), "any" if each.windowed else window])
-    output.print_records(["metric", "is", "window"], rows, json=json)
 
 
 def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
@@ -352,62 +316,79 @@ def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
     return labels
 
 
-def _of_experiment(
-    comparison: Comparison,
-    table: TableName | None,
-    against: Sequence[str],
-    format: TableFormat,
-    write: Plain,
-    *,
-    chosen: bool,
-    laws_as_rows: bool = False,
-    json: bool = False,
-) -> _Findings:
-    """Return the findings on one experiment: the answer, or tables; for `json`, the document.
+class _Look(NamedTuple):
+    """How the findings on an experiment are shown: the options of `compare` of these names."""
 
-    Without a table's name, the answer against the first law is all; of `chosen` metrics and
-    windows, the table of means follows.
-    """
-    from eqt_cli.analysis import verdict
+    table: TableName | None
+    against: Sequence[str]
+    format: TableFormat
+    write: Plain
+    laws_as_rows: bool
+    json: bool
 
-    if json:
-        return _Findings(_document(comparison, against), [], [])
-    text, base = format is TableFormat.TEXT, against[0] if against else ""
-    shown: list[TextTable] = []
-    rows: list[dict[str, Any]] = []
-    if not text or table is not None or chosen:
-        from eqt_cli.analysis.comparison_tables import records, text_tables
 
-        made = text_tables(comparison, write, against, laws_as_rows=laws_as_rows)
-        wanted: Collection[str] = made
-        if table not in (None, TableName.ALL):
-            wanted = [table]
-        elif text and table is None:
-            wanted = [TableName.CONTROLLERS]
-        shown = [made[name] for name in made if name in wanted]
-    remarks = [output.folded(sentence, output.PIPED) for sentence in comparison.missing]
-    premises = list[str]()
-    if format is TableFormat.CSV:
+def _of_experiment(path: Path, chosen: Mapping[str, Any], look: _Look, gate: Gate) -> _Findings:
+    from eqt_cli import api
+
+    if look.table in _NEEDS:
+        raise EqtError(f"--table {look.table} needs {_NEEDS[look.table]}")
+    comparison = api.compare(path, **chosen)
+    look = look._replace(against=_labels(comparison, look.against))
+    if look.json:
+        shown = _Findings(_document(comparison, look.against))
+    elif look.format is TableFormat.TEXT and look.table is None:
+        shown = _answer(comparison, look.against, bool(chosen["metrics"] or chosen["windows"]))
+    else:
+        shown = _tables(comparison, look)
+    if comparison.gate is None:
+        return shown
+    return _with_gate(shown, comparison.gate, gate.undecided is Undecided.PASS)
+
+
+def _answer(comparison: Comparison, against: Sequence[str], chosen: bool) -> _Findings:
+    """Return the answer against the first law; of chosen metrics and windows also the means."""
+    from eqt_cli.analysis import comparison_tables
+    from eqt_cli.results.quantity import Plain
+
+    base = against[0] if against else ""
+    matrix = comparison_tables.matrix(comparison, base, whole=chosen)
+    notes = [*comparison_tables.remarks(comparison, base, whole=chosen), *matrix.notes]
+    shown = [replace(matrix, notes=notes)] if matrix.blocks else []
+    remarks = _missing(comparison)
+    if chosen:
+        tables = comparison_tables.text_tables(comparison, Plain(), against)
+        shown += [tables[name] for name in (TableName.CONTROLLERS,) if name in tables]
+    elif len(comparison.labels) < 2:
+        remarks.append("one law, so nothing to compare; `eqt show` has its numbers")
+    else:
+        remarks.append("next: --table pairs, controllers, claims or all; --list for all metrics")
+    room = output.room_of_tables() or output.PIPED
+    premises = comparison_tables.premises(comparison)
+    folded = [output.folded(line, room, "    ") for line in premises]
+    return _Findings(tables=shown, remarks=remarks, premises=folded)
+
+
+def _tables(comparison: Comparison, look: _Look) -> _Findings:
+    """Return one table, or all; as CSV the rows of one, by default of the pairs."""
+    from eqt_cli.analysis.comparison_tables import records, text_tables
+
+    name = None if look.table is TableName.ALL else look.table
+    if look.format is TableFormat.CSV:
         more = "these are the pairs; --table controllers and --table claims print the others"
-        remarks = [more] if table is None else []
-        listed = TableName.PAIRS if table in (None, TableName.ALL) else table
-        rows = records(comparison, *against)[listed]
-    elif text and table is None:
-        premises = verdict.premises(comparison)
-        answer = verdict.matrix(comparison, base, whole=chosen)
-        notes = [*verdict.remarks(comparison, base, whole=chosen), *answer.notes]
-        shown = [*([replace(answer, notes=notes)] if answer.blocks else []), *shown]
-        if not chosen:
-            tables = "--table pairs, controllers, claims or all; --list for all metrics"
-            only = "one law, so nothing to compare; `eqt show` has its numbers"
-            remarks.append(only if len(comparison.labels) < 2 else f"next: {tables}")
-    elif not shown:
+        rows = records(comparison, *look.against)[name or TableName.PAIRS]
+        return _Findings(records=rows, remarks=[more] if look.table is None else [])
+    as_rows = look.laws_as_rows
+    made = text_tables(comparison, look.write, look.against, laws_as_rows=as_rows)
+    shown, remarks = [made[x] for x in made if name in (None, x)], _missing(comparison)
+    if not shown:
         alone = "the result holds one law, so there are no pairs"
         none = "no claim is known about these laws"
         remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
-    room = output.room_of_tables() or output.PIPED
-    premises = [output.folded(line, room, "    ") for line in premises]
-    return _Findings({}, rows, shown, remarks, premises)
+    return _Findings(tables=shown, remarks=remarks)
+
+
+def _missing(comparison: Comparison) -> list[str]:
+    return [output.folded(sentence, output.PIPED) for sentence in comparison.missing]
 
 
 def _document(comparison: Comparison, against: Sequence[str]) -> dict[str, Any]:
@@ -416,18 +397,26 @@ def _document(comparison: Comparison, against: Sequence[str]) -> dict[str, Any]:
 
     rows = records(comparison, *against)
     return {
-        **{name: getattr(comparison, name) for name in ("title", "group")},
+        "title": comparison.title,
+        "group": comparison.group,
         "controllers": comparison.kinds,
         **{name: getattr(comparison, name) for name in ("runs", "failed", "horizon")},
-        "bootstrap": {"method": "expanded BCa"}
-        | {name: getattr(comparison, name) for name in ("confidence", "resamples", "seed")},
-        "verdict": rows["verdict"],
+        "bootstrap": {"method": "expanded BCa", **vars(comparison.how)},
         "levels": rows[TableName.CONTROLLERS],
         "pairs": rows[TableName.PAIRS],
         "claims": rows[TableName.CLAIMS],
         "missing": comparison.missing,
         **({"between": comparison.between} if comparison.between else {}),
     }
+
+
+def _with_gate(shown: _Findings, findings: Sequence[Finding], lenient: bool) -> _Findings:
+    from eqt_cli.analysis import gate
+
+    passes = gate.passes(findings, undecided=lenient)
+    record = {"passes": passes, "findings": [each.record() for each in findings]}
+    lines = [*gate.lines(findings, undecided=lenient), ""]
+    return shown._replace(document={"gate": record, **shown.document}, passes=passes, gate=lines)
 
 
 # Differences --------------------------------------------------------------------------------------

@@ -72,14 +72,14 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
 def outcome_record(result: Result) -> dict[str, Any]:
     """Return the outcome for programs: each law's headline, or the points that it wins."""
-    from eqt_cli.analysis.maps import NOBODY, winners
+    from eqt_cli.analysis.maps import winners
 
     if not result.is_sweep:
         return {"controllers": result.headline}
     won = {
         winner_map.quantity.name: {
             **{label: winner_map.wins(law) for law, label in enumerate(winner_map.labels)},
-            winner_map.without_winner: winner_map.wins(NOBODY),
+            **winner_map.without_winners(),
         }
         for winner_map in winners(result)
     }

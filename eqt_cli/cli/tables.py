@@ -15,7 +15,7 @@ from rich.cells import cell_len
 from rich.text import Text
 
 from eqt_cli.base.errors import printable
-from eqt_cli.base.reporting import BETTER_MARK, WORSE_MARK, Block, TextTable, words
+from eqt_cli.base.reporting import MARKS, Block, TextTable, words
 
 # Text tables as LaTeX and CSV; this module knows no command ---------------------------------------
 
@@ -117,7 +117,7 @@ _MINUS = re.compile(r"(?<![\w.)=`'])-(?=\.?\d)")
 """The sign of a number, but not in an exponent, a range, a date, or a value that users type."""
 
 _NUMBER = re.compile(
-    r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?([^\d\[±]{1,10})?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?( [▲▼])?"
+    r"\*?[-+−±]?[\d.]+(e[-+]?\d+)?([^\d\[±]{1,10})?( ?± ?[\d.e+-]+| \[[^]]*\]( %)?)?( [▲▼=?])?"
 )
 """A number, perhaps with a unit, a spread or an interval, and a mark."""
 
@@ -129,7 +129,7 @@ _STYLES = {
 }
 """Colours of verdicts, by their first words; the text says the same without colour."""
 
-_MARKS = {BETTER_MARK: "green", WORSE_MARK: "red"}
+_MARKS = {MARKS["better"]: "green", MARKS["worse"]: "red"}
 
 
 class _Column:

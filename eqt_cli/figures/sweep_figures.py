@@ -291,7 +291,7 @@ class Winners(OfDifferences):
         _explain_winners(drawing, colours, wins, bool(failed))
         swept.remarks += [
             "Law and number: the better mean, and the median difference from the next law in per "
-            "cent; white: undecided.",
+            "cent; white: undecided or no difference.",
             f"{points} points, {wins.runs} runs each; failures of less than {3 / wins.runs:.2g} of "
             "all runs are not excluded.",
         ]
@@ -311,7 +311,7 @@ def _number_leads(panel: Axes, cells: Cells, wins: Map, characters: int) -> None
 def _explain_winners(drawing: Drawing, colours: Sequence[str], wins: Map, failed: bool) -> None:
     """Add a legend of the laws with the number of their wins."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    none = f"{wins.without_winner}: {wins.wins(NOBODY)}"
+    none = ", ".join(f"{word}: {points}" for word, points in wins.without_winners().items())
     patches = {none: Patch(facecolor=colours[0], **frame)}
     for law, title in enumerate(wins.titles):
         patch = Patch(facecolor=(colours[law + 1], _TINT), **frame)

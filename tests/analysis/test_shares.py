@@ -77,7 +77,7 @@ def test_settled_runs_are_compared_as_shares(settling):
         share(3, 7, 0.95),
     ]
     (pair,) = comparison.pairs
-    expected, p_value = difference((3, 2, 0, 2))
+    expected, p_value = difference((3, 0, 2, 2))  # of b against a
     assert (pair.difference, pair.low, pair.high) == expected
     assert pair.p_value == p_value == 0.5
 
@@ -87,7 +87,7 @@ def test_a_failed_run_is_of_no_share(make_result):
     results = make_result(["a", "b"], metrics={"settling_time": TIMES}, status=status)
     comparison = compare(results, metrics=["settled"])
     assert [(x.mean, x.runs) for x in comparison.levels] == [(5 / 7, 7), (3 / 6, 6)]
-    assert comparison.pairs[0].difference == pytest.approx((4 - 3) / 6)
+    assert comparison.pairs[0].difference == pytest.approx((3 - 4) / 6)
 
 
 def test_tables_say_which_intervals_shares_have(settling):

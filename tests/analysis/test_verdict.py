@@ -5,14 +5,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from statistics import NormalDist
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.intervals import Interval, Resampling, Word, _pair
-from eqt_cli.analysis.verdict import _mean, answers, lines
+from eqt_cli.analysis.comparison import Comparison, Numbers
+from eqt_cli.analysis.comparison_tables import _mean, answer_lines
+from eqt_cli.analysis.intervals import Resampling, Word
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import PerRun
@@ -61,12 +61,13 @@ def spread(mean, runs=RUNS, width=0.2):
 )
 def test_a_pair_is_called_by_one_of_four_words(compared, low, high, better, expected):
     """By the interval of the median; within 1 % there is no difference."""
-    (pair, *_) = compared([spread(1.0), spread(1.0)], [spread(1.0), spread(1.0)]).pairs
+    comparison = compared([spread(1.0), spread(1.0)], [spread(1.0), spread(1.0)])
+    (pair, *_) = comparison.pairs
     quantity = replace(pair.measured.quantity, better=better)
-    pair = replace(pair, measured=replace(pair.measured, quantity=quantity))
-    middle = (low + high) / 2
-    pair = replace(pair, medians=(Interval(middle, low, high),) * 2, difference=middle)
-    assert pair.word() is expected
+    middle, measured = (low + high) / 2, replace(pair.measured, quantity=quantity)
+    pair = replace(pair, measured=measured, median=middle, median_low=low, median_high=high)
+    p_value = math.nan if better == "neither" else 0.01
+    assert comparison._judged(replace(pair, difference=middle), p_value).word is expected
 
 
 @pytest.mark.parametrize("counts", [False, True])
@@ -81,9 +82,9 @@ def test_the_lines_of_the_answer(compared):
     torque, pose = [spread(2.0), spread(2.5)], [spread(1.0), spread(0.8, width=0.1)]
     comparison = compared(torque, pose)
     # 30 runs one way have p = 2/2³⁰ = 1.9e-9, of which Holm takes one for each number.
-    first, second = answers(comparison)[:2]
-    assert (f"{first.p_value:.0e}", f"{second.p_value:.0e}") == ("2e-08", "2e-08")
-    base, law, *rest = lines(comparison)
+    first, second = comparison.rows()[:2]
+    assert (f"{first.adjusted_p:.0e}", f"{second.adjusted_p:.0e}") == ("2e-08", "2e-08")
+    base, law, *rest = answer_lines(comparison)
     assert re.fullmatch(r"A: mean ‖I − Q_E‖ [\d.]+, effort [\d.]+ \(N m\)² s", base)
     assert re.fullmatch(r"B: mean ‖I − Q_E‖ −18 % \[−21, −16\] ▲, effort \+5\d % \[.+\] ▼", law)
     assert rest[-1].startswith("30 runs per law from the same starts; ")
@@ -95,12 +96,12 @@ def test_better_in_the_mean_only_is_not_decided(compared):
     second = np.where(np.arange(40) % 4 == 3, 3.0, 0.97 * first)
     comparison = compared([first, first], [first, second])
     # Two-sided, of 40 fair coins at least 30 alike, times the tests (Holm).
-    [answer] = [x for x in answers(comparison) if x.contradicted == "not in the mean"][:1]
-    tests = sum(each.p_value >= 0 for each in answers(comparison))
+    [pair] = [x for x in comparison.rows() if x.contradicted == "not in the mean"][:1]
+    tests = sum(each.adjusted_p >= 0 for each in comparison.rows())
     p = tests * 2 * sum(math.comb(40, k) for k in range(11)) / 2**40
-    assert answer.p_value == pytest.approx(p)
-    said = lines(comparison)
-    assert said[1].startswith("B: mean ‖I − Q_E‖ −3 % [−3, −3], effort ")
+    assert pair.adjusted_p == pytest.approx(p)
+    said = answer_lines(comparison)
+    assert said[1].startswith("B: mean ‖I − Q_E‖ −3 % [−3, −3] ?, effort ")
     assert "B: mean ‖I − Q_E‖ better in 30 of 40, but not in the mean" in said
 
 
@@ -108,7 +109,7 @@ def test_more_runs_than_those_of_the_other_law_are_not_most_runs(compared):
     """Of 100 runs 60 are equal: 32 of the 40 others are no majority, though p = 2e-4 among them."""
     first = spread(1.0, 100, 0.01)
     second = first * np.repeat([1.0, 0.9, 1.1], [60, 32, 8])  # the median is 0
-    said = answers(compared([first, first], [first, second]))
+    said = compared([first, first], [first, second]).rows()
     assert {each.word for each in said} == {Word.ALIKE}
 
 
@@ -131,26 +132,20 @@ FALSE = {
 """Distributions of the difference of two laws, with their medians."""
 
 
+NOT_READ = ("title", "group", "titles", "runs", "kinds", "horizon", "missing")
+"""Fields of a comparison that its words do not need."""
+
+
 def words_of(quantity, first, second):
     """The word for each row of runs, as in an answer about this number alone."""
-    good, labels = np.ones((2, first.shape[1]), dtype=bool), ["a", "b"]
-    for one, other in zip(first, second, strict=True):
-        values = np.array([one, other])
-        measured = PerRun(quantity, WHOLE, "1", values, np.zeros_like(good), good.shape[1])
-        mean = Interval(float((one - other).mean()), 0.0, 0.0)
-        pair = _pair(measured, 0, 1, labels, good, 0.95, mean)
-        shown = SimpleNamespace(
-            labels=["b", "a"],
-            bases={},
-            against=lambda base, pair=pair: [pair],
-            negligible=0.01,
-            confidence=0.95,
-            points=1,
-            resolution=0.0,
-            failed={"a": 0, "b": 0},
-        )
-        [answer] = answers(shown)
-        yield answer.word if answer.decided else Word.UNDECIDED
+    good, more = np.ones((2, first.shape[1]), dtype=bool), dict.fromkeys(NOT_READ)
+    for values in zip(second, first, strict=True):
+        measured = PerRun(quantity, WHOLE, "1", np.array(values), ~good, good.shape[1])
+        numbers = Numbers(["b", "a"], good, [measured], Resampling(resamples=1))
+        failed = {"a": 0, "b": 0}
+        compared = Comparison(**more, labels=["b", "a"], failed=failed, numbers=numbers, shown=1)
+        [pair] = compared.rows()
+        yield pair.word
 
 
 @pytest.mark.ci("8,000 comparisons")
@@ -176,13 +171,13 @@ def test_the_documentation_says_how_often_words_are_false(name, column):
     assert cell == f"{false / 40:.1f}, {apart.count(Word.ALIKE) / 40:.1f}"
 
 
-def test_a_table_of_pairs_has_the_answer_and_the_word_of_the_row_alone(compared):
+def test_a_record_has_the_word_and_its_p_value(compared):
     """Worse in the mean and its interval, by few runs: 10 of 40, the rest better."""
     first = spread(1.0, 40, 0.01)
     second = np.where(np.arange(40) % 4 == 3, 3.0, 0.97 * first)
     rows = compared([first, first], [first, second]).records()
     [row] = [each for each in rows if each["metric"] == "mean_pose_error"]
-    assert (row["word"], row["answer"]) == ("undecided", "undecided")
+    assert row["word"] == "undecided"
     assert [row["median_low"], row["median_high"]] == pytest.approx([-0.03, -0.03])
     # Two-sided, of 40 fair coins at least 30 alike; Holm makes it larger, at most by the tests.
     one = 2 * sum(math.comb(40, k) for k in range(11)) / 2**40
@@ -191,7 +186,7 @@ def test_a_table_of_pairs_has_the_answer_and_the_word_of_the_row_alone(compared)
 
 def test_few_runs_have_no_statistics(compared):
     few = np.array([[1.0, 1.5], [2.0, 2.5]])
-    found = lines(compared(few, few))
+    found = answer_lines(compared(few, few))
     assert found[1].startswith("B: mean ‖I − Q_E‖ +80 %, ")
     assert found[-1] == "2 runs per law: too few for statistics; `ensemble.runs` sets how many"
 
@@ -200,11 +195,11 @@ def test_too_few_runs_for_so_many_numbers_are_said(compared):
     """n runs that all go one way have p = 2/2ⁿ, and Holm's smallest is p times the numbers."""
     torque, pose = [spread(2.0, 5), spread(2.5, 5)], [spread(1.0, 5), spread(0.8, 5, 0.1)]
     comparison = compared(torque, pose)
-    tests = sum(each.p_value >= 0 for each in answers(comparison))
+    tests = sum(each.adjusted_p >= 0 for each in comparison.rows())
     needed = next(n for n in range(1, 99) if tests * 2 / 2**n <= 0.05)
     assert needed > 5
     said = f"5 runs are too few to call any of {tests} numbers better or worse: take {needed} or"
-    assert any(line.startswith(said) for line in lines(comparison))
+    assert any(line.startswith(said) for line in answer_lines(comparison))
 
 
 @pytest.mark.ci("compares 300 times")
@@ -219,6 +214,6 @@ def test_where_no_law_is_better_few_answers_say_so(compared):
     for _ in range(300):
         swap = random.random(20) < 0.5
         drawn = (np.where(swap, each[::-1], each) for each in (torque, pose))
-        said = answers(compared(*drawn, resamples=99))
-        false += any(each.decided and each.word is not Word.ALIKE for each in said)
+        said = compared(*drawn, resamples=99).rows()
+        false += any(each.word in (Word.BETTER, Word.WORSE) for each in said)
     assert false <= 26

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from eqt_cli.analysis.comparison import Numbers
 from eqt_cli.analysis.gate import TWO_SIDED, Rule
-from eqt_cli.analysis.intervals import FEWEST, Resampling, statistics
+from eqt_cli.analysis.intervals import FEWEST, Resampling
 from eqt_cli.analysis.worsening import judged
 from eqt_cli.results.metrics import QUANTITIES
 from eqt_cli.results.quantity import WHOLE
 from eqt_cli.results.result import PerRun
 
-RESULTS = SimpleNamespace(labels=["old/eqt", "new/eqt"], identical=False, resolution=0.0)
+LAWS = ["old/eqt", "new/eqt"]
+RESULTS = SimpleNamespace(identical=False, unresolved=lambda pair: False)
 
 
 def findings(rule, before, now, unit="(N m)^2 s"):
@@ -24,8 +26,9 @@ def findings(rule, before, now, unit="(N m)^2 s"):
         for rows in zip(before, now, strict=True)
     ]
     how = Resampling(TWO_SIDED, FEWEST)
-    _, pairs, _ = statistics(both, RESULTS.labels, ~none, how)
-    return [judged(rule, pair.swapped(), "EqT: effort", RESULTS, False) for pair in pairs]
+    numbers = Numbers(LAWS, ~none[:, : before.shape[-1]], both, how)
+    pairs = [numbers.pair(k, *LAWS[::-1]) for k in range(len(both))]
+    return [judged(rule, pair, "EqT: effort", RESULTS, False) for pair in pairs]
 
 
 def drawn(change, spread, runs, trials, seed=1):

@@ -397,10 +397,9 @@ def test_the_verdict_of_a_quadrotor_is_that_of_a_plain_program(invoke, tmp_path)
         rms = np.sqrt(np.trapezoid((off**2).sum(axis=-1), dx=1 / 150, axis=-1))
         interval = ttest_rel(rms[1], rms[0]).confidence_interval()
         found = json.loads(invoke("compare", tmp_path / "s", "--point", point, "--json").stdout)
-        [said] = [row for row in found["verdict"] if row["metric"] == "position_rms"]
-        assert (said["controller"], said["against"]) == ("lqr", "cascade")
-        assert (said["word"], said["decided"]) == ("better", True) and interval.high < 0
         [pair] = [row for row in found["pairs"] if row["metric"] == "position_rms"]
+        assert (pair["first"], pair["second"]) == ("lqr", "cascade")
+        assert pair["word"] == "better" and interval.high < 0
         assert pair["difference"] == pytest.approx((rms[1] - rms[0]).mean(), rel=1e-3)
         # The bootstrap's ends are those of t up to the skewness of 20 runs.
         half = (interval.high - interval.low) / 2

@@ -172,7 +172,7 @@ def test_a_run_that_fails_anew_is_no_better_mean(gate):
 def test_worse_alone_is_the_word_of_the_comparison(gate):
     done = gate("soft", "stiff", "--fail-on", "worse", "--json", code=4)
     document = json.loads(done.stdout)
-    decided = [x for x in document["verdict"] if x["decided"] and x["word"] == "worse"]
+    decided = [x for x in document["pairs"] if x["word"] == "worse"]
     assert decided and len(document["gate"]["findings"]) == len(decided)
     assert "worse: EqT (stiff): effort: +" in str(document["gate"]["findings"])
 

@@ -14,9 +14,8 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from eqt_cli.analysis import verdict
 from eqt_cli.analysis.compare import compare
-from eqt_cli.analysis.comparison_tables import text_tables
+from eqt_cli.analysis.comparison_tables import matrix, premises, remarks, text_tables
 from eqt_cli.analysis.maps import sweep_tables
 from eqt_cli.base.arrays import Array
 from eqt_cli.base.errors import EqtError, printable
@@ -375,8 +374,7 @@ SWEPT_METRICS = ("effort", "peak_torque")
 
 
 OPTIONAL = (
-    "best premises answer findings claims levels pairs others missing picker animation "
-    "certificates doubts"
+    "best premises answer claims levels pairs others missing picker animation certificates doubts"
 ).split()
 """Parts of a page that only sweeps or only single experiments have, or that are left out."""
 
@@ -468,16 +466,14 @@ def _compared(result: Result, against: str) -> dict[str, Any]:
     comparison, base = replace(whole, judgements=judged), against or whole.labels[0]
     tables = text_tables(comparison, Plain(), [base, *comparison.labels])
     levels, pairs = tables.get("controllers"), tables.get("pairs")
-    answer, remarks = verdict.matrix(comparison, base), verdict.remarks(comparison, base)
+    answer, open_ = matrix(comparison, base), remarks(comparison, base)
     caption = f"Means of {comparison.titles[base]}; differences of the other laws from it"
     if levels and not answer.blocks:  # of a single law
         caption, answer, levels = levels.caption, levels, None
     with_base = len(comparison.labels) - 1
     return {
-        "premises": verdict.premises(comparison),
-        "answer": replace(answer, caption=caption, notes=[*remarks, *answer.notes]),
-        "findings": verdict.findings(comparison),
-        "confidence": f"{100 * comparison.confidence:g}",
+        "premises": premises(comparison),
+        "answer": replace(answer, caption=caption, notes=[*open_, *answer.notes]),
         "claims": tables.get("claims"),
         "levels": levels,
         # The pairs with the base come first.

@@ -102,7 +102,7 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     pairs = dict[str, TextTable]()
     if len(tuned) > 1:
         comparison = compare(result, metrics=list(dict.fromkeys(sought)), labels=tuned)
-        pairs = text_tables(replace(comparison, levels=[], judgements=[]), _WRITE)
+        pairs = {"pairs": text_tables(comparison, _WRITE)["pairs"]}
         ranking = _ranking(result, record["objectives"][0], tuned)
         rule = f"A law is better where it is {RULE}, with p times the pairs."
         pairs["pairs"] = replace(pairs["pairs"], notes=[*pairs["pairs"].notes, ranking, rule])
