@@ -56,7 +56,7 @@ table.loc["gt", column] = (
     f"{100 * effort.relative:.0f} "
     f"[{100 * effort.relative_low:.0f}, {100 * effort.relative_high:.0f}]"
 )
-print(table.loc["gt", column], effort.answer)
+print(table.loc["gt", column], effort.word)
 
 # %% For LaTeX, with `booktabs`.
 named = table.rename(index={"eqt": "EqT", "gt": "GT"}).rename_axis(None)
