@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,7 +24,6 @@ from eqt_cli.config.shipped import VEHICLES, first_file
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from eqt_cli.base.stored import SmallErrors
     from eqt_cli.config.experiment import Experiment
 
 # `eqt list`: the available components ------------------------------------------------------------
@@ -242,7 +241,7 @@ def check(
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
     from eqt_cli.base.yaml_source import dump
-    from eqt_cli.config.remarks import gains_flown, remarks, wheels_needed
+    from eqt_cli.config.remarks import remarks, wheels_needed
     from eqt_cli.config.study import study
     from eqt_cli.engines.horizon import check_reference
     from eqt_cli.runs.preflight import check_resources, rehearse
@@ -281,12 +280,11 @@ def check(
     )
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, for the reference"]
-    poles = _poles(experiment, gains_flown(experiment, shown))
-    rows, gains = _gains(experiment)
-    said = [*gains, *poles, *_skipped_ticks(experiment), *needed]
+    said = [*_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
-    header = ["law", "axis", "bandwidth, rad/s", "damping"]
-    table: list[str | Text] = ["", output.table(header, rows), ""] if rows else []
+    # What the numbers of an experiment mean: each function yields tables and lines.
+    meanings = functions_for("meaning of an experiment")
+    meant = [piece for meaning in meanings for piece in meaning(experiment, shown)]
     answer = {
         "config": str(config),
         "fine": True,
@@ -299,53 +297,9 @@ def check(
         "duration": experiment.config.time.duration,
         "engine": experiment.engine.name,
     }
-    print_findings(answer, text, *table, *said, json=json)
+    print_findings(answer, text, *meant, *said, json=json)
     for remark in remarks(experiment, shown):
         output.warn(remark)
-
-
-def _gains(experiment: Experiment) -> tuple[list[list[str]], list[str]]:
-    """Return what the gains mean for each axis, a row each, and lines as papers write them."""
-    import numpy as np
-
-    from eqt_cli.loop.small_errors import by_axis
-
-    laws, lines = dict[tuple[str, ...], list[str]](), dict[str, list[str]]()
-    for title, loop in zip(experiment.titles.values(), experiment.loops.values(), strict=True):
-        inner, gains, axes = loop.inside, loop.inside.gains, dict[tuple[str, ...], list[str]]()
-        if not inner.controller.reads_gains:
-            continue
-        errors, acting = by_axis(loop)
-        for axis, (bandwidth, damping) in errors.items():
-            axes.setdefault((f"{bandwidth:.3g}", f"{damping:.2g}"), []).append(axis)
-        for numbers, names in axes.items():
-            laws.setdefault((", ".join(names), *numbers), []).append(title)
-        words = [f"{key} is not read" for k, key in (("K", "kp"), ("K_d", "kd")) if k not in acting]
-        kp, kd = gains.K[0, 0], gains.K_d[0, 0]
-        multiples = all((k == k[0, 0] * np.eye(len(k))).all() for k in (gains.K, gains.K_d))
-        if multiples and len(acting) == 2 and all(part.turns for part in inner.group.parts):
-            words.append(f"kp {kp:.4g}, kd {kd:.4g} (k_R {2 * kp:.4g}, k_Omega {kd:.4g})")
-        if free := loop.task.words(loop.gains):
-            barrier = loop.task.barrier(loop.controller, loop.gains, loop.reference)
-            claim = f"claimed: from L < 2k = {barrier:.4g} J the axis arrives"
-            claimed = barrier and loop.claims_decrease
-            words += [f"{free} is free", claim if claimed else "nothing is claimed"]
-        lines.setdefault("; ".join(words), []).append(title)
-    rows = [[", ".join(titles), *row] for row, titles in laws.items()]
-    return rows, [f"{', '.join(titles)}: {words}" for words, titles in lines.items() if words]
-
-
-def _poles(experiment: Experiment, flown: Mapping[str, SmallErrors]) -> Iterator[str]:
-    """Yield the slowest pole of each law along the reference, and which laws fly with others."""
-    laws = dict[tuple[str, str], list[str]]()
-    for label, errors in flown.items():
-        laws.setdefault((errors.poles, errors.departs), []).append(experiment.titles[label])
-    for (poles, departs), titles in laws.items():
-        yield f"slowest pole of {', '.join(titles)} at rest: {poles}"
-        if departs:
-            yield f"  {departs}"
-    if any(departs for _, departs in laws):
-        yield "  to keep them: a law with its error in the body, or on SO3 equal gains on all axes"
 
 
 def _skipped_ticks(experiment: Experiment) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """Single-gimbal control-moment gyros."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Self
 
@@ -25,6 +25,7 @@ from eqt_cli.base.stored import Signal, signal
 from eqt_cli.components.actuators import Actuator, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import check_turns_in_space
+from eqt_cli.components.thrusters import lost_directions
 from eqt_cli.components.vehicle_parts import Numbers
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 
@@ -194,6 +195,16 @@ class Gyros(Actuator):
         if self.limit is None:
             return None
         return outside(self._steered(command, self._turned(x)[2])[0], -self.limit, self.limit)
+
+    def remarks(self, G: MatrixLieGroup, wanted: Array) -> Iterator[str]:
+        """Yield remarks on the turns about which no gyro has a torque, ever or at the start."""
+        part: Any = self if self.axes is not None else self.of_run(G, None)
+        turns, start = wanted[np.abs(wanted[:, :3]).any(axis=1)], np.append(part.start, [0.0] * 4)
+        A, later = (turns[:, :3] @ part._turned(start + x)[2] for x in (0.0, np.pi / 2))
+        # The torques of a gyro at two angles span those at all angles.
+        yield from (ever := [*lost_directions(G, turns, np.hstack([A, later]), 0.0, self.name)])
+        for text in () if ever else lost_directions(G, turns, A, 0.0, self.name):
+            yield f"{text}, until their gimbals turn"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note groups without one attitude in space, and numbers that are wrong."""

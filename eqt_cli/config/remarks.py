@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.base.arrays import Array, apply_matrix
 from eqt_cli.base.errors import ComponentError, EqtWarning, KeyPath, Problems, parse_key
+from eqt_cli.base.extensions import functions_for
 from eqt_cli.base.registry import blamed, is_foreign
 from eqt_cli.base.reporting import reporter
 from eqt_cli.base.stored import THRUSTER, SmallErrors
@@ -58,6 +59,9 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
         *_numerical_remarks(experiment, shown),
         *limits_below_reference(experiment, shown),
     ]
+    # Each function takes the experiment and its reference, and yields places and texts.
+    for more in functions_for("remarks on an experiment"):
+        placed += more(experiment, shown)
     return [EqtWarning(str(experiment.document.problem(key, text))) for key, text in placed]
 
 

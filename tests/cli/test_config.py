@@ -80,6 +80,7 @@ def checked(out):
 BRIEF = [f"{vehicle[:9]}-gains of " for vehicle in VEHICLES]
 
 
+@pytest.mark.needs("proofs")
 @pytest.mark.parametrize(("vehicle", "gains"), VEHICLES.items(), ids=BRIEF)
 def test_a_vehicle_has_the_bandwidth_that_was_given(eqt, vehicle, gains):
     """Bandwidth and damping of each axis, from the linearised loop."""
@@ -128,6 +129,7 @@ def test_runs_that_are_one_run_are_refused_on_the_reference_and_remarked_beside_
     assert "are equal" not in one.err + drawn.err
 
 
+@pytest.mark.needs("proofs")
 def test_check_says_what_would_run(eqt, folder):
     done = eqt("config", "check", "c.yaml")
     assert (done.code, done.err) == (0, "")

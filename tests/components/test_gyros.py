@@ -146,6 +146,21 @@ def test_what_is_wrong_is_said(options, said):
         problems.raise_if_any()
 
 
+@pytest.mark.parametrize(
+    ("degrees", "said"),
+    [
+        (54.7, ""),
+        (0.0, "with rank 2 of 3 cannot push along ωz; what a law asks for there is lost"),
+        (90.0, "rank 1 of 3 cannot push along ωx, ωy; what a law asks for there is lost, until "),
+    ],
+)
+def test_a_pyramid_without_all_torques_is_remarked_on(degrees, said):
+    """All t are in the plane of upright gimbals, and at the start along z about level ones."""
+    part = Gyros(pyramid=np.radians(degrees), momentum=1.0, inertia=0.1, gain=0.5)
+    told = [*part.remarks(group_named("SO3"), np.eye(3))]
+    assert len(told) == bool(said) and all(said in text for text in told)
+
+
 def test_a_singularity_loses_torque_and_stays_finite():
     """With upright gimbals at equal angles from x, all t are e_y: A Aᵀ = 4 e_y e_yᵀ."""
     part = Gyros(pyramid=0.0, momentum=1.0, inertia=0.1, gain=0.5).of_run(group_named("SO3"), None)

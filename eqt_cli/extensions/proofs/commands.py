@@ -251,6 +251,8 @@ def margins(
 
 def _margins_pieces(result: Margins) -> Iterator[str | Text]:
     """Yield the printed text: which loops vary in time, then the table of the numbers."""
+    from eqt_cli.extensions.proofs.authority import authority_table
+
     titles, varying = result.experiment.titles, [law for law in result.laws if law.changes]
     laws = [law for law in result.laws if not law.changes or law.delay is not None]
     if varying:
@@ -279,6 +281,8 @@ def _margins_pieces(result: Margins) -> Iterator[str | Text]:
     if laws:
         yield from [""] * bool(varying or starting)
         yield laid_out(_margins_table(result, laws))
+    if left := authority_table(result.experiment):
+        yield from ("", left)
 
 
 LAGGING = "delay margin if lag × 0.5, × 2"

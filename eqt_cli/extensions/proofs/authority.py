@@ -1,0 +1,229 @@
+"""What the limits of thrusters and wheels leave of torque and force, by linear programmes.
+
+The vehicle rests where its reference begins: thrusts f hold what acts on it, B f = w. In a
+direction n, what is left is the largest n·(B f − w) within limits that changes nothing in the other
+directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eqt_cli.base.arrays import Array, norm
+from eqt_cli.base.errors import KeyPath
+from eqt_cli.components.laws import OuterLoop
+from eqt_cli.components.vehicle import ACTUATORS
+from eqt_cli.config.experiment import Experiment
+from eqt_cli.engines.horizon import Horizon
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+NOTHING = 1e-6
+"""Share of what all members could do along a direction, below which nothing is left: linear
+programmes meet their constraints to 1e-7."""
+
+TRIED = 1e-4
+"""Share of the same, by which an allocation is tried from rest."""
+
+MILLI = 0.1
+"""Largest number, N m or N, of a column that is in mN m or mN."""
+
+
+@dataclass(frozen=True)
+class Members:
+    """Thrusters or wheels, and the directions in which the laws push.
+
+    Attributes
+    ----------
+    part
+        The actuator, with B and its limits.
+    index
+        Its number among the actuators.
+    wanted : (k, m)
+        The directions.
+    names
+        Their names.
+    held : (k,)
+        w in these directions.
+    fails
+        Its failure as it is written, or None.
+    """
+
+    part: Any
+    index: int
+    wanted: Array
+    names: tuple[str, ...]
+    held: Array
+    fails: Any
+
+    @property
+    def columns(self) -> Array:
+        """B in the directions, ``(k, n)``."""
+        return self.wanted @ np.asarray(self.part.matrix)
+
+    @property
+    def state(self) -> str:
+        """``hover`` where a force is held, else ``rest``."""
+        forces = [w for name, w in zip(self.names, self.held, strict=True) if "force" in name]
+        return "hover" if np.any(forces) else "rest"
+
+    def limits(self, failed: bool) -> Array:
+        """Return the least and the largest thrusts, ``(2, n)``, before or after the failure."""
+        part = self.part
+        ends = (part.low, part.high) if hasattr(part, "low") else (-part.limit, part.limit)
+        return (1.0 + part.lost if failed else 1.0) * np.array(ends, dtype=float)
+
+    def left(self, failed: bool = False) -> Array | None:
+        """Return what is left against and along each direction, ``(k, 2)``; None if B f ≠ w."""
+        from scipy.optimize import linprog  # slow to import
+
+        B, (low, high) = self.columns, self.limits(failed)
+        sizes, ends = norm(B), np.zeros((len(B), 2))
+        for k, sense in np.ndindex(ends.shape):
+            sign, others = 2 * sense - 1, np.arange(len(B)) != k
+            best = linprog(
+                -sign * B[k] / sizes[k],
+                A_eq=B[others] / sizes[others, None],
+                b_eq=self.held[others] / sizes[others],
+                bounds=[*zip(low, high, strict=True)],
+            )
+            if best.status:
+                return None
+            ends[k, sense] = -best.fun * sizes[k] - sign * self.held[k]
+        whole = (np.abs(B) * (high - low)).sum(axis=1)[:, None]
+        if (ends < -NOTHING * whole).any():  # the other directions alone would allow it
+            return None
+        return np.where(ends <= NOTHING * whole, 0.0, ends * [-1, 1])
+
+    def lacking(self, left: Array, counts: Array) -> str:
+        """Name the directions and senses in which nothing is left, of those that count."""
+        named = []
+        for k, sense in np.argwhere((left == 0) & counts).tolist():
+            kind, _, axis = self.names[k].partition(" ")
+            along = (sense == 1) != axis.startswith("−")
+            named.append(f"{kind} {'+' if along else '−'}{axis.lstrip('−')}")
+        return " and no ".join(named)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the allocation gives no torque in any sense, though other thrusts would."""
+        turns = [k for k, name in enumerate(self.names) if "torque" in name]
+        if self.part.sampled or self.part.name == "wheels" or not turns:
+            return False
+        inverse, (low, high) = self.part.inverse, self.limits(failed=False)
+        whole = (np.abs(self.columns) * (high - low)).sum(axis=1)
+        steps = np.diag(TRIED * whole)[turns]
+        commands = (self.held + np.concatenate([steps, -steps])) @ np.linalg.pinv(self.wanted).T
+        room = NOTHING * (np.abs(low) + np.abs(high))
+        thrusts = commands @ inverse.T
+        return not ((thrusts >= low - room) & (thrusts <= high + room)).all(axis=1).any()
+
+
+def members_of(experiment: Experiment) -> Iterator[Members]:
+    """Yield the thrusters and wheels with limits, where laws want them to push."""
+    G, loops, written = experiment.group, experiment.loops.values(), experiment.config.actuators
+    directions = max((loop.controller.directions(G) for loop in loops), key=len)
+    directions = directions if len(directions) else np.eye(G.dimension)  # a design asks in none
+    w, pushes = _held(experiment), isinstance(experiment.loop.controller.formula, OuterLoop)
+    for index, part in enumerate(experiment.loop.vehicle.actuators):
+        B = getattr(part, "matrix", None)
+        if B is None or getattr(part, "low", getattr(part, "limit", None)) is None:
+            continue
+        spans = norm(directions @ B) > NOTHING * norm(B).max()
+        held = directions @ w
+        if pushes and G.translation is not None:  # the body turns until its push holds the force
+            held[-1] = norm(w[G.translation.axes])
+        names = tuple(_name(G, row) for row in directions[spans])
+        fails = getattr(written[index], "fails", None) if written else None
+        yield Members(part, index, directions[spans], names, held[spans], fails)
+
+
+def _held(experiment: Experiment) -> Array:
+    """Return what holds a body at rest where the reference begins, ``(m,)``."""
+    loop, pose = experiment.loop, experiment.desired.pose[None]
+    still, w = np.zeros((1, loop.group.dimension)), np.zeros(loop.group.dimension)
+    for force in loop.vehicle.forces:
+        w = w - force.in_body(loop.group, 0.0, pose, still)[0]
+    return w
+
+
+def _name(G: Any, direction: Array) -> str:
+    """Return ``torque x``, ``force −z``, or ``force`` of an oblique direction."""
+    [*axes] = np.flatnonzero(direction)
+    name = G.directions[axes[0]]
+    kind, _, axis = name.partition(" ")
+    if len(axes) > 1:
+        return str(kind)
+    return f"{kind} −{axis}" if direction[axes[0]] < 0 else str(name)
+
+
+def authority_table(experiment: Experiment) -> Text | None:
+    """Return the table of what limits leave, before and after a failure; None without limits."""
+    from eqt_cli.cli.output import table
+
+    header, rows = list[str](), list[list[str]]()
+    for each in members_of(experiment):
+        times = {False: f"at {each.state}"}
+        if each.fails is not None and each.fails.at <= experiment.config.time.duration:
+            times[True] = f"from {each.fails.at:g} s"
+        left_at = {when: each.left(when) for when in times}
+        if left_at[False] is None or (header and header[1:] != _columns(each, left_at)):
+            continue
+        header = ["left by limits", *_columns(each, left_at)]
+        for when, left in left_at.items():
+            if left is None:
+                rows.append([f"{times[when]}, not held", *["-"] * (len(header) - 1)])
+                continue
+            units = [1e3 if ", mN" in column else 1.0 for column in header[1:]]
+            cells = [f"{a * u:.3g} to {b * u:.3g}" for (a, b), u in zip(left, units, strict=True)]
+            rows.append([times[when], *(cell.replace("-", "−") for cell in cells)])
+    return table(header, rows) if rows else None
+
+
+def _columns(members: Members, left: dict[bool, Array | None]) -> list[str]:
+    """Return the names of the directions with their units."""
+    most = np.max([np.abs(x).max(axis=1) for x in left.values() if x is not None], axis=0)
+    units = ["N m" if name.startswith("torque") else "N" for name in members.names]
+    milli = [f"m{unit}" if size < MILLI else unit for unit, size in zip(units, most, strict=True)]
+    return [f"{name}, {unit}" for name, unit in zip(members.names, milli, strict=True)]
+
+
+def remarks(experiment: Experiment, shown: Horizon | None) -> Iterator[tuple[KeyPath, str]]:
+    """Yield remarks on directions in which limits leave nothing, and on what is always cut.
+
+    Before a run, `shown` is None, and linear programmes are solved for failures only.
+    """
+    for each in members_of(experiment):
+        key: KeyPath = (ACTUATORS, each.index)
+        if each.is_cut:
+            yield (
+                key,
+                f"at {each.state}, the thrusts for any torque are beyond their limits, because "
+                "nothing else needs thrusts, to which they could add. So every command is cut; "
+                "`allocation: bounded` finds thrusts that give the torque",
+            )
+            continue
+        failing = each.fails is not None and each.fails.at <= experiment.config.time.duration
+        before = each.left() if failing or shown is not None else None
+        if before is None:
+            continue
+        if lost := each.lacking(
+            before, np.broadcast_to(before.any(axis=1, keepdims=True), before.shape)
+        ):
+            yield key, f"at {each.state}, the limits leave no {lost}"
+        if not failing:
+            continue
+        after = each.left(failed=True)
+        when = f"from {each.fails.at:g} s on, the body cannot be held at {each.state}"
+        if after is None:
+            yield (*key, "fails"), f"{when} by the thrusts that are left"
+        elif lost := each.lacking(after, np.asarray(before != 0)):
+            yield (
+                (*key, "fails"),
+                f"{when}: no {lost} is left; a run settles only while nothing pushes",
+            )
