@@ -241,6 +241,7 @@ def check(
         --most-torque TORQUE  Report an error if the reference needs a larger torque.
     """
     from eqt_cli.base.yaml_source import dump
+    from eqt_cli.components.vehicle import exactly_measured
     from eqt_cli.config.remarks import remarks, wheels_needed
     from eqt_cli.config.study import study
     from eqt_cli.engines.horizon import check_reference
@@ -280,6 +281,8 @@ def check(
     )
     wheels = wheels_needed(experiment, shown)
     needed = [] if wheels is None else [f"wheels need up to {wheels.in_words}, for the reference"]
+    exact = exactly_measured(experiment.group, experiment.loop.vehicle)
+    needed += [f"measured without errors: {exact}"] * bool(exact)
     said = [*_skipped_ticks(experiment), *needed]
     said += [*(f"reference: {jump}" for jump in jumps), *untried]
     # What the numbers of an experiment mean: each function yields tables and lines.

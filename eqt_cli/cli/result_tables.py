@@ -64,6 +64,8 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
         lines += [_headline(result), "", *_shares(result), *timing_lines(result)]
     checked = ", ".join(_accuracy(result))
     lines += [f"checked  {checked}"] * bool(checked)
+    if result.described.exact:
+        lines.append(f"exact    {result.described.exact}: no sensor measures it with errors")
     remarks = [*_doubts(result), *(_failures(result) if result.status.any() else [])]
     output.print_text(*lines)
     for remark in remarks:

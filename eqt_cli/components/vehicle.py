@@ -429,3 +429,17 @@ def estimator_states(states: Arrays) -> dict[str, Array]:
     start = f"{ESTIMATOR}_"
     names = (name for name in states if name.startswith(start))
     return {name.removeprefix(start): states[name] for name in names}
+
+
+def exactly_measured(G: MatrixLieGroup, vehicle: Vehicle) -> str:
+    """Name what no sensor measures with errors beside what some do: ``velocity (translation)``.
+
+    An estimator does not read a pose without a sensor.
+    """
+    known = {(channel.signal, channel.part.name) for channel in vehicle.channels(G)}
+    words = []
+    for signal in ("velocity",) if vehicle.estimator else ("pose", "velocity"):
+        parts = [part.name for part in G.parts if (signal, part.name) not in known]
+        of = f" ({', '.join(parts)})" if len(parts) < len(G.parts) else ""
+        words += [f"{signal}{of}"] * bool(known and parts)
+    return ", ".join(words)

@@ -110,10 +110,6 @@ def _component_remarks(experiment: Experiment, shown: Horizon | None) -> Placed:
             f"no sensor measures the {part}, so the error of its estimate "
             "grows without bound; add an entry for it to sensors.pose",
         )
-    places = loop.vehicle.sensors() if loop.vehicle.estimator else ()
-    if places and not any(place.startswith("sensors.velocity") for place in places):
-        text = "reads the velocity exactly, as from a perfect gyro; add its errors to"
-        yield (("estimator",), f"{text} sensors.velocity")
 
 
 def _force_remarks(

@@ -131,6 +131,8 @@ class Experiment(BaseModel):
         Seed of all random numbers.
     signal_path
         Path of the signals through the loop; empty for the paper's loop.
+    exact
+        What is measured without errors beside what is not; may be empty.
     loop
         Sentence about what the paper's loop does not have; may be empty.
     departures
@@ -160,6 +162,7 @@ class Experiment(BaseModel):
     rtol: FiniteFloat | None = None
     seed: int = 0
     signal_path: Words = ""
+    exact: Words = ""
     loop: Words = ""
     departures: Words = ""
     thrusters: list[tuple[Arrow, Arrow]] = []

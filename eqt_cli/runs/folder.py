@@ -39,7 +39,7 @@ from eqt_cli.base.yaml_source import dump
 from eqt_cli.components.derived import derived
 from eqt_cli.components.groups import MatrixLieGroup, Part
 from eqt_cli.components.laws import Controller
-from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle import Vehicle, exactly_measured
 from eqt_cli.config.experiment import Experiment, renamed
 from eqt_cli.config.remarks import gains_flown
 from eqt_cli.config.schema import Config
@@ -583,6 +583,7 @@ def _experiment(experiment: Experiment, config: Mapping[str, Any], swept: Set[st
     laws = {label: loop.controller for label, loop in experiment.loops.items()}
     about = description(config, experiment.loop.vehicle.departures) | {
         "titles": experiment.titles,
+        "exact": exactly_measured(experiment.group, experiment.loop.vehicle),
         "decimate": experiment.config.store.decimate,
         "axis": experiment.loop.task.axis or None,
         "parts": [] if "group" in swept else [stored_part(x) for x in experiment.group.parts],

@@ -9,7 +9,7 @@ from eqt_cli.base.errors import ConfigError, Problems
 from eqt_cli.components.estimators import Complementary, Invariant, indefinite, pivots
 from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.sensors import Noise
-from eqt_cli.components.vehicle import Vehicle
+from eqt_cli.components.vehicle import Vehicle, exactly_measured
 from eqt_cli.components.vehicle_parts import Normal, Sampling
 from eqt_cli.config.document import read_config
 from eqt_cli.config.remarks import remarks
@@ -152,13 +152,21 @@ def test_a_part_that_nothing_measures_is_told_before_the_run(tmp_path):
     ]
 
 
-def test_a_filter_without_a_gyro_is_told_to_read_an_exact_velocity(tmp_path):
+@pytest.mark.parametrize(
+    ("group", "more", "exact"),
+    [
+        ("SO2", {"velocity": "", "estimator": "{kind: complementary, kp: 0.7}"}, "velocity"),
+        ("SE2", {}, ""),
+        ("SE2", {"pose": ATTITUDE, "estimator": ""}, "pose (translation)"),
+        ("SE2", {"velocity": ATTITUDE, "estimator": ""}, "velocity (translation)"),
+        ("SE2", {"pose": "", "velocity": "", "estimator": ""}, ""),
+    ],
+)
+def test_what_is_measured_without_errors(tmp_path, group, more, exact):
     path = tmp_path / "flight.yaml"
-    path.write_text(text("{kind: complementary, kp: 0.7}", velocity=""), encoding="utf-8")
-    assert [str(each) for each in remarks(study(read_config(path)).base)] == [
-        f"{path}:13:1: estimator: reads the velocity exactly, as from a perfect gyro; add its "
-        "errors to sensors.velocity"
-    ]
+    path.write_text(text(group=group, **more).replace("estimator: \n", ""), encoding="utf-8")
+    base = study(read_config(path)).base
+    assert exactly_measured(base.group, base.loop.vehicle) == exact
 
 
 def test_a_run_whose_covariance_loses_definiteness_ends_and_harms_no_other(solved, monkeypatch):

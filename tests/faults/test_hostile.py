@@ -124,7 +124,7 @@ def strange(good, tmp_path_factory):
         config = file.attrs["config"].decode().replace("label: eqt", f"label: {json.dumps(UNSEEN)}")
         file.attrs["config"] = fixed(config)
         file.attrs["title"] = file.attrs["group"] = fixed(UNSEEN)
-        texts = dict.fromkeys(("signal_path", "loop", "departures"), UNSEEN)
+        texts = dict.fromkeys(("signal_path", "exact", "loop", "departures"), UNSEEN)
         maps = {name: {UNSEEN: UNSEEN} for name in ("titles", "kinds")}
         file.attrs["experiment"] = fixed(json.dumps(texts | maps))
         file.attrs["plugins"] = fixed(f"{json.dumps(UNSEEN)}: {json.dumps(UNSEEN)}\n")
