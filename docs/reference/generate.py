@@ -599,8 +599,11 @@ def statuses() -> Iterator[str]:
 def functions() -> Iterator[str]:
     """The functions of the expression grammar."""
     from eqt_cli.base.arrays import FUNCTIONS
+    from eqt_cli.base.expressions import PIECEWISE
 
-    yield ", ".join(map(code, FUNCTIONS))
+    several = {"where": "where(a < b, x, y)", "mod": "mod(t, period)"}
+    several["pulse"] = "pulse(t, period, from, to)"
+    yield ", ".join(code(several.get(name, name)) for name in (*FUNCTIONS, *PIECEWISE))
 
 
 # The paper's equations ----------------------------------------------------------------------------

@@ -20,7 +20,9 @@ Array = NDArray[Any]
 Arrays = Mapping[str, Array]
 """Arrays by their names, such as the states of a vehicle or the memory of a law."""
 
-FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log sqrt abs".split()
+FUNCTIONS = (
+    "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log sqrt abs floor".split()
+)
 """Elementwise functions of one argument; the names are also those of the expression grammar."""
 
 _NUMPY: dict[str, Callable[..., Any]] = {

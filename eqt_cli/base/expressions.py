@@ -17,14 +17,12 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, reduce
-from itertools import combinations
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from eqt_cli.base.arrays import (
     FUNCTIONS,
-    Array,
     absolute,
     apply,
     clip,
@@ -50,17 +48,20 @@ class Piecewise:
     value
         The function, of floats, arrays or symbols.
     compared
-        The pairs of arguments that it compares, all if none are listed; None stands for 0.
+        The pairs of arguments that it compares, None for all of them; None in a pair stands for 0.
     takes
         The arguments in words.
     count
         The number of arguments; None for two or more.
+    wholes
+        Arguments x, a and p: it takes the floor of (x − a)/p; None for 0.
     """
 
     value: Callable[..., Any]
-    compared: Sequence[tuple[int, int | None]]
+    compared: Sequence[tuple[int, int | None]] | None
     takes: str
     count: int | None
+    wholes: Sequence[tuple[int, int | None, int]] = ()
 
 
 def _sign(x: Any) -> Any:
@@ -76,6 +77,11 @@ def _smoothstep(x: Any, start: Any, end: Any) -> Any:
     return s * s * (3 - 2 * s)
 
 
+def _pulse(x: Any, period: Any, start: Any, end: Any) -> Any:
+    begun, ended = (apply("floor", (x - edge) / period) for edge in (start, end))
+    return begun - ended
+
+
 def _atan2(y: Any, x: Any) -> Any:
     """Return the angle of (x, y) from the x axis, by arc tangents of numbers from −1 to 1."""
     steep = smooth_less(absolute(x), absolute(y))
@@ -86,8 +92,22 @@ def _atan2(y: Any, x: Any) -> Any:
 
 
 PIECEWISE = {
-    "min": Piecewise(lambda *x: reduce(minimum, x), [], "two or more arguments", None),
-    "max": Piecewise(lambda *x: reduce(maximum, x), [], "two or more arguments", None),
+    "min": Piecewise(lambda *x: reduce(minimum, x), None, "two or more arguments", None),
+    "max": Piecewise(lambda *x: reduce(maximum, x), None, "two or more arguments", None),
+    "mod": Piecewise(
+        lambda x, period: x - period * apply("floor", x / period),
+        [],
+        "two arguments, as in 'mod(t, 10)', the time since the last multiple of 10",
+        2,
+        wholes=[(0, None, 1)],
+    ),
+    "pulse": Piecewise(
+        _pulse,
+        [],
+        "four arguments, as in 'pulse(t, 10, 2, 3)', which is 1 from 2 to 3 of every 10, else 0",
+        4,
+        wholes=[(0, 2, 1), (0, 3, 1)],
+    ),
     "sign": Piecewise(_sign, [(0, None)], "one argument", 1),
     "step": Piecewise(
         lambda x, start: _where(x, start, 0.0, 1.0),
@@ -188,6 +208,7 @@ _HINTS = {
     "and": _IN_WHERE,
     "or": _IN_WHERE,
     "^": "; write '**' for a power",
+    "%": "; write 'mod(a, b)' for the remainder, or 'pulse(t, period, from, to)'",
     "\N{GREEK SMALL LETTER PI}": "; write 'pi'",
     "\N{SUPERSCRIPT TWO}": "; write '**2'",
     "\N{SUPERSCRIPT THREE}": "; write '**3'",
@@ -377,25 +398,6 @@ def _short(word: str) -> str:
     return word if len(word) <= 30 else word[:27] + "..."
 
 
-GRID = 2000
-"""Number of intervals into which the horizon is divided to look for short pulses."""
-
-LONGEST = 300
-"""Largest number of characters of an expression whose parts are examined one by one."""
-
-MOST_PLACES = 1000
-"""Largest number of places at which the parts of an expression are examined."""
-
-AWAY = np.geomspace(1e-12, 1e-2, 460)
-"""Distances from a place, relative to the horizon: 5 % from one to the next."""
-
-STEEP = 0.003
-"""Least change from one distance to the next, relative to the largest, that belongs to a pulse."""
-
-QUIET = 47
-"""Number of distances, a factor of 10, without change that follow a pulse."""
-
-
 @dataclass(frozen=True)
 class Expression:
     """A parsed expression; two are equal when their texts are.
@@ -442,71 +444,10 @@ class Expression:
             if node.is_variable:
                 value = unwrapped(values[str(node.what)])
                 return float(value) if isinstance(value, int) else value
-            return _combined(node, operands)
+            return combined(node, operands)
 
         with np.errstate(all="ignore"):
             return fold(self.tree, visit)
-
-    @lru_cache(maxsize=1024)  # noqa: B019  # equal expressions, of all runs, share their instants
-    def instants(self, until: float) -> tuple[float, ...]:
-        """Return the values of ``t`` at which steps should end, in order.
-
-        These are the changes of piece of a piecewise function whose compared arguments are linear
-        in t, and the sides and the middle of short pulses between 0 and `until`.
-        """
-        if "t" not in self.variables:
-            return ()
-        instants: set[float] = set()
-
-        def visit(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
-            if not node.operands or node.what not in PIECEWISE:
-                return _linear(node, operands)
-            pairs = combinations(range(len(operands)), 2)
-            for first, second in PIECEWISE[str(node.what)].compared or pairs:
-                left = operands[first]
-                right = (0.0, 0.0) if second is None else operands[second]
-                if left and right and left[1] != right[1]:
-                    instants.add((right[0] - left[0]) / (left[1] - right[1]))
-            return None
-
-        with np.errstate(all="ignore"):
-            fold(self.tree, visit)
-            pulses: list[tuple[float, float]] = []
-            for t in self._places(until) if len(self.text) <= LONGEST else ():
-                if all(abs(t - other) > 10 * width for other, width in pulses):
-                    pulses += [(t, width) for width in self._widths(t, until)]
-        edges = {t + side * width for t, width in pulses for side in (-1, 0, 1)}
-        return tuple(sorted(instants | {t for t in edges if AWAY[0] * until < t < until}))
-
-    def _places(self, until: float) -> list[float]:
-        """Return the zeros and extrema of all parts: there a function of a part may be steep."""
-        step, located = until / GRID, list[float]()
-        grid = step * np.arange(-1.0, GRID + 2.0)
-
-        def visit(node: Node, operands: tuple[Any, ...]) -> Any:
-            value = grid if node.is_variable else _combined(node, operands)
-            size = np.abs(value) * np.ones(GRID + 3)
-            for w in (size, -size):
-                least = (w[1:-1] < w[:-2]) & (w[1:-1] <= w[2:])
-                places = grid[1:-1][least]
-                if 0 < len(places) <= MOST_PLACES - len(located):
-                    part = Expression("", self.variables, node)
-                    located.extend(_located(part, places, step, 1.0 if w is size else -1.0))
-            return value
-
-        fold(self.tree, visit)
-        return [t for t in dict.fromkeys(located) if 0 <= t <= until]
-
-    def _widths(self, t: float, until: float) -> list[float]:
-        """Return the half-width of a short pulse about a time; beyond it, nothing changes long."""
-        away = until * AWAY
-        late, early = (self.evaluate({"t": t + sign * away}) for sign in (1.0, -1.0))
-        here = self.evaluate({"t": np.array([t])})
-        change = np.maximum(np.abs(late - here), np.abs(early - here))
-        steep = np.flatnonzero(~(np.abs(np.diff(change)) <= STEEP * change.max()))
-        quiet = np.flatnonzero(np.diff([*steep, len(AWAY)]) > QUIET)
-        finite = np.isfinite(change).all()
-        return [2 * float(away[steep[k] + 1]) for k in quiet[:1] if finite]
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
         """Pickle the text, because pickling a deep tree would exhaust the stack."""
@@ -546,9 +487,12 @@ def formula(entry: str | float) -> Expression:
     try:
         return _parsed(str(entry))
     except ExpressionError as error:
-        text = str(entry)
-        quoted = text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
-        raise InputError(f"'{quoted}': {error}") from error
+        raise InputError(f"'{shortened(str(entry))}': {error}") from error
+
+
+def shortened(text: str) -> str:
+    """Return the text of an expression as messages quote it."""
+    return text if len(text) <= MAX_QUOTED else text[:MAX_QUOTED] + "…"
 
 
 def constant(text: str) -> float:
@@ -569,7 +513,7 @@ def power(base: Any, exponent: Any) -> Any:
     """Raise to a power, also a number to a symbol, whose type may have no ``__rpow__``."""
     symbols = isinstance(exponent, np.ndarray) and exponent.dtype == object
     if isinstance(base, float) and (symbols or not hasattr(exponent, "__rpow__")):
-        return apply("exp", exponent * float(np.log(base)))[()]
+        return unwrapped(apply("exp", exponent * float(np.log(base))))
     return base**exponent
 
 
@@ -582,7 +526,7 @@ _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
 }
 
 
-def _combined(node: Node, operands: tuple[Any, ...]) -> Any:
+def combined(node: Node, operands: tuple[Any, ...]) -> Any:
     """Return the value of a number or an operation from those of its operands."""
     what = node.what
     if isinstance(what, float):
@@ -614,48 +558,21 @@ def _finite_value(node: Node, operands: tuple[float | None, ...]) -> float | Non
                 f"{start:g} and {end:g}",
                 column,
             )
+    if what in ("mod", "pulse") and node.operands and (period := operands[1]) is not None:
+        if not period > 0:
+            message = f"'{what}' at column {column} needs a period above 0, got {period:g}"
+            raise ExpressionError(message, column)
+        start, end = operands[2:] if what == "pulse" else (None, None)
+        if start is not None and end is not None and not 0 < end - start <= period:
+            raise ExpressionError(
+                f"'pulse' at column {column} must end after it begins, within a period of "
+                f"{period:g}, got {start:g} and {end:g}",
+                column,
+            )
     if node.is_variable or None in operands:
         return None
-    value = float(_combined(node, operands))
+    value = float(combined(node, operands))
     if operands and not math.isfinite(value):
         message = f"'{what}' at column {column} has no finite value (got {value})"
         raise ExpressionError(message, column)
     return value
-
-
-def _located(part: Expression, places: Array, step: float, sign: float) -> list[float]:
-    """Return where the size of a part is least (`sign` 1) or greatest (−1) about some times."""
-    for _ in range(10):  # of 32 intervals over two of the round before: 1e-12 of the first one
-        grid = places[:, None] + step * np.linspace(-1.0, 1.0, 33)
-        size = sign * np.abs(part.evaluate({"t": grid}))
-        places = np.take_along_axis(grid, np.argmin(size, axis=1)[:, None], axis=1)[:, 0]
-        step /= 16
-    return [float(f"{t:.12g}") for t in places]
-
-
-_Linear = tuple[float, float]
-"""p + q t, as (p, q)."""
-
-
-def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
-    """Return a node as p + q t, or None where that is not possible."""
-    what = node.what
-    if node.is_variable:
-        return (0.0, 1.0) if what == "t" else None
-    known = [operand for operand in operands if operand is not None]
-    if len(known) < len(operands):
-        return None
-    if all(slope == 0 for _, slope in known):
-        return _combined(node, tuple(value for value, _ in known)), 0.0
-    (p, q), (r, s) = known[0], known[-1]
-    if what == "neg":
-        return -p, -q
-    if what == "+":
-        return p + r, q + s
-    if what == "-":
-        return p - r, q - s
-    if what == "*" and q * s == 0:
-        return p * r, p * s + q * r
-    if what == "/" and s == 0:
-        return float(np.divide(p, r)), float(np.divide(q, r))
-    return None

@@ -21,8 +21,8 @@ from eqt_cli.components.references import (
     Reference,
     check_expressions,
     check_rising,
-    instants_of,
 )
+from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import Jet, series
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 

@@ -18,7 +18,8 @@ from eqt_cli.components.inertia import ROUNDING, Inertia, InertiaLaw
 from eqt_cli.components.matrix_groups import EuclideanGroup, check_turns_in_space, rigid_motions
 from eqt_cli.components.motions import RigidMotion, body_axes, unit_vector
 from eqt_cli.components.pose_notation import square
-from eqt_cli.components.references import InExpressions, instants_of
+from eqt_cli.components.references import InExpressions
+from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import Jet, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, reduce
+from itertools import chain
 from typing import Any, Self
 
 import numpy as np
@@ -24,6 +25,7 @@ from eqt_cli.base.arrays import (
 from eqt_cli.base.expressions import Expression
 from eqt_cli.components.groups import MatrixLieGroup, ProductGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup
+from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE
 
@@ -45,6 +47,10 @@ class InertiaLaw(ABC):
     def matrix_at(self, t: Any) -> Array:
         """𝕀_t without its inverse, so that it may be singular."""
         return self.at(t).matrix
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return the times at which an expression changes its piece, and of short pulses."""
+        return np.empty(0)
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the law with a new function of time for each of its expressions."""
@@ -137,6 +143,10 @@ class FactoredInertia(InertiaLaw):
         S = self.factor_at(t)
         return transpose(S) @ self.initial @ S
 
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return those of S."""
+        return instants_of(chain(*self.factor), until)
+
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the law with any factor."""
         return replace(self, factor=tuple(tuple(new() for _ in row) for row in self.factor))
@@ -165,6 +175,10 @@ class PrescribedInertia(InertiaLaw):
     def matrix_at(self, t: Any) -> Array:
         """𝕀_t without its inverse, so that it may be singular."""
         return _matrix_and_rate(self.matrix, t)[0]
+
+    def instants(self, G: MatrixLieGroup, until: float) -> Array:
+        """Return those of 𝕀."""
+        return instants_of(chain(*self.matrix), until)
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Return the law with any symmetric matrix."""

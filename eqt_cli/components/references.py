@@ -1,7 +1,7 @@
 """Desired trajectories: their base classes and the short kinds."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -21,6 +21,7 @@ from eqt_cli.components.inertia import Inertia
 from eqt_cli.components.mechanics import AXES, LATER, TimeVarying
 from eqt_cli.components.pose_notation import check_turn, pose_from, vector
 from eqt_cli.components.pose_tables import coordinate_names
+from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.jets import Jet, series, value_and_derivative
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import rounded
@@ -78,11 +79,6 @@ def check_rising(points: Sequence[Any], problems: Problems) -> None:
     for index, (before, point) in enumerate(pairwise(points), 1):
         if not point.t > before.t:
             problems.at(index, "t").add(f"expected a time after {before.t:g} s, got {point.t:g} s")
-
-
-def instants_of(expressions: Iterable[Expression], until: float) -> Array:
-    """Return the sorted times at which expressions change their piece, and of short pulses."""
-    return np.array(sorted({t for each in expressions for t in each.instants(until)}))
 
 
 class Desired(NamedTuple):

@@ -31,8 +31,8 @@ from eqt_cli.base.stored import THRUSTER, Signal, signal
 from eqt_cli.components.actuators import Actuator, Needed, Running, Solving, check_members, of_each
 from eqt_cli.components.groups import MatrixLieGroup
 from eqt_cli.components.matrix_groups import EuclideanGroup, rigid_motions
-from eqt_cli.components.references import instants_of
 from eqt_cli.components.vehicle_parts import Numbers, check_limits, check_period, drawn, lowest
+from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, pseudo_inverse
 

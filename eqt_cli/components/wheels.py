@@ -38,9 +38,10 @@ from eqt_cli.components.groups import MatrixLieGroup, group_named
 from eqt_cli.components.laws import Controller
 from eqt_cli.components.matrix_groups import check_turns_in_space
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.components.references import check_expressions, instants_of
+from eqt_cli.components.references import check_expressions
 from eqt_cli.components.thrusters import allocation, lost_directions
 from eqt_cli.components.vehicle_parts import Numbers, check_numbers
+from eqt_cli.numbers.instants import instants_of
 from eqt_cli.numbers.leaves import STRUCTURE, with_fields
 from eqt_cli.numbers.rounded import is_exact, product, pseudo_inverse, rounded
 

@@ -219,8 +219,9 @@ def _spans(times: bytes, instants: bytes, tick: float | None, halved: bool) -> l
     samples, known = np.frombuffer(times), np.frombuffer(instants)
     start, stop = float(samples[0]), float(samples[-1])
     ticks = {} if tick is None else _control_instants(samples, tick)
-    within_it = known[(start < known) & (known < stop)]  # of perhaps a long recording
-    known = _nearest(within_it, np.array([*samples, *ticks]))
+    near = known[(start - 1.0 < known) & (known < stop + 1.0)]  # of perhaps a long recording
+    known, earliest, latest = together(near, np.array([*samples, *ticks]))
+    changes = {t: ends for t, *ends in np.transpose([known, earliest, latest]).tolist()}
     inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
     ends = np.array([start, *inner, stop])
     # A sample at an instant belongs to the span after it; the last one to the last span.
@@ -230,9 +231,12 @@ def _spans(times: bytes, instants: bytes, tick: float | None, halved: bool) -> l
         inside = samples[first[index] : first[index + 1]]
         later = inside[inside > one]
         grid = np.concatenate([[one], later, [other] if other not in later[-1:] else []])
+        last, first_next = changes.get(one, (one, one))[1], changes.get(other, (other, other))[0]
         within = (
-            one if one == start else float(np.nextafter(one, other)),
-            other if other == stop else float(np.nextafter(other, one)),
+            one if one == start >= last else float(np.nextafter(max(one, last), np.inf)),
+            other
+            if other == stop <= first_next
+            else float(np.nextafter(min(other, first_next), -np.inf)),
         )
         at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
         longest = (other - one) / 2 if halved else np.inf
@@ -249,6 +253,26 @@ def _control_instants(samples: Array, tick: float) -> dict[float, int]:
     times = _nearest(numbers * tick, samples)
     ticks = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
     return {t: k for t, k in ticks if start <= t < stop}
+
+
+def together(instants: Array, times: Array) -> tuple[Array, Array, Array]:
+    """Return an instant for all that are equal but for rounding, and the first and last of them.
+
+    It is the one of `times` that they equal but for rounding, or else the middle.
+    """
+    ordered = np.unique(instants)
+    begins = np.diff(ordered, prepend=-np.inf) > ROUNDING * np.maximum(1.0, np.abs(ordered))
+    starts = np.flatnonzero(begins)
+    earliest, latest = (
+        ordered[starts],
+        ordered[np.append(starts[1:], len(ordered))[: len(starts)] - 1],
+    )
+    middle = earliest + (latest - earliest) / 2
+    merged, which = np.unique(_nearest(middle, times), return_inverse=True)
+    least, most = np.full((2, len(merged)), np.inf) * [[1.0], [-1.0]]
+    np.minimum.at(least, which, earliest)
+    np.maximum.at(most, which, latest)
+    return merged, least, most
 
 
 def _nearest(instants: Array, times: Array) -> Array:

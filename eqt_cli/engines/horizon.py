@@ -9,7 +9,7 @@ from eqt_cli.base.arrays import Array, frobenius, norm
 from eqt_cli.base.errors import Problems
 from eqt_cli.base.stored import Status
 from eqt_cli.components.mechanics import Tracking
-from eqt_cli.engines.engine import Problem
+from eqt_cli.engines.engine import Problem, together
 from eqt_cli.engines.solve_ivp import SolveIvp, solve
 from eqt_cli.loop.closed_loop import ClosedLoop, ReferenceSystem
 
@@ -24,6 +24,9 @@ JUMP = 1e-6
 
 LEAST_JUMP = 1e-12
 """Least jump in SI units; smaller ones are those of rounding."""
+
+MOST_LISTED = 5
+"""Most times that a remark lists."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,9 @@ def reference_over_horizon(
         Times in increasing order from 0, s.
     """
     system, stop = ReferenceSystem.of(loop), float(times[-1])
-    instants = np.array([t for t in system.instants(stop) if 0 < t < stop])
+    instants, *sides = together(system.instants(stop), times)
+    inner = (instants > 0) & (instants < stop)
+    instants, *sides = (each[inner] for each in (instants, *sides))
     times = np.unique([*times, *instants])
     state = system.initial_state(*start, *start)
     states = np.broadcast_to(state, (len(times), len(state)))
@@ -101,8 +106,12 @@ def reference_over_horizon(
         shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, s.tau_d + 0 * s.P, [], spent)
         if len(instants):
             there = states[np.searchsorted(times, instants)]
-            left = system.tracking(np.nextafter(instants, -np.inf), there)
-            right = system.tracking(np.nextafter(instants, np.inf), there)
+            before, after = (
+                np.nextafter(*each) for each in zip(sides, (-np.inf, np.inf), strict=True)
+            )
+            left, right = (
+                system.tracking(side[: len(instants)], there) for side in (before, after)
+            )
             parts = loop.group.parts
             units = (parts[0].velocity_unit, parts[0].force_unit) if len(parts) == 1 else ("", "")
             shown = replace(shown, jumps=sorted(_jumps(shown, instants, units, left, right)))
@@ -143,8 +152,15 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
     at: dict[str, list[str]] = {}
     for t, what, by in shown.jumps:
         at.setdefault(f"{what} jumps by {by} at t =", []).append(f"{t:g}")
-    remarks = [f"{jump} {', '.join(instants)} s" for jump, instants in at.items()]
+    remarks = [f"{jump} {_listed(instants)} s" for jump, instants in at.items()]
     if shown.spent is not None:
         until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"
         remarks.append(f"checked until {until}")
     return remarks
+
+
+def _listed(instants: list[str]) -> str:
+    """Return times, but of many the first and the last ones, and their number."""
+    if len(instants) <= MOST_LISTED:
+        return ", ".join(instants)
+    return f"{', '.join(instants[: MOST_LISTED - 1])}, …, {instants[-1]} ({len(instants):,} times)"

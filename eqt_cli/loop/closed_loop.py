@@ -244,10 +244,9 @@ class ClosedLoop:
 
     def instants(self, until: float) -> Array:
         """Return the sorted times at which the vector field changes, and its short pulses, s."""
-        instants = [part.instants(self.group, until) for part in self.over_time.values()]
-        parts: tuple[Any, ...] = (*self.vehicle.forces, *self.vehicle.actuators)
-        instants += [part.instants(self.group, until) for part in parts]
-        return np.unique(np.concatenate(instants))
+        parts: list[Any] = [self.inertia, *self.over_time.values(), *self.known_forces]
+        parts += [*self.vehicle.forces, *self.vehicle.actuators]
+        return np.unique(np.concatenate([part.instants(self.group, until) for part in parts]))
 
     @property
     def over_time(self) -> dict[str, TimeVarying]:

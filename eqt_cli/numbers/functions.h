@@ -22,6 +22,7 @@
        eqt_log   0.80
        eqt_sqrt  0.50
        eqt_abs   0.00
+       eqt_floor 0.00
        eqt_pow   0.70
 
    The coefficients of sin, cos, log, asin, acos and atan are those of fdlibm 5.3 (Sun
@@ -729,13 +730,17 @@ EQT_INLINE eqt_pair eqt_log_pair(eqt_real x)
     return eqt_ordered_sum(sum.high, sum.low + (power.low + eqt_constant(2.0) * factor.low));
 }
 
-/* Whether a number that is not negative is whole. */
-EQT_INLINE eqt_mask eqt_whole(eqt_real x)
+/* The largest whole number that is not above x. */
+EQT_INLINE eqt_real eqt_floor(eqt_real x)
 {
-    const eqt_real shift = eqt_constant(4503599627370496.0); /* 2^52 */
-    const eqt_real rounded = eqt_select(eqt_less(x, shift), (x + shift) - shift, x);
-    return eqt_equal(rounded, x);
+    const eqt_real shift = eqt_constant(4503599627370496.0), size = eqt_abs(x); /* 2^52 */
+    const eqt_real nearest = eqt_with_sign((size + shift) - shift, x);
+    const eqt_real above = eqt_select(eqt_less(x, nearest), eqt_constant(1.0), eqt_constant(0.0));
+    return eqt_canonical(eqt_select(eqt_less(size, shift), nearest - above, x));
 }
+
+/* Whether a number that is not negative is whole. */
+EQT_INLINE eqt_mask eqt_whole(eqt_real x) { return eqt_equal(eqt_floor(x), x); }
 
 EQT_INLINE eqt_real eqt_pow(eqt_real x, eqt_real y)
 {

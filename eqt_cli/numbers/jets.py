@@ -70,8 +70,9 @@ _SLOPES: dict[str, Callable[[Any], Any]] = {
     "log": lambda x: 1 / x,
     "sqrt": lambda x: 0.5 / _of("sqrt", x),
     "abs": lambda x: unwrapped(where(less(x, 0.0), -1.0, 1.0)),
+    "floor": lambda x: 0.0,
 }
-"""The derivative of every function of the grammar; that of abs at 0 is set to 1."""
+"""The derivative of every function of the grammar; that of abs at 0 is set to 1, of floor to 0."""
 
 MOST_FACTORS = 100
 """Largest whole exponent that is computed by products."""

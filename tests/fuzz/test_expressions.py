@@ -5,13 +5,15 @@
 
 import os
 import random
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
 from eqt_cli.base.arrays import FUNCTIONS
-from eqt_cli.base.errors import ExpressionError
+from eqt_cli.base.errors import ExpressionError, InputError
 from eqt_cli.base.expressions import PIECEWISE, parse
+from eqt_cli.numbers.instants import instants
 from eqt_cli.numbers.jets import series
 from eqt_cli.numbers.program import traced
 
@@ -69,7 +71,8 @@ def test_every_expression_has_values_series_and_programs(share):
         for t, one, other in zip(TIMES, arrays, floats, strict=True):
             if not np.isclose(one, other, rtol=1e-6, atol=0, equal_nan=True):
                 assert abs(one - other) <= _apart(expression, t), text
-        expression.instants(10.0)
+        with suppress(InputError):  # too many
+            instants(expression, 10.0)
         for t in (0.0, 1.0, 0.3):
             series(expression, {"t": t}, 4)
 

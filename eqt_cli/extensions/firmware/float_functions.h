@@ -20,6 +20,7 @@
        eqt_log   1.1
        eqt_sqrt  0.5
        eqt_abs   0.0
+       eqt_floor 0.0
        eqt_pow   0.6
 
    They sum the series of sin, cos, sinh and atanh, whose coefficients need no source; those of atan
@@ -69,6 +70,14 @@ EQT_INLINE eqt_real eqt_abs(eqt_real x) { return eqt_of_bits(eqt_bits_of(x) & ~E
 EQT_INLINE eqt_real eqt_with_sign(eqt_real x, eqt_real sign)
 {
     return eqt_of_bits(eqt_bits_of(x) | (eqt_bits_of(sign) & EQT_SIGN_BIT));
+}
+
+/* The largest whole number that is not above x. */
+EQT_INLINE eqt_real eqt_floor(eqt_real x)
+{
+    const eqt_real shift = 8388608.0f, size = eqt_abs(x); /* 2^23 */
+    const eqt_real nearest = eqt_with_sign((size + shift) - shift, x);
+    return size < shift ? nearest - (x < nearest ? 1.0f : 0.0f) : x;
 }
 
 /* x, but no less than a bound and no more than another; NaN stays. */

@@ -218,7 +218,7 @@ class _Analysis:
         rounding = units * self.by.unit * (np.abs(value) + error) + self.by.least
         factor = self.program.values[operation.operands[0]]
         by_power_of_2 = isinstance(factor, Constant) and abs(math.frexp(factor.number)[0]) == 0.5
-        if name in ("negative", "abs") or (name == "multiply" and by_power_of_2):
+        if name in ("negative", "abs", "floor") or (name == "multiply" and by_power_of_2):
             rounding = np.zeros(1)
         return _ProgramValue(value, error + rounding, lost, rounding, slopes)
 
@@ -252,6 +252,9 @@ def _value_and_slopes(name: str, x: list[_ProgramValue]) -> tuple[Array, tuple[A
         by_base = b.value * a.value ** (b.value - 1)
         return value, (by_base, value * np.log(np.abs(a.value)))
     value = getattr(np, name)(a.value)
+    if name == "floor":
+        jump = np.floor(a.value + a.error) - np.floor(a.value - a.error)
+        return value, (np.where(jump > 0, jump / a.error, 0.0),)
     near = [slope(name, at) + 0.0 * at for at in (a.value, a.value - a.error, a.value + a.error)]
     return value, (np.copysign(np.fmax.reduce([np.abs(each) for each in near]), near[0]),)
 

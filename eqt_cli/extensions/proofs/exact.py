@@ -676,7 +676,7 @@ def _free_value(name: str, x: Exact) -> Exact:
 
 
 _AT_ZERO = {
-    **dict.fromkeys("sin tan asin atan sinh tanh asinh atanh".split(), 0),
+    **dict.fromkeys("sin tan asin atan sinh tanh asinh atanh floor".split(), 0),
     **dict.fromkeys("cos cosh exp".split(), 1),
 }
 """Values at 0, which need no parameter."""
